@@ -1,0 +1,75 @@
+"""Errors a user can act on: each says where, what was found, the rule, and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class LightfieldError(Exception):
+    """Base of every error that lightfield raises on purpose.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, in one clause.
+    where : str, optional
+        File, and key or line, that the error is about.
+    found : object, optional
+        The offending value.
+    rule : str, optional
+        The rule it breaks, with the valid choices or range.
+    remedy : str, optional
+        What to do about it.
+    problems : sequence of str, optional
+        All single problems, when several were found in one go.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        found: object = None,
+        rule: str | None = None,
+        remedy: str | None = None,
+        problems: Sequence[str] = (),
+    ) -> None:
+        self.what, self.where, self.found, self.rule, self.remedy = what, where, found, rule, remedy
+        self.problems = tuple(problems)
+        parts = [what if where is None else f"{where}: {what}"]
+        if found is not None:
+            parts.append(f"found {found!r}")
+        if rule:
+            parts.append(f"rule: {rule}")
+        if remedy:
+            parts.append(f"remedy: {remedy}")
+        text = "; ".join(parts)
+        super().__init__("\n".join([text, *(f"  {problem}" for problem in self.problems)]))
+
+
+class SceneError(LightfieldError):
+    """A scene, or a value given for one of its parameters, is not usable."""
+
+
+class MeasurementError(LightfieldError):
+    """A reading table or an instrument file cannot be used as it is."""
+
+
+class BackendError(LightfieldError):
+    """No usable compute backend (LLVM or CUDA) was found."""
+
+
+class RenderError(LightfieldError):
+    """A light transport simulation cannot be run as asked."""
+
+
+class FitError(LightfieldError):
+    """A model cannot be fitted to these readings."""
+
+
+class OutputError(LightfieldError):
+    """A result cannot be written or read back."""
+
+
+class UsageError(LightfieldError):
+    """A command-line option does not make sense."""

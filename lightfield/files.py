@@ -1,0 +1,50 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from lightfield.errors import OutputError
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Temporary path that replaces `path` when the block ends well and vanishes when it does not.
+
+    Parameters
+    ----------
+    path : path-like
+        Final place; its folder is made when missing. The temporary name keeps the suffix.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written.
+    """
+    target = Path(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    except OSError as error:
+        raise OutputError(
+            "cannot write here", where=str(target), found=error.strerror, remedy="choose a writable folder with -o"
+        ) from error
+    temporary = folder / target.name
+    try:
+        yield temporary
+        if temporary.is_file():
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+        try:
+            os.replace(temporary, target)
+        except OSError as error:
+            raise OutputError(
+                "cannot replace the file", where=str(target), found=error.strerror, remedy="move it away"
+            ) from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
