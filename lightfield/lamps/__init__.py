@@ -1,0 +1,1 @@
+"""Lamps: angular profile and spectrum."""

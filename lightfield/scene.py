@@ -1,0 +1,308 @@
+"""A scene: everything that is known about an experiment, immutable, addressed by dotted paths."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from lightfield.errors import SceneError
+from lightfield.fields import FOLDER_KEY, Parameter, Part, numbers_of
+from lightfield.files import atomic_path
+from lightfield.scene_errors import scene_error, unknown_key
+from lightfield.scene_parts import Detector, Lamp, Tank, Water
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
+
+TABLES = (
+    ("lamp", "intensity_table"),
+    ("lamp", "spectrum_table"),
+    ("water", "table"),
+    ("water", "phase", "file"),
+)
+
+
+class Scene(Part):
+    """Lamp, water, tank and detector of one experiment."""
+
+    name: str = Field("", description="short name, for titles")
+    description: str = Field("", description="free text")
+    lamp: Lamp = Field(default_factory=Lamp, description="the source")
+    water: Water = Field(default_factory=Water, description="the medium")
+    tank: Tank | None = Field(None, description="the box; absent: unbounded water")
+    detector: Detector = Field(default_factory=Detector, description="the receivers")
+
+    @model_validator(mode="after")
+    def _detectors_are_in_the_tank(self) -> Scene:
+        if self.tank is None:
+            return self
+        tank, places = self.tank, [(0.0, 0.0, z) for z in self.detector.planes_m]
+        half, floor, top = tank.width_m / 2, tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m
+        back, end = -tank.behind_lamp_m, tank.length_m - tank.behind_lamp_m
+        for x, y, z in [*(self.detector.positions_m or ()), *places]:
+            if not (abs(x) <= half and floor <= y <= top and back <= z <= end):
+                raise ValueError(
+                    f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, |x| <= {half:g}, "
+                    f"{floor:g} <= y <= {top:g}, {back:g} <= z <= {end:g}; remedy: move it, enlarge the tank"
+                )
+        return self
+
+    # -- files ---------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene file; tables named in it are looked for next to it.
+
+        Parameters
+        ----------
+        path : path-like
+            TOML file.
+
+        Raises
+        ------
+        SceneError
+            Not readable, not TOML, or not a scene: all problems at once.
+        """
+        source = Path(path)
+        try:
+            text = source.read_bytes().decode("utf-8")
+        except OSError as error:
+            raise SceneError(
+                "cannot read the scene", where=str(path), found=error.strerror, remedy="check the path"
+            ) from error
+        except UnicodeDecodeError as error:
+            raise SceneError(
+                "not a text file",
+                where=str(path),
+                rule="scene files are UTF-8 text",
+                remedy="save it as UTF-8 TOML",
+            ) from error
+        return cls.from_toml(text, where=str(path), folder=source.parent)
+
+    @classmethod
+    def from_toml(cls, text: str, *, where: str = "scene", folder: str | os.PathLike[str] = ".") -> Scene:
+        """Scene from TOML text.
+
+        Parameters
+        ----------
+        text : str
+            TOML.
+        where : str
+            Name of the origin in errors.
+        folder : path-like
+            Folder that relative table paths start from.
+
+        Raises
+        ------
+        SceneError
+            Not TOML, or not a scene.
+        """
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise SceneError(f"not TOML: {error}", where=where, remedy="correct that line") from error
+        return cls.from_dict(data, where=where, folder=folder)
+
+    @classmethod
+    def from_dict(
+        cls, data: Mapping[str, Any], *, where: str = "scene", folder: str | os.PathLike[str] = "."
+    ) -> Scene:
+        """Scene from nested dictionaries, as TOML or JSON give them.
+
+        Parameters
+        ----------
+        data : mapping
+            Nested values.
+        where : str
+            Name of the origin in errors.
+        folder : path-like
+            Folder that relative table paths start from.
+
+        Raises
+        ------
+        SceneError
+            Not a scene.
+        """
+        try:
+            return cls.model_validate(data, context={FOLDER_KEY: os.fspath(folder)})
+        except ValidationError as error:
+            raise scene_error(error, cls, where) from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was said about the scene, without what was left at its default."""
+        return dict(self.model_dump(mode="json", exclude_unset=True, exclude_none=True))
+
+    def to_toml(self) -> str:
+        """The scene as TOML; `from_toml` gives the same scene back."""
+        return tomli_w.dumps(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene; tables inside the file's folder are named relative to it.
+
+        Parameters
+        ----------
+        path : path-like
+            Target, usually `*.toml`.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        data, folder = self.to_dict(), Path(path).resolve().parent
+        for *parents, leaf in TABLES:
+            owner: Any = data
+            for key in parents:
+                owner = owner.get(key) or {}
+            if leaf in owner and Path(owner[leaf]).resolve().is_relative_to(folder):
+                owner[leaf] = Path(owner[leaf]).resolve().relative_to(folder).as_posix()
+        with atomic_path(path) as temporary:
+            temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """JSON Schema (2020-12) of a scene file, with unit and neutral value of every number."""
+        return cls.model_json_schema()
+
+    # -- parameters ----------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Every scalar of the scene by dotted path; a scene without a tank has no tank parameters."""
+        return {parameter.path: parameter for parameter in numbers_of(self)}
+
+    def get(self, path: str) -> Any:
+        """Value at a dotted path.
+
+        Parameters
+        ----------
+        path : str
+            For example "water.phase.g".
+
+        Raises
+        ------
+        SceneError
+            There is no such parameter in this scene.
+        """
+        current: Any = self
+        for name in path.split("."):
+            if not isinstance(current, BaseModel) or name not in type(current).model_fields:
+                raise self._no_such(path)
+            current = getattr(current, name)
+        return current
+
+    def with_values(self, values: Mapping[str, Any], validate: bool = True) -> Scene:
+        """The same scene with some values changed.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            New values by dotted path. Setting `tank.surface_reflectance` above 0 makes the surface flat.
+        validate : bool
+            False skips the check of values (not of paths), for the inner loop of a fit.
+
+        Raises
+        ------
+        SceneError
+            Unknown path, or a value that breaks a rule.
+        """
+        values = {path: _plain(value) for path, value in values.items()}
+        values = self._surface_follows(values)
+        if not validate:
+            return self._replaced(values)
+        data = self.model_dump(exclude_unset=True)
+        for path, value in values.items():
+            *parents, leaf = path.split(".")
+            self.get(path)
+            owner = data
+            for key in parents:
+                owner = owner.setdefault(key, {})
+            owner[leaf] = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+        try:
+            return type(self).model_validate(data)
+        except ValidationError as error:
+            raise scene_error(error, type(self), "values") from None
+
+    def digest(self) -> str:
+        """SHA-256 of all that the physics depends on: every value, and the content of every table."""
+        data = self.model_dump(mode="json", exclude={"name", "description"})
+        for *parents, leaf in TABLES:
+            owner: Any = data
+            for key in parents:
+                owner = owner[key]
+            if owner.get(leaf):
+                owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
+        text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.replace("-0.0,", "0.0,").encode()).hexdigest()
+
+    def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Keep `surface` and `surface_reflectance` consistent when only one of them is set."""
+        surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
+        if surface is None and isinstance(reflectance, float | int) and reflectance > 0:
+            return {**values, "tank.surface": "flat"}
+        if (
+            surface is not None
+            and reflectance is None
+            and self.tank is not None
+            and surface != self.tank.surface
+        ):
+            return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
+        return values
+
+    def _replaced(self, values: Mapping[str, Any]) -> Scene:
+        scene = self
+        grouped: dict[str, dict[str, Any]] = {}
+        for path, value in values.items():
+            owner, _, leaf = path.rpartition(".")
+            grouped.setdefault(owner, {})[leaf] = value
+        for owner, update in grouped.items():
+            chain: list[Any] = [scene]
+            for name in owner.split(".") if owner else ():
+                if chain[-1] is None or name not in type(chain[-1]).model_fields:
+                    raise self._no_such(f"{owner}.{next(iter(update))}")
+                chain.append(getattr(chain[-1], name))
+            for leaf in update:
+                if chain[-1] is None or leaf not in type(chain[-1]).model_fields:
+                    raise self._no_such(f"{owner}.{leaf}")
+            changed = chain[-1].model_copy(update=update)
+            for parent, name in zip(reversed(chain[:-1]), reversed(owner.split(".")), strict=False):
+                changed = parent.model_copy(update={name: changed})
+            scene = changed
+        return scene
+
+    def _no_such(self, path: str) -> SceneError:
+        if self.tank is None and path.startswith("tank."):
+            return SceneError(
+                f"{path}: this scene has no tank",
+                rule="walls need a [tank]",
+                remedy="add a [tank] table to the scene",
+            )
+        known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
+        return SceneError(f"{path}: no such parameter; {unknown_key(path, known)}")
+
+
+def _plain(value: Any) -> Any:
+    """NumPy scalars as Python numbers."""
+    return value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value
+
+
+def _stamp(path: str) -> tuple[int, int]:
+    state = os.stat(path)
+    return state.st_mtime_ns, state.st_size
+
+
+@lru_cache(maxsize=64)
+def _content_hash(path: str, _modified: int, _size: int) -> str:
+    return "sha256:" + hashlib.sha256(Path(path).read_bytes()).hexdigest()
