@@ -1,0 +1,142 @@
+"""Trace batch after batch until the error is small enough. Import it after `use_backend()`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from lightfield.render.beambasis import BeamBasis
+from lightfield.render.build import Setup, prepare
+from lightfield.render.grid import Grid, band_wavelengths
+from lightfield.render.response import Bookkeeping, Reference, TransportResponse
+from lightfield.render.settings import Progress, Settings
+from lightfield.render.walk import trace
+from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+BATCHES = 10
+FIRST_LAUNCH = 1 << 16
+LARGEST_LAUNCH = 1 << 20
+TALLY_BYTES = 900e6
+DIRECTION_BATCHES = 8
+
+
+def trace_until(
+    scene: Scene, grid: Grid, reference: Reference, settings: Settings, progress: Progress | None = None
+) -> tuple[TransportResponse, Bookkeeping, float]:
+    """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
+
+    Returns
+    -------
+    response, energy, reached
+        Response, energy balance (sr), and the relative error that was reached.
+    """
+    setup = prepare(scene, grid, reference)
+    cells, rows = setup.planes.cells, setup.histories.size
+    batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
+    sums = np.zeros((batches, rows, cells), np.float32)
+    launches, launch, spent = 0, FIRST_LAUNCH, 0
+    books: list[Bookkeeping] = []
+    shares: list[int] = []
+    first = 0
+    while True:
+        for batch in range(batches):
+            counts, book = trace(
+                setup.mitsuba_scene, setup.phase, setup.emission, setup.planes, setup.histories, setup.water,
+                launch, settings.seed * 1009 + batch, first=first,
+            )  # fmt: skip
+            sums[batch] += counts * launch
+            books.append(book)
+            shares.append(launch)
+        launches += 1
+        first += launch
+        spent = first * batches
+        response = response_from(sums, first, setup)
+        reached = worst_error(scene, response)
+        if progress:
+            progress(spent, reached, settings.rel_error)
+        if reached <= settings.rel_error or spent >= settings.max_photons:
+            return response, average(books, shares), reached
+        wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
+        wanted = min(wanted, settings.max_photons - spent)
+        launch = int(np.clip(wanted / batches, 1 << 12, min(4 * launch, LARGEST_LAUNCH)))
+
+
+def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
+    """Response of accumulated tallies; rows that stayed empty are left out."""
+    channels, nodes, emission_nodes = setup.histories.shape
+    assert emission_nodes == 1
+    seen = sums.any(axis=(0, 2))
+    seen[0] = True
+    histories = np.repeat(setup.histories.channels, nodes, axis=0)[seen]
+    excess = np.tile(setup.histories.excess_m, channels)[seen]
+    tally = sums[:, seen] / np.float32(photons_per_batch)
+    return TransportResponse(
+        tally, histories, excess, setup.straight_m, setup.reference, photons_per_batch * len(sums)
+    )
+
+
+def worst_error(scene: Scene, response: TransportResponse) -> float:
+    """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
+    wavelength = band_wavelengths(scene).mean()
+    tank = scene.tank
+    mean, stderr = response.evaluate(
+        float(absorption_per_m(scene.water, np.array([wavelength]))[0]),
+        float(scattering_per_m(scene.water, np.array([wavelength]))[0]),
+        tank.wall_albedo if tank else 0.0,
+        tank.surface_reflectance if tank else 0.0,
+    )
+    lit = mean > 1e-4 * mean.max(axis=(1, 2), keepdims=True)
+    if not lit.any():
+        return float("inf")
+    return float(np.quantile(stderr[lit] / mean[lit], 0.95))
+
+
+def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
+    """Energy balance of several batches."""
+    table = np.array([list(asdict(book).values()) for book in books])
+    return Bookkeeping(*(float(v) for v in np.average(table, axis=0, weights=photons)))
+
+
+def trace_by_direction(
+    scene: Scene, grid: Grid, reference: Reference, basis: BeamBasis, photons: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Trace with the direction of emission kept.
+
+    Returns
+    -------
+    tally : array, shape (rank, n_rows, n_cells)
+        In the basis of beams.
+    relative_stderr : array, shape (3, n_cells)
+        Of light that was only scattered, met walls, met the surface; for the scene's own beam in the reference water.
+    histories : array of int, shape (n_rows, 3)
+    excess_m : array, shape (n_rows,)
+    """
+    receiver = scene.detector
+    symmetric = receiver.tilt_x_deg == 0
+    setup = prepare(scene, grid, reference, nodes=basis.nodes, wide_share=0.15)
+    channels, path_nodes, emission_nodes = setup.histories.shape
+    histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
+    n, m, k = histories.T
+    group = np.where(k > 0, 2, np.where(m > 0, 1, np.where(n > 0, 0, -1)))
+    own, _ = basis.coefficients(scene.lamp)
+    total = np.zeros(0)
+    parts = []
+    for batch in range(DIRECTION_BATCHES):
+        counts, _ = trace(
+            setup.mitsuba_scene, setup.phase, setup.emission, setup.planes, setup.histories, setup.water,
+            photons // DIRECTION_BATCHES, seed * 1009 + batch, mirror_x=symmetric,
+        )  # fmt: skip
+        packed = basis.compress(counts.reshape(len(histories), emission_nodes, -1))
+        total = packed if batch == 0 else total + packed
+        beam = np.tensordot(own, packed, axes=1)
+        parts.append([beam[group == g].sum(axis=0) for g in range(3)])
+    mean = np.mean(parts, axis=0)
+    stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
+    relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)
+    # A handful of batches gives each cell a noisy error; neighbours share theirs.
+    typical = np.sqrt((relative**2).mean(axis=1, keepdims=True))
+    relative = np.where(mean > 0, np.sqrt(0.5 * relative**2 + 0.5 * typical**2), 0.0)
+    excess = np.tile(setup.histories.excess_m, channels)
+    return (total / DIRECTION_BATCHES).astype(np.float32), relative, histories, excess

@@ -1,0 +1,262 @@
+"""Scattered and reflected light at the places of a measurement, fast enough to fit with.
+
+A few traces (one per node of the asymmetry parameter g) are tallied by history *and* by direction of emission. From then
+on any beam, absorption, scattering, wall albedo and surface costs a millisecond, with no new trace:
+
+    E_diffuse(p) = sum over directions w  I(w)  sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
+
+What is not followed exactly: an offset of the lamp moves the scattered field with it (walls stay), and an apparent source
+distance is that of the scene the response was made for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lightfield.errors import RenderError
+from lightfield.render import store
+from lightfield.render.backend import use_backend
+from lightfield.render.beambasis import BeamBasis
+from lightfield.render.grid import Grid, angle_nodes, band_wavelengths, cell_of, positions_grid, straight_path
+from lightfield.render.rendering import transport_key
+from lightfield.render.response import HERMITE_NODES, HERMITE_WEIGHTS, Array, Reference, TransportResponse
+from lightfield.render.shift import Shift
+from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
+G_NODES = (0.75, 0.87, 0.924, 0.97)
+PHOTONS = 2_500_000
+KEPT_BEAMS = 64
+
+
+@dataclass(frozen=True)
+class DiffuseResponse:
+    """Response of the diffuse light at n positions to beam, water, walls and surface.
+
+    Parameters
+    ----------
+    tallies : list of arrays, shape (rank, n_rows, n_cells), one per node of g
+    relative_stderr : array, shape (n_g, 3, n_cells)
+        Monte Carlo error of light that was only scattered, met walls, met the surface.
+    g_nodes : tuple of float
+        Empty when the phase function has no g (one tally then).
+    rows : TransportResponse
+        Histories of the rows, with an empty tally.
+    basis : BeamBasis
+    shift : Shift
+        From cells to positions.
+    apparent_distance_m : float
+        Of the lamp that was traced.
+    """
+
+    tallies: list[Array]
+    relative_stderr: Array
+    g_nodes: tuple[float, ...]
+    rows: TransportResponse
+    basis: BeamBasis
+    shift: Shift
+    apparent_distance_m: float
+    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
+        """Scattered and reflected part for unit on-axis intensity.
+
+        Parameters
+        ----------
+        scene : Scene
+            Any beam of the Gaussian family, water and walls; geometry and detector as in the traced scene.
+        wavelength_nm : float, optional
+            Default: the middle of the scene's first band.
+
+        Returns
+        -------
+        value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
+        """
+        water, tank = scene.water, scene.tank
+        at = np.array(
+            [float(np.mean(scene.detector.bands_nm[0])) if wavelength_nm is None else wavelength_nm]
+        )
+        a, b = absorption_per_m(water, at), scattering_per_m(water, at)
+        rho = np.array([tank.wall_albedo if tank else 0.0])
+        surface = np.array([tank.surface_reflectance if tank else 0.0])
+        q = water.hardening_per_m
+        spread = a + q * HERMITE_NODES if q else a
+        groups = self.groups
+        used = (groups >= 0) & ((rho[0] > 0) | (self.rows.histories[:, 1] == 0))
+        used &= (surface[0] > 0) | (self.rows.histories[:, 2] == 0)
+        used &= (b[0] > 0) | (self.rows.histories[:, 0] == 0)
+        cells = len(self.rows.straight_m)
+        parts = np.zeros((3, cells))
+        errors = np.zeros((3, cells))
+        if used.any():
+            ones = np.ones_like(spread)
+            weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)[:, used]
+            change = spread + b - self.rows.reference.absorption_per_m - self.rows.reference.scattering_per_m
+            along = np.exp(-change[:, None] * self.rows.straight_m)
+            average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
+            for share, index in self._g_shares(scene):
+                beam = self._beam(index, scene)[used]
+                for group in range(3):
+                    mine = groups[used] == group
+                    if mine.any():
+                        value = np.einsum("h,hc->c", average, (weights[:, mine] @ beam[mine]) * along)
+                        parts[group] += share * value
+                        errors[group] += (share * value * self.relative_stderr[index, group]) ** 2
+        extra = self._inhomogeneous(scene)
+        total = parts.sum(axis=0) * extra
+        return self.shift.apply(total, scene.lamp.offset_x_m, scene.lamp.offset_y_m), self.shift.pick(
+            np.sqrt(errors.sum(axis=0)) * extra
+        )
+
+    @cached_property
+    def groups(self) -> Array:
+        """Class of every row: 0 only scattered, 1 met walls, 2 met the surface, -1 direct."""
+        n, m, k = self.rows.histories.T
+        return np.where(k > 0, 2, np.where(m > 0, 1, np.where(n > 0, 0, -1)))
+
+    def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
+        """Lagrange interpolation in log(1 - g) over the traced nodes."""
+        if not self.g_nodes:
+            return [(1.0, 0)]
+        g = float(scene.get("water.phase.g"))
+        if not self.g_nodes[0] - 0.1 <= g <= 0.99:
+            raise RenderError("g is outside the traced range", where="water.phase.g", found=g,
+                              rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99")  # fmt: skip
+        nodes, at = np.log1p(-np.array(self.g_nodes)), np.log1p(-g)
+        shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
+        return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
+
+    def _beam(self, index: int, scene: Scene) -> Array:
+        """Tally of one g node, contracted with the scene's beam, shape (n_rows, n_cells)."""
+        lamp = scene.lamp
+        key = (index, lamp.profile, lamp.hwhm_deg, lamp.shape_exponent, lamp.skirt_fraction, lamp.skirt_hwhm_deg,
+               lamp.ellipticity, lamp.tilt_x_deg, lamp.tilt_y_deg)  # fmt: skip
+        if key not in self._beams:
+            while len(self._beams) >= KEPT_BEAMS:
+                self._beams.pop(next(iter(self._beams)))
+            coefficients, _ = self.basis.coefficients(lamp)
+            tally = self.tallies[index]
+            flat = coefficients.astype(np.float32) @ tally.reshape(len(tally), -1)
+            self._beams[key] = flat.reshape(tally.shape[1:])
+        return np.asarray(self._beams[key])
+
+    def _inhomogeneous(self, scene: Scene) -> Array:
+        """Attenuation by a gradient or layer along the straight path, which diffuse light nearly follows."""
+        water = scene.water
+        z, r = self.shift.cell_z_m, self.rows.straight_m
+        tau = water.gradient_per_m2 * (0.5 * z - water.gradient_centre_m) * r
+        if water.layer_absorption_per_m:
+            half = 0.5 * water.layer_width_m
+            low, high = water.layer_centre_m - half, water.layer_centre_m + half
+            tau = (
+                tau
+                + water.layer_absorption_per_m * np.clip(np.minimum(z, high) - max(low, 0.0), 0, None) * r / z
+            )
+        return np.asarray(np.exp(-tau))
+
+
+def response_for(
+    scene: Scene,
+    x_m: Array,
+    y_m: Array,
+    z_m: Array,
+    *,
+    photons: int = PHOTONS,
+    g_nodes: Sequence[float] = G_NODES,
+    seed: int = 0,
+    cache: bool = True,
+) -> DiffuseResponse:
+    """Trace, or fetch from the cache, the diffuse light of a scene at the places of a measurement.
+
+    Parameters
+    ----------
+    scene : Scene
+        Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
+    x_m, y_m, z_m : arrays, shape (n,), m
+    photons : int
+        Per node of g.
+    g_nodes : sequence of float
+        Ascending; used when the phase function is Henyey-Greenstein.
+    seed : int
+    cache : bool
+
+    Returns
+    -------
+    DiffuseResponse
+    """
+    grid = positions_grid(np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
+    width = _bucket(scene.lamp.hwhm_deg)
+    traced = _traced_scene(scene, width)
+    has_g = scene.water.phase.type == "henyey-greenstein"
+    nodes = tuple(sorted(g_nodes)) if has_g else ()
+    tank = scene.tank
+    reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO if tank else 0.0)
+    basis = BeamBasis(angle_nodes(width), width)
+    key = {"kind": "diffuse", **transport_key(traced, grid, reference), "occupied": grid.occupied, "g": nodes,
+           "photons": photons, "seed": seed, "rank": basis.vectors.shape, "nodes": basis.nodes.theta_rad}  # fmt: skip
+    stored = store.load(key) if cache else None
+    if stored is None:
+        stored = _trace(traced, grid, reference, basis, nodes, photons, seed)
+        if cache:
+            store.save(key, stored)
+    straight = straight_path(traced, grid)
+    rows = TransportResponse(
+        np.zeros((1, 0, 0)), stored["histories"], stored["excess_m"], straight, reference, photons
+    )
+    tallies = list(stored["tallies"])
+    shift = Shift(grid, np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
+    return DiffuseResponse(
+        tallies, stored["relative_stderr"], nodes, rows, basis, shift, scene.lamp.apparent_distance_m
+    )
+
+
+def _bucket(hwhm_deg: float) -> float:
+    """Beam width rounded to steps of a factor 1.5, so that guesses that differ a little share a response."""
+    return float(4.0 * 1.5 ** np.round(np.log(hwhm_deg / 4.0) / np.log(1.5)))
+
+
+def _traced_scene(scene: Scene, width_deg: float) -> Scene:
+    """The scene with everything neutral that is reweighed afterwards."""
+    lamp = type(scene.lamp)(hwhm_deg=width_deg, apparent_distance_m=scene.lamp.apparent_distance_m)
+    values: dict[str, Any] = {"water.gradient_per_m2": 0.0, "water.layer_absorption_per_m": 0.0}
+    if scene.tank:
+        values |= {"tank.surface_reflectance": 1.0}
+    if scene.water.phase.type == "henyey-greenstein":
+        values["water.phase.g"] = 0.924
+    return scene.model_copy(update={"lamp": lamp}).with_values(values, validate=False)
+
+
+def _trace(
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    basis: BeamBasis,
+    g_nodes: tuple[float, ...],
+    photons: int,
+    seed: int,
+) -> dict[str, Array]:
+    use_backend()
+    from lightfield.render.accumulate import trace_by_direction
+
+    tallies, errors = [], []
+    for g in g_nodes or (None,):
+        one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
+        tally, stderr, histories, excess = trace_by_direction(one, grid, reference, basis, photons, seed)
+        tallies.append(tally)
+        errors.append(stderr)
+    used = np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
+    return {
+        "tallies": np.array([t[:, used] for t in tallies], np.float32),
+        "relative_stderr": np.array(errors),
+        "histories": histories[used],
+        "excess_m": excess[used],
+    }
+
+
+__all__ = ["DiffuseResponse", "response_for"]

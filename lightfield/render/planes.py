@@ -1,0 +1,145 @@
+"""Detector planes inside the photon walk: where a flight crosses one, in which cell, with which response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, log, pi, radians
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightfield.render.grid import Grid
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """What a detector cell answers to.
+
+    Parameters
+    ----------
+    quantity : "irradiance", "scalar_irradiance" or "radiance"
+    full_angle_deg : float
+        Full opening angle of the collimator (radiance only).
+    aim_at_lamp : bool
+        Axis towards the lamp instead of parallel to the plane's normal.
+    acceptance_hwhm_deg : float
+        Half width at half maximum of a Gaussian acceptance; 0 means unlimited.
+    tilt_x_deg : float
+        Turn of the receiver's axis towards +x.
+    """
+
+    quantity: str = "irradiance"
+    full_angle_deg: float = 2.0
+    aim_at_lamp: bool = False
+    acceptance_hwhm_deg: float = 0.0
+    tilt_x_deg: float = 0.0
+
+
+class Crossing(NamedTuple):
+    """A flight meets a plane: how far on, in which cell (and its mirror image at -x), with which response 1/m^2."""
+
+    distance: mi.Float
+    hits: mi.Bool
+    cell: mi.UInt32
+    mirror_hits: mi.Bool
+    mirror_cell: mi.UInt32
+    straight: mi.Float
+    response: mi.Float
+
+
+class Planes:
+    """Parallel detector planes facing the lamp, all divided into the same grid of cells.
+
+    Parameters
+    ----------
+    grid : Grid
+    receiver : Receiver
+    lamp_position_m : tuple of 3 floats, m
+        Where the straight line to a cell starts (window centre).
+    apparent_distance_m : float, m
+        How far behind the window the light seems to come from.
+    """
+
+    def __init__(
+        self,
+        grid: Grid,
+        receiver: Receiver,
+        lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        apparent_distance_m: float = 0.0,
+    ) -> None:
+        self.receiver, self.shape = receiver, grid.shape
+        every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
+        self.cells = int(every.sum())
+        self.lookup = mi.UInt32(
+            np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells).ravel()
+        )
+        self.count, self.z = dr.opaque(mi.UInt32, len(grid.z_m)), mi.Float(grid.z_m)
+        self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
+        self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
+        self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
+        self.area = _opaque(grid.pitch_x_m * grid.pitch_y_m)
+        self.last = _opaque(grid.z_m.max())
+        self.lamp = [_opaque(v) for v in lamp_position_m]
+        self.apparent = _opaque(apparent_distance_m)
+        tilt = radians(receiver.tilt_x_deg)
+        self.axis = mi.Vector3f(_opaque(np.sin(tilt)), 0.0, _opaque(-cos(tilt)))
+        self.both_sides = receiver.quantity == "scalar_irradiance"
+
+    def crossing(
+        self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float
+    ) -> Crossing:
+        """Where the flight from `position` along `direction`, at most `reach` long, meets plane number `plane`."""
+        z = dr.gather(mi.Float, self.z, plane)
+        distance = (z - position.z) / direction.z
+        p = dr.fma(direction, distance, position)
+        meets = (distance > 0) & (distance < reach)
+        if not self.both_sides:
+            meets &= direction.z > 0
+        hits, cell = self._cell(plane, p.x, p.y, meets)
+        mirror_hits, mirror_cell = self._cell(plane, -p.x, p.y, meets)
+        to_lamp = mi.Vector3f(self.lamp[0] - p.x, self.lamp[1] - p.y, self.lamp[2] - z)
+        full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
+        straight = full * z / (z + self.apparent)
+        response = self._response(direction, to_lamp) / self.area
+        return Crossing(distance, hits, cell, mirror_hits, mirror_cell, straight, response)
+
+    def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
+        ny, nx = self.shape[1:]
+        column, row = dr.floor((x - self.first_x) * self.per_x), dr.floor((y - self.first_y) * self.per_y)
+        on_grid = meets & (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+        at = (plane * ny + mi.UInt32(dr.clip(row, 0, ny - 1))) * nx + mi.UInt32(dr.clip(column, 0, nx - 1))
+        cell = dr.gather(mi.UInt32, self.lookup, at, on_grid)
+        return on_grid & (cell < self.cells), cell
+
+    def _response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
+        """Weight of a crossing: power through the plane into what the receiver reads."""
+        receiver = self.receiver
+        across = dr.rcp(dr.maximum(dr.abs(direction.z), 1e-3))
+        axis = dr.normalize(to_lamp) if receiver.aim_at_lamp else self.axis
+        facing = -dr.dot(direction, axis)
+        if receiver.quantity == "scalar_irradiance":
+            return across
+        if receiver.quantity == "radiance":
+            half = 0.5 * radians(receiver.full_angle_deg)
+            solid_angle = 2 * pi * 2 * np.sin(0.5 * half) ** 2
+            # |d + axis|^2 = 2 (1 - cos psi), exact at small angles where 1 - cos rounds away.
+            inside = dr.squared_norm(direction + axis) < 4 * np.sin(0.5 * half) ** 2
+            return dr.select(inside, across / solid_angle, 0)
+        plain = not receiver.aim_at_lamp and receiver.tilt_x_deg == 0
+        response = mi.Float(1) if plain else across * dr.maximum(facing, 0)
+        if receiver.acceptance_hwhm_deg > 0:
+            psi = 2 * dr.asin(dr.minimum(0.5 * dr.norm(direction + axis), 1))
+            ratio = psi / radians(receiver.acceptance_hwhm_deg)
+            response *= dr.exp(-log(2) * ratio * ratio)
+        return response
+
+    def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
+        """Past the last plane and leaving it: such light comes back only by turning round twice."""
+        return (position.z > self.last) & (direction.z > 0)
+
+
+def _opaque(value: float) -> mi.Float:
+    """A variable, not a literal: a new value needs no new kernel."""
+    return dr.opaque(mi.Float, float(value))

@@ -1,0 +1,48 @@
+"""Our Mitsuba plugins, registered by one call."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import mitsuba as mi
+
+MODULES = (
+    "emission",
+    "planes",
+    "histories",
+    "walk",
+    "phase",
+    "lamp",
+    "detector",
+    "build",
+    "accumulate",
+    "photon_tracer",
+)
+_variant: str | None = None
+
+
+def register() -> None:
+    """Register `lightfield_lamp`, `lightfield_phase`, `detector_plane` and `photon_tracer` with Mitsuba's variant.
+
+    Needed once after every `mi.set_variant`; `use_backend()` does it. A plugin class belongs to the variant that it
+    was made under, so another variant means making the classes again.
+    """
+    global _variant
+    if _variant == mi.variant():
+        return
+    stale = _variant is not None
+    for name in MODULES:
+        full = f"lightfield.render.{name}"
+        if stale and full in sys.modules:
+            importlib.reload(sys.modules[full])
+    from lightfield.render.detector import DetectorPlane
+    from lightfield.render.lamp import LightfieldLamp
+    from lightfield.render.phase import LightfieldPhase
+    from lightfield.render.photon_tracer import PhotonTracer
+
+    mi.register_emitter("lightfield_lamp", LightfieldLamp)
+    mi.register_phase("lightfield_phase", LightfieldPhase)
+    mi.register_sensor("detector_plane", DetectorPlane)
+    mi.register_integrator("photon_tracer", PhotonTracer)
+    _variant = mi.variant()

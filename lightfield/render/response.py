@@ -1,0 +1,186 @@
+"""The transport response: one trace, every water.
+
+    E(a, b, rho, s) = sum over histories  R[n, m, k, e]  (b / b_0)^n  (rho / rho_0)^m  s^k
+                      exp(-(c - c_0) (r + e)),      c = a + b
+
+R is the tally of a trace in the reference water (a_0, b_0) with wall albedo rho_0; n, m, k count scatterings, wall hits
+and surface reflections; e is the path in excess of the straight line r to the cell. No NumPy array here depends on
+Mitsuba, so a response read from disk is evaluated without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lightfield.errors import RenderError
+
+Array = NDArray[np.floating[Any]]
+HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Water and walls that a response was traced with: m^-1, m^-1 and albedo."""
+
+    absorption_per_m: float
+    scattering_per_m: float
+    wall_albedo: float
+
+
+@dataclass(frozen=True)
+class Bookkeeping:
+    """Where the power went, in the units of the emission (W for unit on-axis intensity: sr).
+
+    Parameters
+    ----------
+    emitted, absorbed, walls, escaped, unfinished : float
+        Power emitted; absorbed in the reference water; absorbed by walls; lost through the surface or out of the
+        water; left in walks cut off at the flight limit. `roulette` is the net power that the roulette invented.
+    """
+
+    emitted: float
+    absorbed: float
+    walls: float
+    escaped: float
+    unfinished: float
+    roulette: float
+
+    @property
+    def closure(self) -> float:
+        """Relative difference between what was emitted and what is accounted for."""
+        spent = self.absorbed + self.walls + self.escaped + self.unfinished - self.roulette
+        return (spent - self.emitted) / self.emitted
+
+
+@dataclass(frozen=True)
+class TransportResponse:
+    """Tally of a trace, split by history and by independent batch.
+
+    Parameters
+    ----------
+    tally : array, shape (n_batches, n_rows, n_cells), m^-2 (m^-2 sr^-1 for radiance)
+        For unit on-axis radiant intensity (for a pencil beam: unit power).
+    histories : array of int, shape (n_rows, 3)
+        Scatterings, wall hits and surface reflections of each row.
+    excess_m : array, shape (n_rows,), m
+        Path in excess of the straight line.
+    straight_m : array, shape (n_planes, n_y, n_x), m
+        Straight line from the lamp to each cell, in water.
+    reference : Reference
+    photons : int
+        Photons traced, all batches together.
+    """
+
+    tally: Array
+    histories: NDArray[np.integer[Any]]
+    excess_m: Array
+    straight_m: Array
+    reference: Reference
+    photons: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_planes, n_y, n_x)."""
+        return self.straight_m.shape
+
+    @property
+    def is_direct(self) -> NDArray[np.bool_]:
+        """Rows that light has reached without scattering or reflection, shape (n_rows,)."""
+        return ~self.histories.any(axis=1)
+
+    def evaluate(
+        self,
+        a: ArrayLike,
+        b: ArrayLike,
+        rho: ArrayLike = 0.0,
+        surface: ArrayLike = 0.0,
+        *,
+        hardening: float = 0.0,
+        part: str = "all",
+    ) -> tuple[Array, Array]:
+        """Maps for other waters, walls and surfaces.
+
+        Parameters
+        ----------
+        a, b : array_like, shape (n,) or scalar, m^-1
+            Absorption and scattering coefficients.
+        rho, surface : array_like, shape (n,) or scalar
+            Wall albedo; multiplier of the surface's Fresnel reflectance.
+        hardening : float, m^-1
+            Standard deviation of the attenuation over the band: -ln T = K r - (q r)^2 / 2.
+        part : "all", "direct" or "diffuse"
+            Direct light is neither scattered nor reflected.
+
+        Returns
+        -------
+        mean, stderr : arrays, shape (n, n_planes, n_y, n_x) or (n_planes, n_y, n_x) for scalars
+            stderr is infinite where not one photon was tallied.
+
+        Raises
+        ------
+        RenderError
+            The trace cannot answer: scattering or walls asked for that it was made without.
+        """
+        scalar = all(np.ndim(v) == 0 for v in (a, b, rho, surface))
+        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (a, b, rho, surface)))
+        if hardening:
+            spread = [np.repeat(v, len(HERMITE_NODES)) for v in columns]
+            spread[0] = spread[0] + np.tile(hardening * HERMITE_NODES, len(columns[0]))
+            batches = self._batches(*spread, part=part)
+            weights = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum()
+            shape = (len(batches), len(columns[0]), len(weights), -1)
+            batches = np.einsum("bwhp,h->bwp", batches.reshape(shape), weights)
+        else:
+            batches = self._batches(*columns, part=part)
+        mean, stderr = mean_and_stderr(batches)
+        shape = (len(columns[0]), *self.shape)
+        mean, stderr = mean.reshape(shape), stderr.reshape(shape)
+        return (mean[0], stderr[0]) if scalar else (mean, stderr)
+
+    def batches(self, a: float, b: float, rho: float = 0.0, surface: float = 0.0, part: str = "all") -> Array:
+        """One map per independent batch, shape (n_batches, n_planes, n_y, n_x)."""
+        columns = [np.array([v], float) for v in (a, b, rho, surface)]
+        return self._batches(*columns, part=part).reshape(-1, *self.shape)
+
+    def _batches(self, a: Array, b: Array, rho: Array, surface: Array, part: str) -> Array:
+        weights = self.row_weights(a, b, rho, surface)
+        if part != "all":
+            weights[:, self.is_direct != (part == "direct")] = 0
+        used = weights.any(axis=0)
+        # Rows that do not count are left out; when all count, no copy of the tally is made.
+        tally = self.tally if used.all() else self.tally[:, used]
+        weights = np.ascontiguousarray(weights[:, used], dtype=np.float32)
+        change = (a + b - self.reference.absorption_per_m - self.reference.scattering_per_m)[:, None]
+        along = np.exp(-change * self.straight_m.reshape(1, -1))
+        return np.asarray(np.stack([weights @ batch for batch in tally]) * along, dtype=float)
+
+    def row_weights(self, a: Array, b: Array, rho: Array, surface: Array) -> Array:
+        """Factor of every row, without the attenuation along the straight line; shape (n, n_rows)."""
+        n, m, k = self.histories.T
+        ref = self.reference
+        if (b > 0).any() and ref.scattering_per_m == 0:
+            raise RenderError(
+                "this response was traced without scattering", found=float(b.max()),
+                rule="b > 0 needs a trace with b > 0", remedy="trace again with reference_scattering_per_m > 0",
+            )  # fmt: skip
+        if (rho > 0).any() and ref.wall_albedo == 0:
+            raise RenderError(
+                "this response was traced with black walls", found=float(rho.max()),
+                rule="albedo > 0 needs a trace with reflecting walls",
+                remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
+            )  # fmt: skip
+        change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
+        scattered = (b / ref.scattering_per_m if ref.scattering_per_m else np.zeros_like(b))[:, None] ** n
+        walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
+        return np.asarray(scattered * walls * surface[:, None] ** k * np.exp(-change * self.excess_m))
+
+
+def mean_and_stderr(batches: Array) -> tuple[Array, Array]:
+    """Mean over the first axis and its standard error; infinite where nothing was ever counted."""
+    mean = batches.mean(axis=0)
+    stderr = batches.std(axis=0, ddof=1) / np.sqrt(len(batches))
+    return mean, np.where(batches.any(axis=0), stderr, np.inf)

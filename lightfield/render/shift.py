@@ -1,0 +1,61 @@
+"""From cell averages to readings: the field of a lamp that stands a little aside, or a reading beside its cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.render.grid import Grid, cell_of
+
+NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
+
+
+class Shift:
+    """Local quadratic expansion of the logarithm of a field over its cells (exact for a Gaussian beam).
+
+    Parameters
+    ----------
+    grid : Grid
+        With occupied cells.
+    x_m, y_m, z_m : arrays, shape (n,), m
+        Positions of the readings, each near an occupied cell.
+    """
+
+    def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
+        cx, cy, cz = grid.centres()
+        number = np.full(grid.shape, -1)
+        assert grid.occupied is not None
+        number[grid.occupied] = np.arange(len(cx))
+        self.cell = number[cell_of(grid, x_m, y_m, z_m)]
+        self.cell_z_m = cz
+        self.dx, self.dy = x_m - cx[self.cell], y_m - cy[self.cell]
+        n = len(cx)
+        # Rows: d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell, as weights of all cells.
+        self.derivatives = np.zeros((5, n, n))
+        for i in range(n):
+            same = np.flatnonzero(cz == cz[i])
+            flat_x, flat_y = np.ptp(cx[same]) == 0, np.ptp(cy[same]) == 0
+            wanted = NEIGHBOURS_1D if flat_x or flat_y else NEIGHBOURS_2D
+            near = same[np.argsort(np.hypot(cx[same] - cx[i], cy[same] - cy[i]), kind="stable")[:wanted]]
+            x, y = cx[near] - cx[i], cy[near] - cy[i]
+            terms = np.stack([np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=1)
+            usable = np.linalg.norm(terms, axis=0) > 1e-12
+            if len(near) < usable.sum():
+                continue
+            weights = np.linalg.pinv(terms[:, usable])
+            for row, term in zip(weights[1:], np.flatnonzero(usable)[1:] - 1, strict=True):
+                self.derivatives[term, i, near] = row
+
+    def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
+        """Field at the readings, when its source stands at (offset_x, offset_y); shape (n,)."""
+        dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
+        if not dx.any() and not dy.any():
+            return np.asarray(field[self.cell])
+        floor = 1e-6 * np.abs(field).max() + 1e-300
+        log = np.log(np.maximum(field, floor))
+        gx, gy, gxx, gxy, gyy = (d[self.cell] @ log for d in self.derivatives)
+        change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
+        return np.asarray(field[self.cell] * np.exp(np.clip(change, -3, 3)))
+
+    def pick(self, field: np.ndarray) -> np.ndarray:
+        """Field of the cell of each reading, unshifted; shape (n,)."""
+        return np.asarray(field[self.cell])

@@ -1,0 +1,72 @@
+"""Disk cache of transport responses: a complete key, a checksum, and rebuilding instead of trust."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield.cache import cache_dir
+from lightfield.errors import OutputError
+from lightfield.files import atomic_path
+
+FORMAT = 3  # raised whenever the walk, the tally or this file's layout changes
+log = logging.getLogger(__name__)
+
+
+def digest_of(key: Mapping[str, Any]) -> str:
+    """SHA-256 of a key of plain values, hex."""
+    text = json.dumps({"format": FORMAT, **key}, sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
+    """Arrays stored under `key`, or None when there are none, or none that can be trusted."""
+    path = _path(key)
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        told = bytes(arrays.pop("checksum")).decode()
+        if told != _checksum(arrays) or bytes(arrays.pop("key")).decode() != digest_of(key):
+            raise ValueError("checksum or key does not match")
+        return arrays
+    except Exception as error:  # whatever a damaged file makes NumPy or zipfile raise
+        log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
+        path.unlink(missing_ok=True)
+        return None
+
+
+def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Store arrays under `key`; a full or read-only disk costs the cache entry, not the result."""
+    kept = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
+    try:
+        with atomic_path(_path(key)) as temporary, temporary.open("wb") as file:
+            np.savez(file, **kept, checksum=np.frombuffer(_checksum(kept).encode(), np.uint8))
+    except (OSError, OutputError) as error:
+        log.warning("the transport response was not cached: %s", error)
+
+
+def _path(key: Mapping[str, Any]) -> Path:
+    return cache_dir() / "transport" / f"{digest_of(key)}.npz"
+
+
+def _checksum(arrays: Mapping[str, np.ndarray]) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name}{array.dtype}{array.shape}".encode())
+        digest.update(array.data if array.ndim else array.tobytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"a cache key holds plain values only, not {type(value).__name__}")

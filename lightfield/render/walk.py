@@ -1,0 +1,250 @@
+"""The photon walk: one Dr.Jit loop through Mitsuba's geometry, BSDFs and phase function.
+
+What is estimated, at every detector cell, is the power of the light that crosses it, split by its history:
+
+    R[h] = sum over flights  W  T(t)  1[flight crosses the cell, history h] / A ,   W = w_0  rho_0^m  exp(-a_0 L)
+
+A photon flies freely with the *reference* scattering coefficient b_0; absorption never ends a walk but weighs it by
+exp(-a_0 L). Each flight is tallied at every plane that it would cross before the next surface, with the expected
+value T(t) = exp(-b_0 t) instead of the yes or no of a real crossing. Histories are the numbers of scatterings n, wall
+hits m, surface reflections k, the excess path over the straight line, and (for fits) the direction of emission.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightfield.render.emission import Emission
+from lightfield.render.histories import Histories
+from lightfield.render.planes import Planes
+from lightfield.render.response import Bookkeeping
+
+ROULETTE_BELOW = 0.05  # survival weight under which a photon plays
+ROULETTE_SURVIVAL = 0.25
+MAX_FLIGHTS = 4000
+
+
+@dataclass(frozen=True)
+class Water:
+    """Reference water that photons are traced in.
+
+    Parameters
+    ----------
+    absorption_per_m, scattering_per_m : float, m^-1
+    gradient_per_m2, gradient_centre_m : float
+        Absorption added linearly in z: gradient (z - centre).
+    layer_absorption_per_m, layer_low_m, layer_high_m : float
+        Absorption added between two planes of constant z.
+    """
+
+    absorption_per_m: float
+    scattering_per_m: float
+    gradient_per_m2: float = 0.0
+    gradient_centre_m: float = 0.0
+    layer_absorption_per_m: float = 0.0
+    layer_low_m: float = 0.0
+    layer_high_m: float = 0.0
+
+
+class Absorption:
+    """The reference water's absorption inside the loop, held in variables so that a new water needs no new kernel."""
+
+    def __init__(self, water: Water) -> None:
+        self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (
+            dr.opaque(mi.Float, value)
+            for value in (
+                water.absorption_per_m,
+                water.gradient_per_m2,
+                water.gradient_centre_m,
+                water.layer_absorption_per_m,
+                water.layer_low_m,
+                water.layer_high_m,
+            )
+        )
+
+    def depth(self, z0: mi.Float, cos_z: mi.Float, t: mi.Float) -> mi.Float:
+        """Optical depth of absorption along a flight of length t from z0 with direction cosine cos_z."""
+        z1 = z0 + cos_z * t
+        low, high = dr.minimum(z0, z1), dr.maximum(z0, z1)
+        crossed = dr.maximum(dr.minimum(high, self.high) - dr.maximum(low, self.low), 0)
+        level = dr.select((z0 > self.low) & (z0 < self.high), t, 0)
+        steepness = dr.abs(cos_z)
+        in_layer = dr.select(steepness > 1e-4, crossed / dr.maximum(steepness, 1e-4), level)
+        return self.uniform * t + self.gradient * t * (0.5 * (z0 + z1) - self.centre) + self.layer * in_layer
+
+
+@dr.syntax
+def trace(
+    scene: mi.Scene,
+    phase: mi.PhaseFunction,
+    emission: Emission,
+    planes: Planes,
+    histories: Histories,
+    water: Water,
+    photons: int,
+    seed: int,
+    first: int = 0,
+    mirror_x: bool = False,
+) -> tuple[np.ndarray, Bookkeeping]:
+    """Trace one batch of photons.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Surfaces; a smooth dielectric surface reflects, what it transmits is lost.
+    phase : mi.PhaseFunction
+    emission, planes, histories, water
+        Lamp, detectors, cells of the tally, reference water.
+    photons : int
+        Number of photons of the batch.
+    seed : int
+        Same seed, same result.
+    first : int
+        Number of the first photon: a longer batch can be traced in parts.
+    mirror_x : bool
+        Also tally the mirror image at -x (only right in a scene that is symmetric in x).
+
+    Returns
+    -------
+    tally : array, shape (histories.size, planes.cells), per m^2 (per m^2 sr for radiance)
+        For unit on-axis radiant intensity.
+    bookkeeping : Bookkeeping
+    """
+    tally = dr.zeros(mi.Float, histories.size * planes.cells)
+    index = dr.arange(mi.UInt32, photons) + dr.opaque(mi.UInt32, first)
+    rng = mi.PCG32(
+        size=photons,
+        initstate=dr.opaque(mi.UInt64, seed) + 0x853C49E6748FEA9B,
+        initseq=mi.UInt64(index) + dr.opaque(mi.UInt64, seed << 32),
+    )
+    start = emission.sample(index, seed, rng)
+    absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
+
+    # -------------------------------------------------------------- loop state
+    position = mi.Point3f(start.position)  # where the flight starts
+    direction = mi.Vector3f(start.direction)  # unit vector of the flight
+    weight = mi.Float(start.weight)  # reference weight: emission, absorption, wall albedo, roulette
+    survival = mi.Float(1)  # the part of the weight that the roulette looks at
+    length = mi.Float(0)  # path so far, m
+    scatterings = mi.UInt32(0)
+    walls = mi.UInt32(0)
+    surfaces = mi.UInt32(0)
+    flights = mi.UInt32(0)
+    absorbed, at_walls, escaped, invented = mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0)
+    active = weight > 0
+    node = mi.UInt32(start.node)
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    context.type_mask = int(mi.BSDFFlags.DeltaReflection) | int(mi.BSDFFlags.DiffuseReflection)
+    phase_context = mi.PhaseFunctionContext(None)
+
+    while active:
+        # ---------------------------------------------------------- the next surface and the next scattering
+        hit = scene.ray_intersect(
+            mi.Ray3f(position, direction), mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame, True, active
+        )
+        to_surface = dr.select(hit.is_valid(), hit.t, 1e7)
+        free = -dr.log(1 - rng.next_float32()) / dr.maximum(b0, 1e-9)
+        channel = histories.channel(scatterings, walls, surfaces)
+
+        # ---------------------------------------------------------- expected tally at every plane on the way
+        plane = mi.UInt32(0)
+        while plane < planes.count:
+            crossing = planes.crossing(plane, position, direction, to_surface)
+            if active & (crossing.hits | crossing.mirror_hits):
+                depth = absorption.depth(position.z, direction.z, crossing.distance)
+                value = weight * crossing.response * dr.exp(-depth - b0 * crossing.distance)
+                excess = dr.maximum(length + crossing.distance - crossing.straight, 0)
+                histories.deposit(
+                    tally, channel, excess, node, crossing.cell, planes.cells, value, crossing.hits
+                )
+                if dr.hint(mirror_x, mode="scalar"):
+                    image = histories.mirrored(node)
+                    histories.deposit(
+                        tally,
+                        channel,
+                        excess,
+                        image,
+                        crossing.mirror_cell,
+                        planes.cells,
+                        value,
+                        crossing.mirror_hits,
+                    )
+            plane += 1
+
+        # ---------------------------------------------------------- fly
+        scatters = free < to_surface
+        t = dr.minimum(free, to_surface)
+        gone = active & ~scatters & ~hit.is_valid()
+        depth = absorption.depth(position.z, direction.z, dr.select(gone, 0, t))
+        kept = dr.exp(-depth)
+        absorbed += dr.select(active, weight * (1 - kept), 0)
+        weight *= kept
+        survival *= kept
+        length += t
+        position = mi.Point3f(dr.fma(direction, t, position))
+        escaped += dr.select(gone, weight, 0)
+        active &= ~gone
+
+        # ---------------------------------------------------------- scatter
+        interaction = dr.zeros(mi.MediumInteraction3f)
+        interaction.wi = -direction
+        interaction.sh_frame = mi.Frame3f(interaction.wi)
+        turned, _, _ = phase.sample(
+            phase_context,
+            interaction,
+            rng.next_float32(),
+            mi.Point2f(rng.next_float32(), rng.next_float32()),
+            active & scatters,
+        )
+
+        # ---------------------------------------------------------- reflect
+        bounces = active & ~scatters
+        bsdf = hit.bsdf()
+        sample, factor = bsdf.sample(
+            context, hit, rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32()), bounces
+        )
+        reflected = dr.select(bounces, factor[0], 1)
+        smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+        lost = dr.select(bounces, weight * (1 - reflected), 0)
+        escaped += dr.select(smooth, lost, 0)
+        at_walls += dr.select(smooth, 0, lost)
+        weight *= reflected
+        survival *= reflected
+        position = dr.select(
+            bounces, hit.p + hit.n * dr.select(dr.dot(hit.n, direction) < 0, 1e-4, -1e-4), position
+        )
+        bounced = hit.to_world(sample.wo)
+        direction = mi.Vector3f(
+            dr.normalize(dr.select(scatters, turned, dr.select(bounces, bounced, direction)))
+        )
+        scatterings += dr.select(active & scatters, 1, 0)
+        surfaces += dr.select(bounces & smooth, 1, 0)
+        walls += dr.select(bounces & ~smooth, 1, 0)
+        active &= weight > 0
+
+        # ---------------------------------------------------------- roulette
+        hopeless = planes.behind(position, direction)
+        limit = dr.select(hopeless, 2.0, ROULETTE_BELOW)
+        plays = active & (survival < limit)
+        lives = rng.next_float32() < ROULETTE_SURVIVAL
+        before = dr.select(plays, weight, 0)
+        weight = dr.select(plays, dr.select(lives, weight / ROULETTE_SURVIVAL, 0), weight)
+        survival = dr.select(plays & lives, survival / ROULETTE_SURVIVAL, survival)
+        invented += dr.select(plays, weight - before, 0)
+        active &= ~plays | lives
+        flights += 1
+        active &= flights < MAX_FLIGHTS
+
+    unfinished = dr.select(flights >= MAX_FLIGHTS, weight, 0)
+    books = [dr.sum(v) for v in (start.weight, absorbed, at_walls, escaped, unfinished, invented)]
+    dr.eval(tally, *books)
+    sums = [float(v[0]) / photons for v in books]
+    counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
+    counts /= photons
+    if mirror_x:
+        counts *= 0.5
+    return counts, Bookkeeping(*sums)

@@ -1,0 +1,101 @@
+"""A scene as a plain Mitsuba dictionary and XML file, for people who render with Mitsuba itself."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield.files import atomic_path
+from lightfield.lamps.spectrum import spectral_power
+from lightfield.render.backend import use_backend
+from lightfield.render.grid import band_wavelengths, reference_of, scene_grid
+from lightfield.render.rendering import unit_power
+from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+
+def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, Any]:
+    """Scene at one wavelength as a dictionary for `mi.load_dict`, with our plugins.
+
+    Parameters
+    ----------
+    scene : Scene
+    wavelength_nm : float, optional
+        Default: the middle of the first band.
+    """
+    use_backend()
+    from lightfield.render.build import phase_dict, surfaces
+    from lightfield.render.lamp import NUMBERS, WORDS
+
+    at = np.array([band_wavelengths(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
+    a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
+    c = a + b
+    grid, detector = scene_grid(scene), scene.detector
+    medium = {
+        "type": "homogeneous",
+        "id": "water",
+        "sigma_t": {"type": "uniform", "value": max(c, 1e-9)},
+        "albedo": {"type": "uniform", "value": b / c if c else 0.0},
+        "phase": phase_dict(scene),
+    }
+    lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
+    lamp["intensity"] = float(spectral_power(scene.lamp, at)[0] / unit_power(scene))
+    lamp |= {name: float(getattr(scene.lamp, name)) for name in NUMBERS}
+    lamp |= {name: str(getattr(scene.lamp, name)) for name in WORDS if getattr(scene.lamp, name)}
+    height = len(grid.y_m) * grid.pitch_y_m
+    planes = {
+        f"plane_{number}": {
+            "type": "detector_plane",
+            "z_m": float(z),
+            "width_m": len(grid.x_m) * grid.pitch_x_m,
+            "height_m": height,
+            "quantity": detector.quantity,
+            "full_angle_deg": detector.full_angle_deg,
+            "aim": detector.aim,
+            "acceptance_hwhm_deg": detector.acceptance_hwhm_deg,
+            "tilt_x_deg": detector.tilt_x_deg,
+            "film": {
+                "type": "hdrfilm",
+                "width": len(grid.x_m),
+                "height": len(grid.y_m),
+                "rfilter": {"type": "box"},
+            },
+        }
+        for number, z in enumerate(grid.z_m)
+    }
+    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    return {
+        "type": "scene",
+        "integrator": {"type": "photon_tracer", "photons": 1_000_000},
+        "water": medium,
+        "lamp": lamp,
+        **surfaces(scene, reference_of(scene), reflects, float(grid.z_m.max())),
+        **planes,
+    }
+
+
+def write_xml(scene: Scene, path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Path:
+    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.use_backend()`.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : path-like
+    wavelength_nm : float, optional
+        Default: the middle of the first band.
+    """
+    described = mitsuba_dict(scene, wavelength_nm)
+    import mitsuba as mi
+
+    target = Path(path)
+    # Mitsuba writes helper folders beside its output: let it do so in a folder of its own.
+    with tempfile.TemporaryDirectory() as folder, atomic_path(target) as temporary:
+        inside = Path(folder) / "scene.xml"
+        mi.xml.dict_to_xml(described, str(inside))
+        shutil.copyfile(inside, temporary)
+    return target
