@@ -1,8 +1,8 @@
 """The one place that chooses what Mitsuba computes on: CUDA where it really works, else LLVM.
 
 `LIGHTFIELD_BACKEND` (auto, llvm, cuda) overrides the choice, `LIGHTFIELD_LIBLLVM` names the LLVM library,
-`LIGHTFIELD_THREADS` the number of threads, `LIGHTFIELD_CACHE` the cache folder. The command line's `--backend`
-and `--threads` set the same variables, so that worker processes follow.
+`LIGHTFIELD_THREADS` the number of threads, `LIGHTFIELD_CACHE` the cache folder. The options `--backend` and
+`--threads` of the command line set the same variables, so that worker processes follow.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _llvm_library() -> llvm.Library:
         variable, library = named
         if problem := library.problem or llvm.load_problem(library):
             raise BackendError(
-                problem,
+                f"the library {problem}",
                 where=f"{variable}={library.path}",
                 remedy=f"unset {variable}, or name LLVM {llvm.OLDEST} or newer",
             )

@@ -32,8 +32,8 @@ sys.exit(0 if abs(hit.t[0] - 4) < 1e-3 else "the ray missed: " + str(hit.t))
 def cuda_problem() -> str:
     """Why the GPU cannot be used; "" when it can.
 
-    A missing driver is seen at once. Otherwise a tiny ray trace runs in a process of its own (seconds); success
-    is remembered in the cache for this driver, device selection and Dr.Jit version.
+    A missing driver is seen at once. Otherwise a tiny ray trace runs in a process of its own, for seconds.
+    Success is remembered in the cache for this driver, device selection and Dr.Jit version.
     """
     if problem := _driver_problem():
         return problem

@@ -1,8 +1,8 @@
 """Find a libLLVM that Dr.Jit can use, and never load one that it cannot.
 
 With LLVM 14-16 the first render aborts the whole process, which no Python code can catch. So the version is
-read from the bytes of the file before anything is loaded. Standard library only: the set-up runs this file as a
-script, before the package is installed.
+read from the bytes of the file before anything is loaded. Standard library only: the set-up runs this file as
+a script, before the package is installed.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def installed(folders: Iterable[str | os.PathLike[str]] | None = None) -> list[L
     Parameters
     ----------
     folders : iterable of path-like, optional
-        Search these alone. Default: LIGHTFIELD_LLVM_FOLDERS (separated like PATH) if set, else the usual places.
+        Search these alone. Default: those of LIGHTFIELD_LLVM_FOLDERS (separated like PATH), else the usual.
     """
     seen: dict[Path, Library] = {}
     for path in _files(folders):

@@ -1,0 +1,51 @@
+# `make` sets everything up; every other target does so first. PYTHON=... names another interpreter.
+
+BIN := .venv/bin
+STAMP := .venv/.installed
+TESTS ?=
+
+.DEFAULT_GOAL := setup
+.PHONY: setup llvm lint format types pytest test demo bench clean
+
+setup: $(STAMP) llvm
+
+$(STAMP): pyproject.toml tools/setup.sh
+	@sh tools/setup.sh venv
+	@touch $@
+
+llvm: $(STAMP)
+	@sh tools/setup.sh llvm
+
+lint: $(STAMP)
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m ruff format --check .
+
+types: $(STAMP)
+	$(BIN)/python -m mypy
+
+format: $(STAMP)
+	$(BIN)/python -m ruff check --fix .
+	$(BIN)/python -m ruff format .
+
+pytest: setup
+	$(BIN)/python -m pytest $(TESTS)
+
+# One after the other, the fastest first, also under `make -j`.
+test: setup
+	$(MAKE) --no-print-directory lint
+	$(MAKE) --no-print-directory types
+	$(MAKE) --no-print-directory pytest
+
+demo: setup
+	@$(BIN)/python -m lightfield.cli demo
+
+bench: setup
+	$(BIN)/python -m pip install --quiet -e ".[dev,bench]"
+	@for script in benchmarks/*.py; do \
+	    test -e "$$script" || { echo "no benchmarks yet"; exit 0; }; \
+	    echo "== $$script"; $(BIN)/python "$$script" || exit 1; \
+	done
+
+clean:
+	rm -rf .venv demo-report build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,65 @@
+"""`lightfield demo`: run the example experiments one after the other and name their reports."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from lightfield.errors import UsageError
+
+# Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder and the
+# folder of its results; the last command writes {out}/index.html.
+EXPERIMENTS: dict[str, tuple[str, ...]] = {
+    "unh_tow_tank": (
+        "render {scene}/scene.toml -o {out}",
+        "compare {scene}/scene.toml -o {out}",
+    ),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("demo-report"), metavar="DIR", help="folder of the results"
+    )
+    parser.add_argument("--scenes", type=Path, metavar="DIR", help="folder of the example experiments")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run every experiment; the paths of the reports come last."""
+    from lightfield.cli import main
+
+    scenes = _scenes(args.scenes)
+    reports = []
+    for name, lines in EXPERIMENTS.items():
+        out = args.output / name
+        for line in lines:
+            print(f"$ lightfield {line.format(scene=scenes / name, out=out)}", flush=True)
+            code = main(list(_words(line, scenes / name, out)))
+            if code:
+                return code
+        reports.append(out / "index.html")
+    for report in reports:
+        print(f"report: {report.resolve()}")
+    return 0
+
+
+def _words(line: str, scene: Path, out: Path) -> Iterator[str]:
+    # Split first, fill in later: a path may hold spaces.
+    return (word.format(scene=scene, out=out) for word in line.split())
+
+
+def _scenes(named: Path | None) -> Path:
+    """The folder of experiments: as named, in the current folder, or beside the package (a checkout)."""
+    checkout = Path(__file__).resolve().parents[2]
+    places = [named] if named else [Path("scenes"), checkout / "scenes"]
+    for place in places:
+        if all((place / name).is_dir() for name in EXPERIMENTS):
+            return place
+    raise UsageError(
+        "the example experiments are not here",
+        found=", ".join(map(str, places)),
+        rule=f"a folder with {', '.join(EXPERIMENTS)}",
+        remedy="run it in the root of a checkout, or name their folder with --scenes",
+    )
