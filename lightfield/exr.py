@@ -5,8 +5,8 @@ channel `S0.<centre>nm` per wavelength, with a decimal comma, and an R, G, B pre
 channels of the same name in the layer `stderr.`.
 
 Orientation. An image is what an observer *behind the plane, looking back at the lamp* (towards -z) sees: the
-first row is the top (largest y), columns run with growing x. It is the picture one gets by plotting x to the right
-and y upwards. In memory (`SpectralImage`) rows run with growing y, as the coordinates of the data set do.
+first row is the top (largest y), columns run with growing x. It is the picture one gets by plotting x to the
+right and y upwards. In memory (`SpectralImage`) rows run with growing y, like the data set's coordinates.
 """
 
 from __future__ import annotations

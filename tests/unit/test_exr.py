@@ -1,7 +1,7 @@
 """Spectral EXR: independent readers see the same numbers in the right place.
 
-Layout: Fichet, Pacanowski & Wilkie (2021), JCGT 10(3). The pattern is asymmetric in x, in y and in wavelength,
-so that any flip, transposition or mixed-up channel is noticed.
+Layout: Fichet, Pacanowski & Wilkie (2021), JCGT 10(3). The pattern is asymmetric in x, in y and in
+wavelength, so that any flip, transposition or mixed-up channel is noticed.
 """
 
 import json
