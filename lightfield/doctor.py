@@ -74,7 +74,7 @@ def versions() -> dict[str, str]:
 
 
 def check() -> Check:
-    """Render the known case in a process of its own, so that an abort inside the compiler is a finding, not an end."""
+    """Render the known case in a process of its own, so that an abort of the compiler is a finding."""
     try:
         child = subprocess.run(
             [sys.executable, "-m", "lightfield.doctor"],
@@ -98,10 +98,14 @@ def check() -> Check:
 def render_known_case(seed: int = 1) -> Check:
     """Irradiance on a small plate that faces a uniformly bright sphere.
 
-    A sphere of radiance L and radius R at distance d gives E = pi L (R/d)^2 on a plate that faces its centre. Of N
-    rays drawn from the plate with cosine weight, each sees the sphere with probability p = (R/d)^2, so the standard
-    error is pi L sqrt(p (1 - p) / N), exactly. Black absorbing space around it; the plate's size changes E by less
-    than 1e-6.
+    A sphere of radiance L and radius R at distance d gives E = pi L (R/d)^2 on a plane that faces it.
+    Of N rays drawn from the plate with cosine weight, each sees the sphere with probability (R/d)^2 = p,
+    so the standard error is exactly pi L sqrt(p (1 - p) / N). The plate's size changes E by less than 1e-6.
+
+    Parameters
+    ----------
+    seed : int
+        Of the random rays.
     """
     from lightfield.render.backend import use_backend
 
@@ -109,7 +113,7 @@ def render_known_case(seed: int = 1) -> Check:
     import mitsuba as mi
 
     look = mi.ScalarTransform4f().look_at(origin=[0, 0, 0], target=[0, 0, 1], up=[0, 1, 0])
-    side = int(math.isqrt(RAYS))
+    side = math.isqrt(RAYS)
     scene = mi.load_dict(
         {
             "type": "scene",

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from lightfield.errors import UsageError
 
-# Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder and the
-# folder of its results; the last command writes {out}/index.html.
+# Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
+# and the folder of its results; the last command writes {out}/index.html.
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
     "unh_tow_tank": (
         "render {scene}/scene.toml -o {out}",
