@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from lightfield.fields import Part, TablePath, number
+from lightfield.lamps.photometry import intensity_table
+from lightfield.tables import read_columns, readable
 from lightfield.water.phase_spec import HenyeyGreenstein, PhaseSpec
 
 Metres = Annotated[float, Field(strict=True)]
@@ -79,6 +81,10 @@ class Lamp(Part):
             raise ValueError(f'profile "{self.profile}" needs {needs}; remedy: add {needs}')
         if self.spectrum == "table" and self.spectrum_table is None:
             raise ValueError('spectrum "table" needs spectrum_table; remedy: add spectrum_table')
+        if self.intensity_table is not None:
+            readable(intensity_table, self.intensity_table)
+        if self.spectrum_table is not None:
+            readable(read_columns, self.spectrum_table, ("wavelength_nm", "power"))
         return self
 
 

@@ -1,0 +1,83 @@
+"""Measured beam profiles: CSV, IES LM-63 and EULUMDAT files as intensity against angle from the axis."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.errors import SceneError
+from lightfield.tables import Array, read_columns
+
+
+def intensity_table(path: str) -> tuple[Array, Array]:
+    """Angle from the beam axis and intensity relative to the axis.
+
+    IES and EULUMDAT files give intensity over half planes around the nadir; they are averaged, and the nadir
+    is the beam axis.
+
+    Parameters
+    ----------
+    path : str
+        CSV (angle_deg, intensity in any unit), `.ies` (LM-63, type C) or `.ldt` (EULUMDAT).
+
+    Returns
+    -------
+    angle_rad, intensity : array, shape (n,)
+        Rising angle from 0; intensity 1 on the axis.
+
+    Raises
+    ------
+    SceneError
+        Not readable as that format, or no light on the axis.
+    """
+    state = os.stat(path)
+    return _load(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=32)
+def _load(path: str, _modified: int, _size: int) -> tuple[Array, Array]:
+    if Path(path).suffix.lower() in {".ies", ".ldt"}:
+        angle, intensity = _photometric(path)
+    else:
+        angle, intensity = read_columns(path, ("angle_deg", "intensity"))
+    if angle[0] != 0.0 or angle[-1] > 180.0:
+        raise SceneError(
+            "a beam table starts on the axis", where=path, found=f"{angle[0]:g} to {angle[-1]:g} deg",
+            rule="angle_deg from 0, at most 180", remedy="add the value at 0 deg",
+        )  # fmt: skip
+    if not intensity[0] > 0.0:
+        raise SceneError(
+            "no light on the beam axis", where=path, found=float(intensity[0]), rule="above 0 at 0 deg",
+            remedy="turn the lamp's axis to 0 deg in the table",
+        )  # fmt: skip
+    return np.radians(angle), intensity / intensity[0]
+
+
+def _photometric(path: str) -> tuple[Array, Array]:
+    """Vertical angles in degrees, and intensity averaged over the half planes."""
+    try:
+        import photompy
+        from photompy.ldt import LDTFile
+    except ImportError as error:  # pragma: no cover - a declared dependency
+        raise SceneError("photompy is not installed", where=path, remedy="pip install photompy") from error
+    reader = LDTFile if path.lower().endswith(".ldt") else photompy.IESFile
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            full = reader.read(path).photometry.expanded()
+            theta, phi = np.asarray(full.thetas, dtype=float), np.asarray(full.phis, dtype=float)
+            values = np.asarray(full.values, dtype=float)
+    except Exception as error:  # the library raises whatever its parsing runs into
+        kind = "EULUMDAT" if reader is LDTFile else "IES LM-63"
+        raise SceneError(
+            f"not readable as {kind}", where=path, found=f"{type(error).__name__}: {error}",
+            rule="a complete type C file", remedy="export it again, or as CSV with angle_deg, intensity",
+        ) from error  # fmt: skip
+    if len(phi) > 1 and np.isclose(phi[-1] - phi[0], 360.0):
+        values = values[:-1]  # 0 and 360 degrees are the same half plane
+    keep = theta <= 90.0
+    return theta[keep], values.mean(axis=0)[keep]
