@@ -1,0 +1,131 @@
+"""What a header line means, by its label, in the languages the instrument programs come in."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from datetime import datetime
+
+# Matched against the label in lower case without accents.
+LABELS = {
+    "integration": r"(?!.*\bauto)(?=.*integra)(?=.*\b(time|zeit|temps|tiempo|tempo)|.*zeit).*",
+    "averaged": r".*(spectra averaged|scans? to average|mittelung|moyenn|promedi|\bmediat).*",
+    "boxcar": r".*boxcar.*",
+    "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri).*",
+    "nonlinearity": r".*(non-? ?linear|nicht-? ?linear|no linealidad).*",
+    "stray_light": r".*(stray light|streulicht|lumiere parasite|luz parasita).*",
+    "spectrometer": r"(spectrom|spektrom|espectrom|spettrom).*",
+    "date": r"(date|datum|fecha|data)",
+    "pixels": r".*(number of|anzahl|nombre de|numero d[ei]|aantal).*pixels?.*",
+    "axis": r"x-? ?(axis|achse).*",
+}
+_YES = {"yes", "true", "ja", "oui", "si", "sim", "on", "enabled", "1"}
+_NO = {"no", "false", "nein", "nee", "non", "nao", "off", "disabled", "0"}
+_PER_SECOND = {
+    **dict.fromkeys(("usec", "us", "µs", "μs", "microsec", "microseconds"), 1e6),
+    **dict.fromkeys(("msec", "ms", "millisec", "milliseconds"), 1e3),
+    **dict.fromkeys(("sec", "s", "seconds"), 1.0),
+}
+_MONTHS = {
+    1: "jan ene gen", 2: "feb fev", 3: "mar mrz maa", 4: "apr avr abr", 5: "may mai mag mei",
+    6: "jun jui giu", 7: "jul juil lug", 8: "aug aou ago", 9: "sep set", 10: "oct okt ott out", 11: "nov", 12: "dec dez dic",
+}  # fmt: skip
+_MONTH_OF = {name: month for month, names in _MONTHS.items() for name in names.split()}
+
+
+def plain(text: str) -> str:
+    """Lower case without accents."""
+    parts = unicodedata.normalize("NFKD", text.lower())
+    return "".join(c for c in parts if not unicodedata.combining(c)).strip()
+
+
+def lookup(header: Mapping[str, str], meaning: str) -> tuple[str, str] | None:
+    """Label and text of the first header line with this meaning."""
+    pattern = re.compile(LABELS[meaning])
+    return next(((label, text) for label, text in header.items() if pattern.fullmatch(plain(label))), None)
+
+
+def flag(header: Mapping[str, str], meaning: str) -> bool | None:
+    """A yes or no, None when the header does not say or says it in an unknown word."""
+    found = lookup(header, meaning)
+    words = re.findall(r"\w+", plain(found[1])) if found else []
+    word = words[0] if words else ""
+    return True if word in _YES else False if word in _NO else None
+
+
+def count(header: Mapping[str, str], meaning: str) -> int | None:
+    """A whole number, None when the header does not say."""
+    found = lookup(header, meaning)
+    match = re.match(r"\s*(\d{1,9})(?![\d.,])", found[1], re.ASCII) if found else None
+    return int(match[1]) if match else None
+
+
+def seconds(label: str, text: str) -> float:
+    """Exposure in s, from a line like `Integration Time (usec): 70000 (USB2+H11150)`.
+
+    Raises
+    ------
+    ValueError
+        No number, no unit, or a mark of which nobody can say whether it is decimal or thousands.
+    """
+    match = re.match(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zµμ]*)", text, re.ASCII | re.IGNORECASE)
+    if not match:
+        raise ValueError("holds no number")
+    named = re.search(r"[(\[]\s*([^)\]]*?)\s*[)\]]", label)
+    unit = (named[1] if named else match[2]).lower()
+    if unit not in _PER_SECOND:
+        raise ValueError("has no unit of time")
+    digits = match[1]
+    grouped = re.fullmatch(r"[1-9]\d{0,2}([.,]\d{3})+", digits, re.ASCII)
+    if grouped and ("," in digits or _PER_SECOND[unit] == 1e6):  # microseconds are whole numbers
+        raise ValueError("has a mark that may be a decimal or a thousands mark")
+    try:
+        value = float(digits.replace(",", ".")) / _PER_SECOND[unit]
+    except ValueError:
+        raise ValueError("holds no number") from None
+    if not 1e-7 <= value <= 1e5:
+        raise ValueError("is not an exposure")
+    return value
+
+
+def moment(text: str) -> tuple[datetime, str] | None:
+    """Date, time and zone name of a header; None when they cannot be told.
+
+    The zone is a word of some language, so only moments with the same word can be compared.
+    """
+    clock = re.search(r"(\d{1,2}):(\d{2}):(\d{2})", text, re.ASCII)
+    if not clock:
+        return None
+    rest = text[: clock.start()] + " " + text[clock.end() :]
+    iso = re.search(r"\b(\d{4})-(\d{2})-(\d{2})\b", rest, re.ASCII)
+    year = re.search(r"\b((?:19|20)\d{2})\b", rest, re.ASCII)
+    try:
+        hour, minute, second = (int(part) for part in clock.groups())
+        if iso:
+            return datetime(int(iso[1]), int(iso[2]), int(iso[3]), hour, minute, second), rest[
+                iso.end() :
+            ].strip()
+        if not year:
+            return None
+        rest = rest[: year.start()] + " " + rest[year.end() :]
+        day = re.search(r"\b(\d{1,2})\b", rest, re.ASCII)
+        words = re.findall(r"[^\W\d]+", rest)
+        months = [(w, m) for w in words if (m := _month(w))]
+        if not day or not months:
+            return None
+        # The weekday comes before the month ("mar." is Tuesday in French, March in English): take the last.
+        word, month = months[-1] if not _is_zone(months[-1][0]) else months[0]
+        zone = " ".join(w for w in words if _is_zone(w) and w != word)
+        return datetime(int(year[1]), month, int(day[1]), hour, minute, second), zone
+    except ValueError:
+        return None
+
+
+def _month(word: str) -> int | None:
+    name = plain(word)
+    return _MONTH_OF.get(name[:4]) or _MONTH_OF.get(name[:3])
+
+
+def _is_zone(word: str) -> bool:
+    return len(word) >= 2 and word.isupper()
