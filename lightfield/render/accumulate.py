@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict
 
 import numpy as np
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-from lightfield.render.beambasis import BeamBasis
+from lightfield.render.beamnodes import BeamNodes
 from lightfield.render.build import Setup, prepare
 from lightfield.render.grid import Grid, band_wavelengths
 from lightfield.render.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.render.walk import trace
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
@@ -100,14 +100,13 @@ def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
 
 
 def trace_by_direction(
-    scene: Scene, grid: Grid, reference: Reference, basis: BeamBasis, photons: int, seed: int
+    scene: Scene, grid: Grid, reference: Reference, beam_nodes: BeamNodes, photons: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
 
     Returns
     -------
-    tally : array, shape (rank, n_rows, n_cells)
-        In the basis of beams.
+    tally : array, shape (n_emission_nodes, n_rows, n_cells)
     relative_stderr : array, shape (3, n_cells)
         Of light that was only scattered, met walls, met the surface; for the scene's own beam in the reference water.
     histories : array of int, shape (n_rows, 3)
@@ -115,12 +114,12 @@ def trace_by_direction(
     """
     receiver = scene.detector
     symmetric = receiver.tilt_x_deg == 0
-    setup = prepare(scene, grid, reference, nodes=basis.nodes, wide_share=0.15)
+    setup = prepare(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     n, m, k = histories.T
     group = np.where(k > 0, 2, np.where(m > 0, 1, np.where(n > 0, 0, -1)))
-    own, _ = basis.coefficients(scene.lamp)
+    own = beam_nodes.values(scene.lamp)
     total = np.zeros(0)
     parts = []
     for batch in range(DIRECTION_BATCHES):
@@ -128,9 +127,9 @@ def trace_by_direction(
             setup.mitsuba_scene, setup.phase, setup.emission, setup.planes, setup.histories, setup.water,
             photons // DIRECTION_BATCHES, seed * 1009 + batch, mirror_x=symmetric,
         )  # fmt: skip
-        packed = basis.compress(counts.reshape(len(histories), emission_nodes, -1))
-        total = packed if batch == 0 else total + packed
-        beam = np.tensordot(own, packed, axes=1)
+        by_node = counts.reshape(len(histories), emission_nodes, -1)
+        total = by_node if batch == 0 else total + by_node
+        beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[group == g].sum(axis=0) for g in range(3)])
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
@@ -139,4 +138,5 @@ def trace_by_direction(
     typical = np.sqrt((relative**2).mean(axis=1, keepdims=True))
     relative = np.where(mean > 0, np.sqrt(0.5 * relative**2 + 0.5 * typical**2), 0.0)
     excess = np.tile(setup.histories.excess_m, channels)
-    return (total / DIRECTION_BATCHES).astype(np.float32), relative, histories, excess
+    tally = np.ascontiguousarray(np.moveaxis(total, 1, 0), dtype=np.float32) / np.float32(DIRECTION_BATCHES)
+    return tally, relative, histories, excess

@@ -7,17 +7,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
-import importlib.util
 import os
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lightfield.cache import cache_dir
-from lightfield.errors import BackendError
+from lightfield.errors import BackendError, LightfieldError
 from lightfield.render import cuda, llvm
 
-__all__ = ["Backend", "cache_dir", "choose", "use_backend"]
+__all__ = ["Backend", "cache_dir", "choose", "prepare", "use_backend"]
 
 KINDS = ("auto", "llvm", "cuda")
 KIND_VARIABLE, THREADS_VARIABLE = "LIGHTFIELD_BACKEND", "LIGHTFIELD_THREADS"
@@ -64,8 +65,6 @@ def use_backend() -> Backend:
         Nothing usable was found, or what the user names is not usable.
     """
     global _active
-    import mitsuba as mi
-
     if _active is not None and _active[0] != os.getpid():
         raise BackendError(
             "this process was forked after the backend was started",
@@ -73,10 +72,10 @@ def use_backend() -> Backend:
             remedy='start worker processes with multiprocessing\'s "spawn" method',
         )
     if _active is None:
-        backend = choose()
-        _start(backend)
-        _active = (os.getpid(), backend)
+        _active = (os.getpid(), _start(choose()))
     backend = _active[1]
+    import mitsuba as mi
+
     if mi.variant() != backend.variant:
         _set_variant(backend.variant)
     return backend
@@ -145,13 +144,29 @@ def _threads() -> int:
     return int(text)
 
 
-def _start(backend: Backend) -> None:
-    """Start Dr.Jit on what was chosen and make sure that it took it."""
-    kernels = backend.cache_dir / "kernels"
+def prepare() -> None:
+    """Name the right LLVM to Dr.Jit, which loads one as soon as Mitsuba is imported; nothing is started.
+
+    The package `lightfield.render` calls it before its modules import Mitsuba. What is wrong is left for
+    `use_backend` to say.
+    """
+    if "drjit" in sys.modules or os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return
+    with contextlib.suppress(LightfieldError):
+        _name_to_drjit(_llvm_library().path, cache_dir())
+
+
+def _name_to_drjit(library: Path | None, cache: Path) -> None:
+    kernels = cache / "kernels"
     kernels.mkdir(exist_ok=True)
     os.environ.setdefault("DRJIT_CACHE_DIR", str(kernels))
-    if backend.llvm_path is not None:
-        os.environ["DRJIT_LIBLLVM_PATH"] = str(backend.llvm_path)
+    if library is not None:
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+
+
+def _start(backend: Backend) -> Backend:
+    """Start Dr.Jit on what was chosen and say what it took."""
+    _name_to_drjit(backend.llvm_path, backend.cache_dir)
     import drjit as dr
 
     _set_variant(backend.variant)
@@ -162,14 +177,21 @@ def _start(backend: Backend) -> None:
             found=str(backend.llvm_path or "the NVIDIA driver"),
             remedy="run `lightfield doctor`",
         )
-    if backend.kind == "llvm" and dr.detail.llvm_version()[0] < llvm.OLDEST:
-        raise BackendError(
-            "Dr.Jit was started with another LLVM before lightfield chose one",
-            found=".".join(map(str, dr.detail.llvm_version())),
-            rule=f"LLVM {llvm.OLDEST} or newer",
-            remedy="call lightfield.render.backend.use_backend() before other Mitsuba code",
-        )
     dr.set_thread_count(backend.threads)
+    if backend.kind != "llvm":
+        return backend
+    loaded = dr.detail.llvm_version()
+    version = ".".join(map(str, loaded))
+    if loaded[0] < llvm.OLDEST:
+        raise BackendError(
+            "another LLVM was loaded before lightfield chose one",
+            found=version,
+            rule=f"LLVM {llvm.OLDEST} or newer",
+            remedy="import lightfield.render before mitsuba or drjit",
+        )
+    if version.startswith(backend.llvm_version or ""):
+        return backend
+    return replace(backend, llvm_path=None, llvm_version=version)  # other code had loaded another good one
 
 
 def _set_variant(variant: str) -> None:
@@ -177,5 +199,4 @@ def _set_variant(variant: str) -> None:
 
     mi.set_variant(variant)
     # Mitsuba forgets Python plugins with every change of variant.
-    if importlib.util.find_spec("lightfield.render.plugins") is not None:
-        importlib.import_module("lightfield.render.plugins").register()
+    importlib.import_module("lightfield.render.plugins").register()

@@ -12,22 +12,22 @@ distance is that of the scene the response was made for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
-from lightfield.render.beambasis import BeamBasis
-from lightfield.render.grid import Grid, angle_nodes, band_wavelengths, cell_of, positions_grid, straight_path
+from lightfield.render.beamnodes import BeamNodes
+from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.rendering import transport_key
 from lightfield.render.response import HERMITE_NODES, HERMITE_WEIGHTS, Array, Reference, TransportResponse
 from lightfield.render.shift import Shift
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
 G_NODES = (0.75, 0.87, 0.924, 0.97)
@@ -41,14 +41,14 @@ class DiffuseResponse:
 
     Parameters
     ----------
-    tallies : list of arrays, shape (rank, n_rows, n_cells), one per node of g
+    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells), one per node of g
     relative_stderr : array, shape (n_g, 3, n_cells)
         Monte Carlo error of light that was only scattered, met walls, met the surface.
     g_nodes : tuple of float
         Empty when the phase function has no g (one tally then).
     rows : TransportResponse
         Histories of the rows, with an empty tally.
-    basis : BeamBasis
+    beam_nodes : BeamNodes
     shift : Shift
         From cells to positions.
     apparent_distance_m : float
@@ -59,7 +59,7 @@ class DiffuseResponse:
     relative_stderr: Array
     g_nodes: tuple[float, ...]
     rows: TransportResponse
-    basis: BeamBasis
+    beam_nodes: BeamNodes
     shift: Shift
     apparent_distance_m: float
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -140,9 +140,8 @@ class DiffuseResponse:
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
-            coefficients, _ = self.basis.coefficients(lamp)
-            tally = self.tallies[index]
-            flat = coefficients.astype(np.float32) @ tally.reshape(len(tally), -1)
+            values, tally = self.beam_nodes.values(lamp), self.tallies[index]
+            flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
             self._beams[key] = flat.reshape(tally.shape[1:])
         return np.asarray(self._beams[key])
 
@@ -197,12 +196,12 @@ def response_for(
     nodes = tuple(sorted(g_nodes)) if has_g else ()
     tank = scene.tank
     reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO if tank else 0.0)
-    basis = BeamBasis(angle_nodes(width), width)
+    beam_nodes = BeamNodes(angle_nodes(width))
     key = {"kind": "diffuse", **transport_key(traced, grid, reference), "occupied": grid.occupied, "g": nodes,
-           "photons": photons, "seed": seed, "rank": basis.vectors.shape, "nodes": basis.nodes.theta_rad}  # fmt: skip
+           "photons": photons, "seed": seed, "nodes": [beam_nodes.nodes.theta_rad, beam_nodes.nodes.n_phi]}  # fmt: skip
     stored = store.load(key) if cache else None
     if stored is None:
-        stored = _trace(traced, grid, reference, basis, nodes, photons, seed)
+        stored = _trace(traced, grid, reference, beam_nodes, nodes, photons, seed)
         if cache:
             store.save(key, stored)
     straight = straight_path(traced, grid)
@@ -212,7 +211,7 @@ def response_for(
     tallies = list(stored["tallies"])
     shift = Shift(grid, np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
     return DiffuseResponse(
-        tallies, stored["relative_stderr"], nodes, rows, basis, shift, scene.lamp.apparent_distance_m
+        tallies, stored["relative_stderr"], nodes, rows, beam_nodes, shift, scene.lamp.apparent_distance_m
     )
 
 
@@ -236,7 +235,7 @@ def _trace(
     scene: Scene,
     grid: Grid,
     reference: Reference,
-    basis: BeamBasis,
+    beam_nodes: BeamNodes,
     g_nodes: tuple[float, ...],
     photons: int,
     seed: int,
@@ -247,7 +246,7 @@ def _trace(
     tallies, errors = [], []
     for g in g_nodes or (None,):
         one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
-        tally, stderr, histories, excess = trace_by_direction(one, grid, reference, basis, photons, seed)
+        tally, stderr, histories, excess = trace_by_direction(one, grid, reference, beam_nodes, photons, seed)
         tallies.append(tally)
         errors.append(stderr)
     used = np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)

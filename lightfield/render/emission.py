@@ -19,6 +19,7 @@ from lightfield.render.grid import AngleNodes
 from lightfield.scene import Lamp
 
 BINS = 512
+TABLE = 4096
 GOLDEN = (3242174889, 2447445414)  # 2^32 / plastic number and its square: the R2 sequence (Roberts 2018)
 
 
@@ -51,68 +52,89 @@ class Emission:
         self, lamp: Lamp, cone_rad: float, wide_share: float = 0.4, nodes: AngleNodes | None = None
     ) -> None:
         self.lamp, self.nodes = lamp, nodes
-        self.pencil = lamp.profile == "pencil"
         isotropic = lamp.profile == "isotropic"
         reach = pi if isotropic else 0.5 * pi
-        half = np.linspace(
-            0, np.sin(0.5 * reach), BINS + 1
-        )  # sin(theta/2): equal steps give equal care to small angles
-        edges = np.minimum(half * half, 1.0)  # s = sin^2(theta/2) = (1 - cos theta)/2
+        # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) = (1 - cos theta)/2 does not round off.
+        edges = np.linspace(0, np.sin(0.5 * reach), BINS + 1) ** 2
         theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
         omega = 4 * pi * np.diff(edges)
-        profile = np.ones_like(theta) if isotropic else self._envelope(theta)
-        beam = profile * omega
+        beam = (np.ones_like(theta) if isotropic else self._envelope(theta)) * omega
         cone = np.where(theta <= max(cone_rad, theta[2]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
         cdf = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
         self.edges, self.cdf = mi.Float(edges), mi.Float(cdf)
         self.weight_of_bin = mi.Float(omega / np.maximum(mass / mass.sum(), 1e-30))
         if lamp.profile == "table":
-            fine = np.linspace(0, 0.5 * pi, 4096)
+            fine = np.linspace(0, 0.5 * pi, TABLE)
             self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
         if nodes is not None:
             self.node_theta = mi.Float(nodes.theta_rad)
+        # Variables and not literals: another lamp needs no new kernel.
+        self.value = {
+            name: dr.opaque(mi.Float, value)
+            for name, value in {
+                "ellipticity": lamp.ellipticity,
+                "hwhm": np.radians(lamp.hwhm_deg),
+                "skirt_hwhm": np.radians(lamp.skirt_hwhm_deg),
+                "exponent": lamp.shape_exponent,
+                "fraction": lamp.skirt_fraction,
+                "radius": lamp.radius_m,
+                "apparent": lamp.apparent_distance_m,
+                "offset_x": lamp.offset_x_m,
+                "offset_y": lamp.offset_y_m,
+            }.items()
+        }
+        self.right, self.up, self.axis = _axes(lamp)
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
-        """Intensity of the beam's widest section, at least a trace of it everywhere the beam reaches."""
-        e = self.lamp.ellipticity
-        along_x = relative_intensity(self.lamp, theta, np.zeros_like(theta))
-        along_y = relative_intensity(self.lamp, np.zeros_like(theta), theta)
-        return np.asarray(along_x if e < 1 else np.maximum(along_x, along_y))
+        """Intensity of the beam's widest section."""
+        zero = np.zeros_like(theta)
+        along_x, along_y = (
+            relative_intensity(self.lamp, theta, zero),
+            relative_intensity(self.lamp, zero, theta),
+        )
+        return np.asarray(np.maximum(along_x, along_y))
 
     def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
         """Radiant intensity relative to the axis, at beam-frame angles in rad."""
-        lamp = self.lamp
-        if lamp.profile == "isotropic":
+        if self.lamp.profile == "isotropic":
             return mi.Float(1)
-        y = theta_y / dr.opaque(mi.Float, lamp.ellipticity)
+        value = self.value
+        y = theta_y / value["ellipticity"]
         theta = dr.sqrt(theta_x * theta_x + y * y)
-        if lamp.profile == "table":
-            at = dr.clip(theta * (4095 / (0.5 * pi)), 0, 4094.999)
+        if self.lamp.profile == "table":
+            at = dr.clip(theta * ((TABLE - 1) / (0.5 * pi)), 0, TABLE - 1.001)
             low = mi.UInt32(at)
             a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)
             return dr.lerp(a, b, at - mi.Float(low))
-        core = theta / dr.opaque(mi.Float, np.radians(lamp.hwhm_deg))
-        skirt = theta / dr.opaque(mi.Float, np.radians(lamp.skirt_hwhm_deg))
-        exponent = dr.opaque(mi.Float, lamp.shape_exponent)
-        shape = dr.exp(-log(2) * dr.power(dr.maximum(core, 1e-6), exponent))
-        fraction = dr.opaque(mi.Float, lamp.skirt_fraction)
-        return (shape + fraction * dr.exp(-log(2) * skirt * skirt)) / (1 + fraction)
+        core, skirt = theta / value["hwhm"], theta / value["skirt_hwhm"]
+        shape = dr.exp(-log(2) * dr.power(dr.maximum(core, 1e-6), value["exponent"]))
+        return (shape + value["fraction"] * dr.exp(-log(2) * skirt * skirt)) / (1 + value["fraction"])
 
-    def sample(self, index: mi.UInt32, seed: int, rng: mi.PCG32) -> Start:
-        """First flights of photons `index` of a batch whose random shift follows from `seed`."""
-        shift = np.random.default_rng([seed, 0x6C616D70]).integers(0, 2**32, 2, dtype=np.uint32)
+    def shift(self, seed: int) -> tuple[mi.UInt32, mi.UInt32]:
+        """Random shift of the low-discrepancy lattice: independent batches use different seeds."""
+        a, b = np.random.default_rng([seed, 0x6C616D70]).integers(0, 2**32, 2, dtype=np.uint32)
+        return dr.opaque(mi.UInt32, int(a)), dr.opaque(mi.UInt32, int(b))
+
+    def sample(self, index: mi.UInt32, shift: tuple[mi.UInt32, mi.UInt32], rng: mi.PCG32) -> Start:
+        """First flights of the photons `index` of a batch."""
+        # The dither, finer than the lattice, keeps 24-bit coordinates from repeating.
         u1, u2 = (
-            mi.Float((index * dr.opaque(mi.UInt32, int(step)) + dr.opaque(mi.UInt32, int(offset))) >> 8)
-            * 2.0**-24
+            (mi.Float((index * mi.UInt32(step) + offset) >> 8) + rng.next_float32()) * 2.0**-24
             for step, offset in zip(GOLDEN, shift, strict=True)
         )
-        # A dither finer than the lattice keeps 24-bit coordinates from repeating.
-        u1 += rng.next_float32() * 2.0**-24
-        u2 += rng.next_float32() * 2.0**-24
         local, weight, theta = self.draw(u1, u2)
         node = mi.UInt32(0) if self.nodes is None else self._node(theta, u2, rng)
-        direction, position = self._pose(local, rng)
+        direction = dr.normalize(self.right * local.x + self.up * local.y + self.axis * local.z)
+        radius = self.value["radius"] * dr.sqrt(rng.next_float32())
+        sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
+        # Light starts at the window z = 0 and seems to diverge from a point behind it.
+        back = self.value["apparent"] / dr.maximum(direction.z, 1e-3)
+        position = mi.Point3f(
+            self.value["offset_x"] + radius * cos_a + direction.x * back,
+            self.value["offset_y"] + radius * sin_a + direction.y * back,
+            0,
+        )
         return Start(position, direction, weight, node)
 
     def draw(self, u1: mi.Float, u2: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
@@ -124,13 +146,12 @@ class Emission:
         theta = 2 * dr.asin(dr.sqrt(dr.clip(s, 0, 1)))
         sin_phi, cos_phi = dr.sincos(2 * pi * u2)
         sin_theta = 2 * dr.sqrt(dr.maximum(s * (1 - s), 0))
-        local = mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, 1 - 2 * s)
-        if self.pencil:
-            return mi.Vector3f(0, 0, 1) + 0 * local, mi.Float(1) + 0 * u1, theta
+        if self.lamp.profile == "pencil":
+            return mi.Vector3f(0 * u1, 0, 1), 0 * u1 + 1, 0 * u1
         weight = dr.gather(mi.Float, self.weight_of_bin, bin_)
         if self.nodes is None:
             weight *= self.intensity(theta * cos_phi, theta * sin_phi)
-        return local, weight, theta
+        return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, 1 - 2 * s), weight, theta
 
     def _node(self, theta: mi.Float, turn: mi.Float, rng: mi.PCG32) -> mi.UInt32:
         """Node next to the direction, chosen at random with the weights of linear interpolation (unbiased)."""
@@ -138,36 +159,20 @@ class Emission:
         last = len(self.nodes.theta_rad) - 2
         low = dr.binary_search(0, last, lambda i: dr.gather(mi.Float, self.node_theta, i + 1) <= theta)
         a, b = dr.gather(mi.Float, self.node_theta, low), dr.gather(mi.Float, self.node_theta, low + 1)
-        ring = low + dr.select(rng.next_float32() < dr.clip((theta - a) / (b - a), 0, 1), 1, 0)
+        ring = low + dr.select(
+            rng.next_float32() < dr.clip((theta - a) / (b - a), 0, 1), mi.UInt32(1), mi.UInt32(0)
+        )
         at = turn * self.nodes.n_phi
         sector = mi.UInt32(at)
-        sector += dr.select(rng.next_float32() < at - mi.Float(sector), 1, 0)
+        sector += dr.select(rng.next_float32() < at - mi.Float(sector), mi.UInt32(1), mi.UInt32(0))
         return ring * self.nodes.n_phi + sector % self.nodes.n_phi
 
-    def axes(self) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:
-        """Right, up and forward of the beam in the tank's frame."""
-        axis = np.array(
-            [np.tan(np.radians(self.lamp.tilt_x_deg)), np.tan(np.radians(self.lamp.tilt_y_deg)), 1.0]
-        )
-        axis /= np.linalg.norm(axis)
-        right = np.cross([0.0, 1.0, 0.0], axis)
-        right /= np.linalg.norm(right)
-        rows = (right, np.cross(axis, right), axis)
-        right_, up, forward = (mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in row)) for row in rows)
-        return right_, up, forward
 
-    def _pose(self, local: mi.Vector3f, rng: mi.PCG32) -> tuple[mi.Vector3f, mi.Point3f]:
-        """Turn into the tank's frame; light starts at the window z = 0 and seems to diverge from behind it."""
-        lamp = self.lamp
-        right, up, axis = self.axes()
-        direction = dr.normalize(right * local.x + up * local.y + axis * local.z)
-        radius = dr.opaque(mi.Float, lamp.radius_m) * dr.sqrt(rng.next_float32())
-        sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
-        reach = dr.opaque(mi.Float, lamp.apparent_distance_m) / dr.maximum(direction.z, 1e-3)
-        back = dr.select(dr.opaque(mi.Float, lamp.apparent_distance_m) > 0, reach, 0)
-        position = mi.Point3f(
-            dr.opaque(mi.Float, lamp.offset_x_m) + radius * cos_a + direction.x * back,
-            dr.opaque(mi.Float, lamp.offset_y_m) + radius * sin_a + direction.y * back,
-            mi.Float(0),
-        )
-        return direction, position
+def _axes(lamp: Lamp) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:
+    """Right, up and forward of the beam in the tank's frame."""
+    axis = np.array([np.tan(np.radians(lamp.tilt_x_deg)), np.tan(np.radians(lamp.tilt_y_deg)), 1.0])
+    axis /= np.linalg.norm(axis)
+    right = np.array([axis[2], 0.0, -axis[0]]) / np.hypot(axis[0], axis[2])
+    rows = (right, np.cross(axis, right), axis)
+    x, y, z = (mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in row)) for row in rows)
+    return x, y, z

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, pi
+from math import ceil
 
 import numpy as np
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.render.response import Reference
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _axis(values: np.ndarray, cell_m: float) -> tuple[np.ndarray, float]:
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
 
 
-def angle_nodes(hwhm_deg: float, inner: int = 10, outer: int = 8, n_phi: int = 12) -> AngleNodes:
+def angle_nodes(hwhm_deg: float, inner: int = 10, outer: int = 7, n_phi: int = 8) -> AngleNodes:
     """Nodes dense over the beam's core and sparse out to 60 degrees, where only a skirt or a wide beam has light."""
     core = min(2.4 * hwhm_deg, 40.0)
     theta = np.concatenate([np.linspace(0, core, inner + 1)[:-1], np.geomspace(core, 60.0, outer)])
@@ -157,8 +157,3 @@ def straight_path(scene: Scene, grid: Grid) -> np.ndarray:
     behind = lamp.apparent_distance_m
     full = np.sqrt((x - lamp.offset_x_m) ** 2 + (y - lamp.offset_y_m) ** 2 + (z + behind) ** 2)
     return np.asarray(full * z / (z + behind))
-
-
-def azimuth_nodes(nodes: AngleNodes) -> np.ndarray:
-    """Azimuth of the n_phi sectors, rad."""
-    return 2 * pi * np.arange(nodes.n_phi) / nodes.n_phi

@@ -37,8 +37,8 @@ class LightfieldLamp(mi.Emitter):  # type: ignore[misc]
         self.emission = Emission(self.lamp, cone_rad=0.3, wide_share=0.0)
 
     def _frame(self) -> tuple[mi.Point3f, mi.Vector3f, mi.Vector3f, mi.Vector3f]:
-        right, up, axis = self.emission.axes()
-        return mi.Point3f(self.lamp.offset_x_m, self.lamp.offset_y_m, 0), right, up, axis
+        beam = self.emission
+        return mi.Point3f(self.lamp.offset_x_m, self.lamp.offset_y_m, 0), beam.right, beam.up, beam.axis
 
     def _towards(self, direction: mi.Vector3f) -> mi.Float:
         """Radiant intensity relative to the axis in a world direction."""

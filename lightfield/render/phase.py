@@ -11,7 +11,6 @@ from math import pi
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-
 from lightfield.water.phase import PhaseFunction, parse_phase
 
 

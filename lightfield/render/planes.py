@@ -38,15 +38,16 @@ class Receiver:
 
 
 class Crossing(NamedTuple):
-    """A flight meets a plane: how far on, in which cell (and its mirror image at -x), with which response 1/m^2."""
+    """A flight meets a plane: how far on, in which cell, and in which cell its mirror image at -x does."""
 
     distance: mi.Float
+    x: mi.Float
+    y: mi.Float
+    z: mi.Float
     hits: mi.Bool
     cell: mi.UInt32
     mirror_hits: mi.Bool
     mirror_cell: mi.UInt32
-    straight: mi.Float
-    response: mi.Float
 
 
 class Planes:
@@ -79,7 +80,7 @@ class Planes:
         self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
         self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
-        self.area = _opaque(grid.pitch_x_m * grid.pitch_y_m)
+        self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
         self.last = _opaque(grid.z_m.max())
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
@@ -88,22 +89,25 @@ class Planes:
         self.both_sides = receiver.quantity == "scalar_irradiance"
 
     def crossing(
-        self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float
+        self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
     ) -> Crossing:
         """Where the flight from `position` along `direction`, at most `reach` long, meets plane number `plane`."""
         z = dr.gather(mi.Float, self.z, plane)
         distance = (z - position.z) / direction.z
-        p = dr.fma(direction, distance, position)
+        x, y = dr.fma(direction.x, distance, position.x), dr.fma(direction.y, distance, position.y)
         meets = (distance > 0) & (distance < reach)
         if not self.both_sides:
             meets &= direction.z > 0
-        hits, cell = self._cell(plane, p.x, p.y, meets)
-        mirror_hits, mirror_cell = self._cell(plane, -p.x, p.y, meets)
-        to_lamp = mi.Vector3f(self.lamp[0] - p.x, self.lamp[1] - p.y, self.lamp[2] - z)
+        hits, cell = self._cell(plane, x, y, meets)
+        mirror_hits, mirror_cell = self._cell(plane, -x, y, meets) if mirror else (mi.Bool(False), cell)
+        return Crossing(distance, x, y, z, hits, cell, mirror_hits, mirror_cell)
+
+    def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
+        """Response of the receiver to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m."""
+        z = crossing.z
+        to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
         full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
-        straight = full * z / (z + self.apparent)
-        response = self._response(direction, to_lamp) / self.area
-        return Crossing(distance, hits, cell, mirror_hits, mirror_cell, straight, response)
+        return self._response(direction, to_lamp) * self.per_area, full * z / (z + self.apparent)
 
     def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
         ny, nx = self.shape[1:]

@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.errors import RenderError
 from lightfield.lamps.profile import solid_angle_sr
@@ -17,7 +18,6 @@ from lightfield.render.grid import Grid, band_wavelengths, reference_of, scene_g
 from lightfield.render.response import Array, Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 
 @dataclass(frozen=True)

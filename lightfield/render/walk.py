@@ -23,9 +23,10 @@ from lightfield.render.histories import Histories
 from lightfield.render.planes import Planes
 from lightfield.render.response import Bookkeeping
 
-ROULETTE_BELOW = 0.05  # survival weight under which a photon plays
+ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
 MAX_FLIGHTS = 4000
+PHOTONS_PER_LANE = 64
 
 
 @dataclass(frozen=True)
@@ -114,34 +115,50 @@ def trace(
         For unit on-axis radiant intensity.
     bookkeeping : Bookkeeping
     """
+    each = min(PHOTONS_PER_LANE, photons)
+    lanes = -(-photons // each)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
-    index = dr.arange(mi.UInt32, photons) + dr.opaque(mi.UInt32, first)
+    lane = dr.arange(mi.UInt32, lanes)
     rng = mi.PCG32(
-        size=photons,
+        size=lanes,
         initstate=dr.opaque(mi.UInt64, seed) + 0x853C49E6748FEA9B,
-        initseq=mi.UInt64(index) + dr.opaque(mi.UInt64, seed << 32),
+        initseq=mi.UInt64(lane) + dr.opaque(mi.UInt64, (seed << 32) + first),
     )
-    start = emission.sample(index, seed, rng)
+    shift = emission.shift(seed)
     absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
+    lane += dr.opaque(mi.UInt32, first)
 
     # -------------------------------------------------------------- loop state
-    position = mi.Point3f(start.position)  # where the flight starts
-    direction = mi.Vector3f(start.direction)  # unit vector of the flight
-    weight = mi.Float(start.weight)  # reference weight: emission, absorption, wall albedo, roulette
+    started = mi.UInt32(0)  # photons that this lane has begun: a lane never waits for its neighbours
+    alive = dr.zeros(mi.Bool, lanes)  # the lane's photon is under way
+    position = dr.zeros(mi.Point3f, lanes)  # where the flight starts
+    direction = mi.Vector3f(0, 0, 1)  # unit vector of the flight
+    weight = mi.Float(0)  # reference weight: emission, absorption, wall albedo, roulette
     survival = mi.Float(1)  # the part of the weight that the roulette looks at
     length = mi.Float(0)  # path so far, m
+    node = mi.UInt32(0)  # node of the direction of emission
     scatterings = mi.UInt32(0)
     walls = mi.UInt32(0)
     surfaces = mi.UInt32(0)
     flights = mi.UInt32(0)
-    absorbed, at_walls, escaped, invented = mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0)
-    active = weight > 0
-    node = mi.UInt32(start.node)
+    emitted, absorbed, at_walls = mi.Float(0), mi.Float(0), mi.Float(0)
+    escaped, invented, unfinished = mi.Float(0), mi.Float(0), mi.Float(0)
     context = mi.BSDFContext(mi.TransportMode.Importance)
     context.type_mask = int(mi.BSDFFlags.DeltaReflection) | int(mi.BSDFFlags.DiffuseReflection)
     phase_context = mi.PhaseFunctionContext(None)
 
-    while active:
+    while alive | (started < each):
+        # ---------------------------------------------------------- a new photon
+        if ~alive:
+            start = emission.sample(started * lanes + lane, shift, rng)
+            position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
+            weight, node = mi.Float(start.weight), mi.UInt32(start.node)
+            survival, length = mi.Float(1), mi.Float(0)
+            scatterings, walls, surfaces, flights = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
+            emitted += weight
+            started += 1
+        active = weight > 0
+
         # ---------------------------------------------------------- the next surface and the next scattering
         hit = scene.ray_intersect(
             mi.Ray3f(position, direction), mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame, True, active
@@ -153,11 +170,12 @@ def trace(
         # ---------------------------------------------------------- expected tally at every plane on the way
         plane = mi.UInt32(0)
         while plane < planes.count:
-            crossing = planes.crossing(plane, position, direction, to_surface)
+            crossing = planes.crossing(plane, position, direction, to_surface, mirror_x)
             if active & (crossing.hits | crossing.mirror_hits):
+                response, straight = planes.reading(crossing, direction)
                 depth = absorption.depth(position.z, direction.z, crossing.distance)
-                value = weight * crossing.response * dr.exp(-depth - b0 * crossing.distance)
-                excess = dr.maximum(length + crossing.distance - crossing.straight, 0)
+                value = weight * response * dr.exp(-depth - b0 * crossing.distance)
+                excess = dr.maximum(length + crossing.distance - straight, 0)
                 histories.deposit(
                     tally, channel, excess, node, crossing.cell, planes.cells, value, crossing.hits
                 )
@@ -189,7 +207,8 @@ def trace(
         escaped += dr.select(gone, weight, 0)
         active &= ~gone
 
-        # ---------------------------------------------------------- scatter
+        # ---------------------------------------------------------- scatter (the same numbers serve a bounce)
+        turn = mi.Point2f(rng.next_float32(), rng.next_float32())
         interaction = dr.zeros(mi.MediumInteraction3f)
         interaction.wi = -direction
         interaction.sh_frame = mi.Frame3f(interaction.wi)
@@ -204,9 +223,7 @@ def trace(
         # ---------------------------------------------------------- reflect
         bounces = active & ~scatters
         bsdf = hit.bsdf()
-        sample, factor = bsdf.sample(
-            context, hit, rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32()), bounces
-        )
+        sample, factor = bsdf.sample(context, hit, 0.5, turn, bounces)
         reflected = dr.select(bounces, factor[0], 1)
         smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         lost = dr.select(bounces, weight * (1 - reflected), 0)
@@ -237,14 +254,15 @@ def trace(
         invented += dr.select(plays, weight - before, 0)
         active &= ~plays | lives
         flights += 1
-        active &= flights < MAX_FLIGHTS
+        unfinished += dr.select(active & (flights >= MAX_FLIGHTS), weight, 0)
+        alive = active & (flights < MAX_FLIGHTS)
 
-    unfinished = dr.select(flights >= MAX_FLIGHTS, weight, 0)
-    books = [dr.sum(v) for v in (start.weight, absorbed, at_walls, escaped, unfinished, invented)]
+    traced = lanes * each
+    books = [dr.sum(v) for v in (emitted, absorbed, at_walls, escaped, unfinished, invented)]
     dr.eval(tally, *books)
-    sums = [float(v[0]) / photons for v in books]
+    sums = [float(v[0]) / traced for v in books]
     counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
-    counts /= photons
+    counts /= traced
     if mirror_x:
         counts *= 0.5
     return counts, Bookkeeping(*sums)
