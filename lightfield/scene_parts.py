@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 from lightfield.fields import Part, TablePath, number
 from lightfield.lamps.photometry import intensity_table
 from lightfield.tables import read_columns, readable
+from lightfield.water.data import list_presets
 from lightfield.water.phase_spec import HenyeyGreenstein, PhaseSpec
 
 Metres = Annotated[float, Field(strict=True)]
@@ -131,6 +133,15 @@ class Water(Part):
     def _base_is_known(self) -> Water:
         if self.base == "table" and self.table is None:
             raise ValueError('base "table" needs table; remedy: add table = "file.csv"')
+        if self.table is not None:
+            readable(read_columns, self.table, ("wavelength_nm", "absorption_per_m", "scattering_per_m"))
+        known = ["none", "pure", "table", *list_presets()]
+        if self.base not in known:
+            near = difflib.get_close_matches(self.base, known, n=1, cutoff=0.4)
+            raise ValueError(
+                f'base "{self.base}" is not one of {", ".join(known)}; '
+                f"remedy: {f'did you mean {near[0]}?' if near else 'choose one of them'}"
+            )
         return self
 
 

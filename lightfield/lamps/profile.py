@@ -96,7 +96,8 @@ def solid_angle_sr(lamp: Lamp) -> float:
         )  # fmt: skip
     theta, weight = _quadrature(lamp)
     if lamp.ellipticity == 1.0:
-        phi, share = np.zeros(1), np.ones(1)
+        phi: Array = np.zeros(1)
+        share: Array = np.ones(1)
     else:
         phi = (np.arange(512) + 0.5) * (HALF_PI / 512)
         share = np.full(512, 1.0 / 512)
@@ -116,8 +117,8 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
         )
         widths = math.radians(lamp.hwhm_deg) * np.array([1.0, lamp.ellipticity])
         edges = np.concatenate([np.outer(widths, steps).ravel(), math.radians(lamp.skirt_hwhm_deg) * steps])
-    edges = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
-    half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+    pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
+    half, middle = 0.5 * np.diff(pieces), 0.5 * (pieces[1:] + pieces[:-1])
     return (middle[:, None] + half[:, None] * GAUSS_X).ravel(), (half[:, None] * GAUSS_W).ravel()
 
 
