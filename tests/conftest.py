@@ -1,0 +1,30 @@
+"""What all tests share: a cache of their own, a profile for generated cases, the optional reference data."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+# Tests neither trust nor fill the user's cache. Set before any import, and inherited by child processes.
+_CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
+os.environ["LIGHTFIELD_CACHE"] = _CACHE.name
+
+# No deadline: two busy cores make single cases slow. Derandomised: a run repeats.
+settings.register_profile("lightfield", deadline=None, derandomize=True)
+settings.load_profile("lightfield")
+
+
+@pytest.fixture(scope="session")
+def reference() -> Path:
+    """Folder of data that is not part of this repository; tests that need it are skipped without it."""
+    root = Path(__file__).resolve().parents[1]
+    named = os.environ.get("LIGHTFIELD_REFERENCE")
+    folder = Path(named) if named else root.parent / "shared"
+    if not folder.is_dir():
+        pytest.skip(f"no reference data at {folder}; name their folder with LIGHTFIELD_REFERENCE")
+    return folder

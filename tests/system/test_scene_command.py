@@ -1,0 +1,88 @@
+"""`lightfield scene`: every way of looking at a scene file gives the same values."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from lightfield import cli
+from lightfield.scene import Scene
+
+TOML = """
+[lamp]
+profile = "gaussian"
+hwhm_deg = 3.5
+[water]
+absorption_per_m = 0.125
+scattering_per_m = 0.25
+[detector]
+planes_m = [4.5, 8.5]
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "my scene.toml"
+    path.write_text(TOML)
+    return path
+
+
+def run(capsys, *arguments: object) -> str:
+    assert cli.main(["scene", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def test_listing_shows_values_and_marks_what_departs_from_neutral(capsys, scene_file):
+    lines = {
+        line[1:].split()[0]: line for line in run(capsys, scene_file).splitlines() if line[2:3].islower()
+    }
+    assert "0.25" in lines["water.scattering_per_m"]
+    assert lines["water.scattering_per_m"].startswith("*")
+    assert lines["lamp.tilt_x_deg"].startswith(" ")
+
+
+def test_get_prints_the_number(capsys, scene_file):
+    assert float(run(capsys, scene_file, "--get", "water.absorption_per_m")) == 0.125
+    assert json.loads(run(capsys, scene_file, "--get", "detector.planes_m")) == [4.5, 8.5]
+
+
+def test_set_changes_a_value_and_keeps_the_rest(capsys, scene_file):
+    changed = run(capsys, scene_file, "--set", "water.scattering_per_m=0.5", "--set", "detector.planes_m=[6]")
+    scene = Scene.from_toml(changed)
+    assert scene.get("water.scattering_per_m") == 0.5
+    assert list(scene.get("detector.planes_m")) == [6.0]
+    assert scene.get("lamp.hwhm_deg") == 3.5
+    assert run(capsys, scene_file, "--set", "lamp.hwhm_deg=5", "--get", "lamp.hwhm_deg").strip() in (
+        "5",
+        "5.0",
+    )
+
+
+def test_to_toml_is_the_same_scene(capsys, scene_file):
+    assert Scene.from_toml(run(capsys, scene_file, "--to-toml")).digest() == Scene.load(scene_file).digest()
+
+
+def test_schema_needs_no_file(capsys):
+    assert json.loads(run(capsys, "--schema")) == Scene.json_schema()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--set", "water.scattering_per_m"],
+        ["--set", "=1"],
+        ["--set", "water.nonsense=1"],
+        ["--set", "water.scattering_per_m=-1"],
+        ["--set", "water.scattering_per_m=much"],
+        ["--set", "lamp.profile=square"],
+        ["--get", "water.nonsense"],
+        ["--get", "nonsense"],
+    ],
+)
+def test_wrong_values_give_exit_code_2(capsys, scene_file, arguments):
+    assert cli.main(["scene", str(scene_file), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("lightfield: ")
+    assert "defect" not in captured.err
