@@ -95,14 +95,10 @@ def solid_angle_sr(lamp: Lamp) -> float:
             remedy='use profile = "gaussian" with a small hwhm_deg',
         )  # fmt: skip
     theta, weight = _quadrature(lamp)
-    if lamp.ellipticity == 1.0:
-        phi: Array = np.zeros(1)
-        share: Array = np.ones(1)
-    else:
-        phi = (np.arange(512) + 0.5) * (HALF_PI / 512)
-        share = np.full(512, 1.0 / 512)
+    steps = 1 if lamp.ellipticity == 1.0 else 512
+    phi = (np.arange(steps) + 0.5) * (HALF_PI / steps)
     value = relative_intensity(lamp, np.outer(np.cos(phi), theta), np.outer(np.sin(phi), theta))
-    return float(2.0 * math.pi * share @ (value @ (weight * np.sin(theta))))
+    return float(2.0 * math.pi * np.mean(value @ (weight * np.sin(theta))))
 
 
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:

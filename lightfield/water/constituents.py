@@ -46,8 +46,8 @@ def chlorophyll_absorption_per_m(chlorophyll_mg_per_m3: float, wavelength_nm: Ar
 def chlorophyll_scattering_per_m(chlorophyll_mg_per_m3: float, wavelength_nm: ArrayLike) -> Array:
     """Particle scattering that goes with chlorophyll: 0.416 Chl^0.766 (lambda / 550)^v.
 
-    v = (log10 Chl - 0.3) / 2 below 2 mg/m^3 (as at 0.02 below), 0 above (Loisel, Morel 1998, Limnol. Oceanogr.
-    43, 847; Morel & Maritorena 2001, J. Geophys. Res. 106, 7163).
+    v = (log10 Chl - 0.3) / 2 below 2 mg/m^3 (as at 0.02 below), 0 above (Loisel & Morel 1998, Limnol.
+    Oceanogr. 43, 847; Morel & Maritorena 2001, J. Geophys. Res. 106, 7163).
 
     Parameters
     ----------

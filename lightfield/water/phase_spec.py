@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lightfield.fields import Part, TablePath, number
+from lightfield.tables import read_columns, readable
 
 
 class HenyeyGreenstein(Part):
@@ -47,6 +48,11 @@ class MeasuredPhase(Part):
 
     type: Literal["table"] = "table"
     file: TablePath = Field(description="CSV file, columns angle_deg and phase_per_sr")
+
+    @model_validator(mode="after")
+    def _file_is_readable(self) -> MeasuredPhase:
+        readable(read_columns, self.file, ("angle_deg", "phase_per_sr"))
+        return self
 
 
 PhaseSpec = Annotated[
