@@ -1,6 +1,7 @@
 """Jaz irradiance: `Jaz Absolute Irradiance File`, columns W D S P and a calibration block.
 
-P is the spectral irradiance in uW cm^-2 nm^-1, (S - D) calibration / (exposure x area x pixel width), with the calibration in uJ per count and the collection area in cm^2.
+P is the spectral irradiance in uW cm^-2 nm^-1: (S - D) calibration / (exposure x area x width of a pixel);
+the calibration is in uJ per count, the collection area in cm^2.
 """
 
 from __future__ import annotations

@@ -28,9 +28,19 @@ _PER_SECOND = {
     **dict.fromkeys(("sec", "s", "seconds"), 1.0),
 }
 _MONTHS = {
-    1: "jan ene gen", 2: "feb fev", 3: "mar mrz maa", 4: "apr avr abr", 5: "may mai mag mei",
-    6: "jun jui giu", 7: "jul juil lug", 8: "aug aou ago", 9: "sep set", 10: "oct okt ott out", 11: "nov", 12: "dec dez dic",
-}  # fmt: skip
+    1: "jan ene gen",
+    2: "feb fev",
+    3: "mar mrz maa",
+    4: "apr avr abr",
+    5: "may mai mag mei",
+    6: "jun jui giu",
+    7: "jul juil lug",
+    8: "aug aou ago",
+    9: "sep set",
+    10: "oct okt ott out",
+    11: "nov",
+    12: "dec dez dic",
+}
 _MONTH_OF = {name: month for month, names in _MONTHS.items() for name in names.split()}
 
 

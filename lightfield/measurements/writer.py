@@ -48,7 +48,7 @@ def dumps(readings: Readings) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([*names, *readings.extra])
-    cells = [[_cell(v) for v in getattr(readings, name).tolist()] for name in names]
+    cells = [[_cell(name, v) for v in getattr(readings, name).tolist()] for name in names]
     cells += [column.tolist() for column in readings.extra.values()]
     writer.writerows(zip(*cells, strict=True))
     return content + out.getvalue()
@@ -63,12 +63,12 @@ def _worth_writing(readings: Readings, name: str) -> bool:
     return bool(np.isfinite(column).any())
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, bool):
+def _cell(name: str, value: Any) -> str:
+    if isinstance(value, float) and np.isnan(value):
+        return ""
+    if name in ("repeat", "visit", "saturated"):
         return str(int(value))
-    if isinstance(value, float):
-        return "" if np.isnan(value) else repr(value)
-    return str(value)
+    return repr(value) if isinstance(value, float) else str(value)
 
 
 def _check_writable(readings: Readings, head: dict[str, Any]) -> None:

@@ -1,0 +1,71 @@
+"""`lightfield import`: instrument files and an index into one reading table."""
+
+from __future__ import annotations
+
+import argparse
+
+from lightfield.errors import UsageError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `lightfield import`."""
+    parser.add_argument(
+        "index",
+        metavar="INDEX.csv",
+        help="columns file, medium, x_m, y_m, z_m, time_s, role "
+        "(signal, dark, reference, ignore), integration_time_s; only file and z_m are required",
+    )
+    asked = parser.add_argument_group("what the instrument's files do not say")
+    asked.add_argument("--quantity", help="irradiance, scalar_irradiance or radiance")
+    asked.add_argument(
+        "--units", help="of the numbers in the files: counts, counts/s, relative, or 'uW cm^-2 nm^-1' ..."
+    )
+    asked.add_argument(
+        "--band", action="append", default=[], metavar="LOW:HIGH", help="in nm; may be given again"
+    )
+    asked.add_argument(
+        "--saturation-level", type=float, metavar="N", help="full scale, in the unit of the files"
+    )
+    budget = parser.add_argument_group("error budget, for the head of the table")
+    budget.add_argument(
+        "--plane-gain-percent", type=float, metavar="P", help="repeatability of a visit to a plane"
+    )
+    budget.add_argument("--position-mm", type=float, metavar="MM", help="error of the detector's position")
+    budget.add_argument("--tolerance-percent", type=float, metavar="P", help="smooth misfit of no interest")
+    parser.add_argument("-o", "--output", metavar="READINGS.csv", help="the reading table to write")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Import, write, and say what was found."""
+    # Imported here: other sub-commands need not wait for it.
+    from lightfield.measurements import ErrorBudget
+    from lightfield.measurements.importer import import_index
+
+    if not args.output:
+        raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")
+    readings = import_index(
+        args.index,
+        quantity=args.quantity,
+        units=args.units,
+        bands_nm=[_band(text) for text in args.band],
+        saturation_level=args.saturation_level,
+        budget=ErrorBudget(args.plane_gain_percent, args.position_mm, args.tolerance_percent),
+    )
+    readings.save(args.output)
+    files = len(readings.metadata["instrument"]["files"])
+    formats = ", ".join(readings.metadata["instrument"]["formats"])
+    print(f"{files} files ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")
+    for warning in readings.warnings:
+        print(f"  note: {warning}")
+    print(args.output)
+    return 0
+
+
+def _band(text: str) -> tuple[float, float]:
+    low, _, high = text.partition(":")
+    try:
+        return float(low), float(high)
+    except ValueError:
+        raise UsageError(
+            "not a band", found=text, rule="LOW:HIGH in nm", remedy="for example --band 500:550"
+        ) from None
