@@ -1,0 +1,67 @@
+"""Self-contained HTML pages: no network, light and dark, printable."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from matplotlib.figure import Figure
+
+from lightfield import __version__
+from lightfield.files import atomic_path
+from lightfield.report.style import to_svg
+
+_FOLDER = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class PageFigure:
+    """A figure on a page.
+
+    Parameters
+    ----------
+    svg : str
+        SVG element.
+    caption : str
+        One or two sentences: what to see.
+    alt : str
+        What it shows, for those who cannot see it.
+    """
+
+    svg: str
+    caption: str
+    alt: str
+
+
+def page_figure(drawing: Figure, name: str, caption: str, alt: str) -> PageFigure:
+    """Figure made ready for a page; `name` is different for every figure of the page."""
+    return PageFigure(to_svg(drawing, name), caption, alt)
+
+
+def fill(template: str, **values: Any) -> str:
+    """Page from a template in `templates/`; `title` and `verdict` are always needed."""
+    environment = Environment(
+        loader=FileSystemLoader(_FOLDER),
+        autoescape=select_autoescape(("html",)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    common = {
+        "version": __version__,
+        "css": (_FOLDER / "page.css").read_text(encoding="utf-8"),
+        "tag": None,
+        "provenance": (),
+        "scene_toml": "",
+    }
+    return environment.get_template(template).render({**common, **values})
+
+
+def write_page(html: str, path: str | os.PathLike[str]) -> Path:
+    """Write a page, whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+    return Path(path)

@@ -1,0 +1,144 @@
+"""How every figure looks, and how it gets into a page: as SVG that follows the page's light or dark theme."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from lightfield.files import atomic_path
+
+# One colour, one meaning, in every figure. In a page each is replaced by the CSS variable of its name.
+INK, MUTED, GRID, PAPER = "#1f2429", "#67707a", "#dde2e7", "#fefefe"
+RENDER, FORMULA, DATA, GOOD, BAD = "#0b6bb8", "#c8501e", "#2b3138", "#2c8a4b", "#b3261e"
+SERIES = (RENDER, FORMULA, "#2e8b72", "#8a5bb0", "#b8860c", "#5c6f82")
+THEMED = {
+    INK: "ink",
+    MUTED: "muted",
+    GRID: "grid",
+    PAPER: "paper",
+    RENDER: "render",
+    FORMULA: "formula",
+    DATA: "data",
+    GOOD: "good",
+    BAD: "bad",
+    SERIES[2]: "series-3",
+    SERIES[3]: "series-4",
+    SERIES[4]: "series-5",
+    SERIES[5]: "series-6",
+}
+WIDTH = 10.0  # inches of a figure that fills the page
+PNG_DPI = 150
+_RC: Any = {
+    "font.family": "sans-serif",
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(color=SERIES),
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.6,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "figure.facecolor": PAPER,
+    "figure.dpi": 100,
+    "savefig.facecolor": PAPER,
+    "svg.fonttype": "none",
+    "axes.formatter.limits": (-3, 4),
+}
+
+
+@contextmanager
+def figure(width: float = WIDTH, height: float = 4.0) -> Iterator[Figure]:
+    """New figure in our style, outside pyplot's global list; draw inside the block.
+
+    Parameters
+    ----------
+    width, height : float, inches
+    """
+    with matplotlib.rc_context(_RC):
+        yield Figure(figsize=(width, height), layout="constrained")
+
+
+def save_png(fig: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure as PNG on white paper, whole or not at all."""
+    with matplotlib.rc_context(_RC), atomic_path(path) as temporary:
+        FigureCanvasAgg(fig)
+        fig.savefig(temporary, dpi=PNG_DPI, format="png")
+    return Path(path)
+
+
+def to_svg(fig: Figure, name: str) -> str:
+    """Figure as an SVG element for a page, its colours replaced by the theme's variables.
+
+    Parameters
+    ----------
+    fig : Figure
+    name : str
+        Different for every figure of a page: it keeps their internal references apart.
+    """
+    buffer = StringIO()
+    with matplotlib.rc_context({**_RC, "svg.hashsalt": name}):
+        FigureCanvasSVG(fig)
+        fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    svg = buffer.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'(id="|url\(#|href="#)', lambda found: f"{found[1]}{name}-", svg)
+    # Width from the page, height from the drawing's own proportions.
+    svg = re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", svg, count=1)
+    svg = re.sub(r"<svg ([^>]*?)>", r'<svg \1 role="img">', svg, count=1)
+    svg = re.sub(r"'DejaVu Sans'(, [^;\"]*)?", "var(--sans)", svg)
+    for colour, variable in THEMED.items():
+        svg = svg.replace(colour, f"var(--{variable})")
+    return svg
+
+
+def percent_axis(axis: Axis, digits: int = 0) -> None:
+    """Ticks of a part of one in per cent."""
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: f"{100 * value:.{digits}f} %".replace("-", "\N{MINUS SIGN}"))
+    )
+
+
+def plain_log_axis(axis: Axis) -> None:
+    """1-2-5 ticks in plain digits on a logarithmic axis of a decade or two."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label(axes: Axes, x: str, y: str, title: str = "") -> None:
+    """Set both axis labels and the title."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title)
