@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 
 import numpy as np
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.render.beamnodes import BeamNodes
 from lightfield.render.build import Setup, prepare
@@ -14,6 +13,7 @@ from lightfield.render.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.render.walk import trace
 from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
@@ -43,9 +43,16 @@ def trace_until(
     while True:
         for batch in range(batches):
             counts, book = trace(
-                setup.mitsuba_scene, setup.phase, setup.emission, setup.planes, setup.histories, setup.water,
-                launch, settings.seed * 1009 + batch, first=first,
-            )  # fmt: skip
+                setup.mitsuba_scene,
+                setup.phase,
+                setup.emission,
+                setup.planes,
+                setup.histories,
+                setup.water,
+                launch,
+                settings.seed * 1009 + batch,
+                first=first,
+            )
             sums[batch] += counts * launch
             books.append(book)
             shares.append(launch)
@@ -65,9 +72,8 @@ def trace_until(
 
 def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
     """Response of accumulated tallies; rows that stayed empty are left out."""
-    channels, nodes, emission_nodes = setup.histories.shape
-    assert emission_nodes == 1
-    seen = sums.any(axis=(0, 2))
+    channels, nodes, _ = setup.histories.shape
+    seen = np.asarray(sums.any(axis=(0, 2)))
     seen[0] = True
     histories = np.repeat(setup.histories.channels, nodes, axis=0)[seen]
     excess = np.tile(setup.histories.excess_m, channels)[seen]
@@ -108,7 +114,8 @@ def trace_by_direction(
     -------
     tally : array, shape (n_emission_nodes, n_rows, n_cells)
     relative_stderr : array, shape (3, n_cells)
-        Of light that was only scattered, met walls, met the surface; for the scene's own beam in the reference water.
+        Of light that was only scattered, met walls, met the surface; for the scene's own beam in the
+        reference water.
     histories : array of int, shape (n_rows, 3)
     excess_m : array, shape (n_rows,)
     """
@@ -124,9 +131,16 @@ def trace_by_direction(
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
-            setup.mitsuba_scene, setup.phase, setup.emission, setup.planes, setup.histories, setup.water,
-            photons // DIRECTION_BATCHES, seed * 1009 + batch, mirror_x=symmetric,
-        )  # fmt: skip
+            setup.mitsuba_scene,
+            setup.phase,
+            setup.emission,
+            setup.planes,
+            setup.histories,
+            setup.water,
+            photons // DIRECTION_BATCHES,
+            seed * 1009 + batch,
+            mirror_x=symmetric,
+        )
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         total = by_node if batch == 0 else total + by_node
         beam = np.einsum("n,rnc->rc", own, by_node)

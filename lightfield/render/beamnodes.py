@@ -1,8 +1,8 @@
 """A beam on the nodes of a tally that was kept by direction of emission.
 
-Photons are shared between the nodes of a (theta, phi) grid with the weights of linear interpolation, so the tally times
-the node values is the light of the beam's interpolant. Plain node values would make that interpolant too wide (by h^2 I''/12
-on average); the values used here are corrected for it.
+Photons are shared between the nodes of a (theta, phi) grid with the weights of linear interpolation, so the
+tally times the node values is the light of the beam's interpolant. Plain node values would make that
+interpolant too wide (by h^2 I''/12 on average); the values used here are corrected for it.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def receiver_of(scene: Scene) -> Receiver:
 def histories_of(
     scene: Scene, reference: Reference, grid: Grid, surface: bool, nodes: AngleNodes | None = None
 ) -> Histories:
-    """Tally layout fine enough for the scene: classes of scattering up to the tail of their Poisson number."""
+    """Tally layout fine enough for the scene: scattering classes up to the tail of their Poisson number."""
     far = float(grid.z_m.max())
     mean = reference.scattering_per_m * far * 1.2
     scatterings = ceil(mean + 4 * sqrt(mean) + 1) if mean > 0 else 0
@@ -54,25 +54,35 @@ def histories_of(
     surfaces = 2 if surface else 0
     reflects = walls > 0
     return Histories(
-        scatterings, walls, surfaces,
+        scatterings,
+        walls,
+        surfaces,
         max_reflections=2 if (walls and surfaces) or nodes is not None else 3,
         max_scatterings_reflected=5 if nodes is None else 3,
         longest_excess_m=max(far, 4.0) if not reflects else max(2 * far, 8.0),
         path_nodes=28 if nodes is None else 8,
         emission_nodes=1 if nodes is None else nodes.size,
         n_phi=1 if nodes is None else nodes.n_phi,
-    )  # fmt: skip
+    )
 
 
 def prepare(
-    scene: Scene, grid: Grid, reference: Reference, *, surface: bool | None = None, nodes: AngleNodes | None = None,
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    *,
+    surface: bool | None = None,
+    nodes: AngleNodes | None = None,
     wide_share: float = 0.4,
-) -> Setup:  # fmt: skip
+) -> Setup:
     """Assemble a trace of `scene` on `grid`; `surface` forces the water surface on or off."""
     reflects = bool(scene.tank and scene.tank.surface_reflectance > 0) if surface is None else surface
     if reflects and scene.tank is None:
-        raise RenderError("there is no water surface in open water", rule="a surface needs a [tank]",
-                          remedy="add a [tank] table to the scene")  # fmt: skip
+        raise RenderError(
+            "there is no water surface in open water",
+            rule="a surface needs a [tank]",
+            remedy="add a [tank] table to the scene",
+        )
     lamp, water = scene.lamp, scene.water
     half_x = np.abs(grid.x_m).max() + 0.5 * grid.pitch_x_m + abs(lamp.offset_x_m)
     half_y = np.abs(grid.y_m).max() + 0.5 * grid.pitch_y_m + abs(lamp.offset_y_m)
@@ -83,9 +93,14 @@ def prepare(
     histories = histories_of(scene, reference, grid, reflects, nodes)
     layer = 0.5 * water.layer_width_m
     reference_water = Water(
-        reference.absorption_per_m, reference.scattering_per_m, water.gradient_per_m2, water.gradient_centre_m,
-        water.layer_absorption_per_m, water.layer_centre_m - layer, water.layer_centre_m + layer,
-    )  # fmt: skip
+        reference.absorption_per_m,
+        reference.scattering_per_m,
+        water.gradient_per_m2,
+        water.gradient_centre_m,
+        water.layer_absorption_per_m,
+        water.layer_centre_m - layer,
+        water.layer_centre_m + layer,
+    )
     parts = surfaces(scene, reference, reflects, float(grid.z_m.max()))
     loaded = mi.load_dict({"type": "scene", **parts})
     phase = mi.load_dict(phase_dict(scene))

@@ -9,12 +9,13 @@ from lightfield.render.grid import cell_centres
 from lightfield.render.planes import Receiver
 
 
-class DetectorPlane(mi.Sensor):  # type: ignore[misc]
+class DetectorPlane(mi.Sensor):
     """Plane perpendicular to z that faces the lamp (-z); read by the `photon_tracer` integrator.
 
-    Properties: `z_m`, `width_m`, `height_m` (default: the width), `quantity` ("irradiance", "scalar_irradiance",
-    "radiance"), `full_angle_deg`, `aim` ("axis" or "lamp"), `acceptance_hwhm_deg`, `tilt_x_deg`; a nested film gives the
-    number of cells. Row 0 of the image is the top (+y), column 0 is -x: as seen from the lamp with +x to the right.
+    Properties: `z_m`, `width_m`, `height_m` (default: the width), `quantity` ("irradiance",
+    "scalar_irradiance", "radiance"), `full_angle_deg`, `aim` ("axis" or "lamp"), `acceptance_hwhm_deg`,
+    `tilt_x_deg`; a nested film gives the number of cells. Row 0 of the image is the top (+y), column 0 is
+    -x: as seen from the lamp with +x to the right.
 
     Not supported: camera-type integrators (there is no ray to start), other orientations.
     """

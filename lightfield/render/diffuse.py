@@ -1,12 +1,14 @@
 """Scattered and reflected light at the places of a measurement, fast enough to fit with.
 
-A few traces (one per node of the asymmetry parameter g) are tallied by history *and* by direction of emission. From then
-on any beam, absorption, scattering, wall albedo and surface costs a millisecond, with no new trace:
+A few traces (one per node of the asymmetry parameter g) are tallied by history *and* by direction of
+emission. From then on any beam, absorption, scattering, wall albedo and surface costs a millisecond, with no
+new trace:
 
-    E_diffuse(p) = sum over directions w  I(w)  sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
+    E_diffuse(p) = sum over directions w  I(w)
+                   sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
 
-What is not followed exactly: an offset of the lamp moves the scattered field with it (walls stay), and an apparent source
-distance is that of the scene the response was made for.
+What is not followed exactly: an offset of the lamp moves the scattered field with it (walls stay), and an
+apparent source distance is that of the scene the response was made for.
 """
 
 from __future__ import annotations
@@ -17,7 +19,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.errors import RenderError
 from lightfield.render import store
@@ -28,11 +29,22 @@ from lightfield.render.rendering import transport_key
 from lightfield.render.response import HERMITE_NODES, HERMITE_WEIGHTS, Array, Reference, TransportResponse
 from lightfield.render.shift import Shift
 from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 2_500_000
 KEPT_BEAMS = 64
+BEAM = (
+    "profile",
+    "hwhm_deg",
+    "shape_exponent",
+    "skirt_fraction",
+    "skirt_hwhm_deg",
+    "ellipticity",
+    "tilt_x_deg",
+    "tilt_y_deg",
+)
 
 
 @dataclass(frozen=True)
@@ -126,8 +138,12 @@ class DiffuseResponse:
             return [(1.0, 0)]
         g = float(scene.get("water.phase.g"))
         if not self.g_nodes[0] - 0.1 <= g <= 0.99:
-            raise RenderError("g is outside the traced range", where="water.phase.g", found=g,
-                              rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99")  # fmt: skip
+            raise RenderError(
+                "g is outside the traced range",
+                where="water.phase.g",
+                found=g,
+                rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
+            )
         nodes, at = np.log1p(-np.array(self.g_nodes)), np.log1p(-g)
         shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
         return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
@@ -135,8 +151,7 @@ class DiffuseResponse:
     def _beam(self, index: int, scene: Scene) -> Array:
         """Tally of one g node, contracted with the scene's beam, shape (n_rows, n_cells)."""
         lamp = scene.lamp
-        key = (index, lamp.profile, lamp.hwhm_deg, lamp.shape_exponent, lamp.skirt_fraction, lamp.skirt_hwhm_deg,
-               lamp.ellipticity, lamp.tilt_x_deg, lamp.tilt_y_deg)  # fmt: skip
+        key = (index, *(getattr(lamp, name) for name in BEAM))
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
@@ -197,8 +212,15 @@ def response_for(
     tank = scene.tank
     reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO if tank else 0.0)
     beam_nodes = BeamNodes(angle_nodes(width))
-    key = {"kind": "diffuse", **transport_key(traced, grid, reference), "occupied": grid.occupied, "g": nodes,
-           "photons": photons, "seed": seed, "nodes": [beam_nodes.nodes.theta_rad, beam_nodes.nodes.n_phi]}  # fmt: skip
+    key = {
+        "kind": "diffuse",
+        **transport_key(traced, grid, reference),
+        "occupied": grid.occupied,
+        "g": nodes,
+        "photons": photons,
+        "seed": seed,
+        "nodes": [beam_nodes.nodes.theta_rad, beam_nodes.nodes.n_phi],
+    }
     stored = store.load(key) if cache else None
     if stored is None:
         stored = _trace(traced, grid, reference, beam_nodes, nodes, photons, seed)
@@ -206,7 +228,12 @@ def response_for(
             store.save(key, stored)
     straight = straight_path(traced, grid)
     rows = TransportResponse(
-        np.zeros((1, 0, 0)), stored["histories"], stored["excess_m"], straight, reference, photons
+        np.zeros((1, 0, 0)),
+        np.asarray(stored["histories"], int),
+        stored["excess_m"],
+        straight,
+        reference,
+        photons,
     )
     tallies = list(stored["tallies"])
     shift = Shift(grid, np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))

@@ -1,8 +1,8 @@
 """How photons leave the lamp: stratified, low-discrepancy, and enough of them at the angles that matter.
 
-Directions are drawn from a proposal density q(theta) about the beam axis, piecewise constant per solid angle, and weighed
-by I / q, I being the radiant intensity relative to the axis. A photon's weight therefore carries the shape of the beam
-exactly, whatever the proposal.
+Directions are drawn from a proposal density q(theta) about the beam axis, piecewise constant per solid
+angle, and weighed by I / q, I being the radiant intensity relative to the axis. A photon's weight therefore
+carries the shape of the beam exactly, whatever the proposal.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GOLDEN = (3242174889, 2447445414)  # 2^32 / plastic number and its square: the R
 
 @dataclass(frozen=True)
 class Start:
-    """First flights: positions, unit directions, weights (sr per photon), nodes of the emission-angle tally."""
+    """First flights: positions, unit directions, weights (sr per photon), nodes of the emission tally."""
 
     position: mi.Point3f
     direction: mi.Vector3f
@@ -54,11 +54,12 @@ class Emission:
         self.lamp, self.nodes = lamp, nodes
         isotropic = lamp.profile == "isotropic"
         reach = pi if isotropic else 0.5 * pi
-        # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) = (1 - cos theta)/2 does not round off.
+        # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) does not round off.
         edges = np.linspace(0, np.sin(0.5 * reach), BINS + 1) ** 2
         theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
         omega = 4 * pi * np.diff(edges)
-        beam = (np.ones_like(theta) if isotropic else self._envelope(theta)) * omega
+        envelope = np.ones_like(theta) if isotropic else self._envelope(theta)
+        beam = envelope * omega
         cone = np.where(theta <= max(cone_rad, theta[2]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
         cdf = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
@@ -87,12 +88,12 @@ class Emission:
         self.right, self.up, self.axis = _axes(lamp)
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
-        """Intensity of the beam's widest section."""
+        """Intensity of the beam's widest section; for a tally by direction, wide enough for any beam asked later."""
         zero = np.zeros_like(theta)
-        along_x, along_y = (
-            relative_intensity(self.lamp, theta, zero),
-            relative_intensity(self.lamp, zero, theta),
-        )
+        if self.nodes is not None:
+            # Interpolation between coarse outer nodes lifts a beam's tail: photons there must not be rare and heavy.
+            return np.asarray(relative_intensity(self.lamp, theta / 1.3, zero) + 0.05 * np.exp(-theta / np.radians(8.0)))
+        along_x, along_y = relative_intensity(self.lamp, theta, zero), relative_intensity(self.lamp, zero, theta)
         return np.asarray(np.maximum(along_x, along_y))
 
     def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
@@ -124,7 +125,7 @@ class Emission:
             for step, offset in zip(GOLDEN, shift, strict=True)
         )
         local, weight, theta = self.draw(u1, u2)
-        node = mi.UInt32(0) if self.nodes is None else self._node(theta, u2, rng)
+        node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
         direction = dr.normalize(self.right * local.x + self.up * local.y + self.axis * local.z)
         radius = self.value["radius"] * dr.sqrt(rng.next_float32())
         sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
@@ -153,19 +154,18 @@ class Emission:
             weight *= self.intensity(theta * cos_phi, theta * sin_phi)
         return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, 1 - 2 * s), weight, theta
 
-    def _node(self, theta: mi.Float, turn: mi.Float, rng: mi.PCG32) -> mi.UInt32:
-        """Node next to the direction, chosen at random with the weights of linear interpolation (unbiased)."""
-        assert self.nodes is not None
-        last = len(self.nodes.theta_rad) - 2
+    def _node(self, nodes: AngleNodes, theta: mi.Float, turn: mi.Float, rng: mi.PCG32) -> mi.UInt32:
+        """Node beside the direction, drawn with the weights of linear interpolation (unbiased)."""
+        last = len(nodes.theta_rad) - 2
         low = dr.binary_search(0, last, lambda i: dr.gather(mi.Float, self.node_theta, i + 1) <= theta)
         a, b = dr.gather(mi.Float, self.node_theta, low), dr.gather(mi.Float, self.node_theta, low + 1)
         ring = low + dr.select(
             rng.next_float32() < dr.clip((theta - a) / (b - a), 0, 1), mi.UInt32(1), mi.UInt32(0)
         )
-        at = turn * self.nodes.n_phi
+        at = turn * nodes.n_phi
         sector = mi.UInt32(at)
         sector += dr.select(rng.next_float32() < at - mi.Float(sector), mi.UInt32(1), mi.UInt32(0))
-        return ring * self.nodes.n_phi + sector % self.nodes.n_phi
+        return ring * nodes.n_phi + sector % nodes.n_phi
 
 
 def _axes(lamp: Lamp) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:

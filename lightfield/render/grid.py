@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.render.response import Reference
 from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _axis(values: np.ndarray, cell_m: float) -> tuple[np.ndarray, float]:
 
 
 def angle_nodes(hwhm_deg: float, inner: int = 10, outer: int = 7, n_phi: int = 8) -> AngleNodes:
-    """Nodes dense over the beam's core and sparse out to 60 degrees, where only a skirt or a wide beam has light."""
+    """Nodes dense over the core of the beam, sparse out to 60 degrees where only a skirt has light."""
     core = min(2.4 * hwhm_deg, 40.0)
     theta = np.concatenate([np.linspace(0, core, inner + 1)[:-1], np.geomspace(core, 60.0, outer)])
     return AngleNodes(np.radians(theta), n_phi)
@@ -141,7 +141,7 @@ def band_wavelengths(scene: Scene, samples: int = 5) -> np.ndarray:
 
 
 def reference_of(scene: Scene) -> Reference:
-    """Reference to trace in: the least absorption and the most scattering of the scene's bands, its own walls."""
+    """Reference to trace in: least absorption and most scattering of the scene's bands, its own walls."""
     wavelengths = band_wavelengths(scene).ravel()
     return Reference(
         float(np.min(absorption_per_m(scene.water, wavelengths))),

@@ -1,9 +1,9 @@
 """Histories of light: how a tally is split so that any water can be evaluated from it afterwards.
 
-A cell of the tally is one channel (n scatterings, m wall hits, k surface reflections) times one node of the excess path
-(path minus straight line) times one node of the direction of emission. A deposit is shared between the two nearest path
-nodes with the weights of linear interpolation, so that evaluating exp(-c L) at the nodes is exact up to the curvature of
-the exponential between them.
+A cell of the tally is one channel (n scatterings, m wall hits, k surface reflections) times one node of the
+excess path (path minus straight line) times one node of the direction of emission. A deposit is shared
+between the two nearest path nodes with the weights of linear interpolation, so that evaluating exp(-c L) at
+the nodes is exact up to the curvature of the exponential between them.
 """
 
 from __future__ import annotations
@@ -40,10 +40,17 @@ class Histories:
     """
 
     def __init__(
-        self, max_scatterings: int, max_walls: int = 0, max_surfaces: int = 0, max_reflections: int = 3,
-        max_scatterings_reflected: int = 5, longest_excess_m: float = 8.0, path_nodes: int = 28,
-        emission_nodes: int = 1, n_phi: int = 1,
-    ) -> None:  # fmt: skip
+        self,
+        max_scatterings: int,
+        max_walls: int = 0,
+        max_surfaces: int = 0,
+        max_reflections: int = 3,
+        max_scatterings_reflected: int = 5,
+        longest_excess_m: float = 8.0,
+        path_nodes: int = 28,
+        emission_nodes: int = 1,
+        n_phi: int = 1,
+    ) -> None:
         self.max_scatterings, self.max_walls, self.max_surfaces = max_scatterings, max_walls, max_surfaces
         self.longest_excess_m, self.path_nodes = longest_excess_m, path_nodes
         self.emission_nodes, self.n_phi = emission_nodes, n_phi
@@ -85,9 +92,16 @@ class Histories:
         )
 
     def deposit(
-        self, tally: mi.Float, channel: mi.UInt32, excess: mi.Float, node: mi.UInt32,
-        cell: mi.UInt32, cells: int, value: mi.Float, active: mi.Bool,
-    ) -> None:  # fmt: skip
+        self,
+        tally: mi.Float,
+        channel: mi.UInt32,
+        excess: mi.Float,
+        node: mi.UInt32,
+        cell: mi.UInt32,
+        cells: int,
+        value: mi.Float,
+        active: mi.Bool,
+    ) -> None:
         """Add `value` to the two path nodes around `excess`."""
         last = self.path_nodes - 1
         u = dr.cbrt(dr.minimum(excess / self.longest_excess_m, 1)) * last

@@ -1,4 +1,4 @@
-"""Mitsuba plugin `lightfield_lamp`: the lamp of a scene as an emitter for stock integrators and for `photon_tracer`."""
+"""Mitsuba plugin `lightfield_lamp`: the lamp of a scene, for stock integrators and for `photon_tracer`."""
 
 from __future__ import annotations
 
@@ -9,21 +9,31 @@ from lightfield.render.emission import Emission
 from lightfield.scene import Lamp
 
 NUMBERS = (
-    "hwhm_deg", "shape_exponent", "skirt_fraction", "skirt_hwhm_deg", "ellipticity", "offset_x_m", "offset_y_m",
-    "tilt_x_deg", "tilt_y_deg", "apparent_distance_m", "radius_m",
-)  # fmt: skip
+    "hwhm_deg",
+    "shape_exponent",
+    "skirt_fraction",
+    "skirt_hwhm_deg",
+    "ellipticity",
+    "offset_x_m",
+    "offset_y_m",
+    "tilt_x_deg",
+    "tilt_y_deg",
+    "apparent_distance_m",
+    "radius_m",
+)
 WORDS = ("profile", "intensity_table")
 
 
-class LightfieldLamp(mi.Emitter):  # type: ignore[misc]
+class LightfieldLamp(mi.Emitter):
     """Point-like lamp at the origin, shining along +z, of unit on-axis radiant intensity times `intensity`.
 
     Properties have the names and units of the `[lamp]` section: hwhm_deg, shape_exponent, skirt_fraction,
-    skirt_hwhm_deg, ellipticity, offset_x_m, offset_y_m, tilt_x_deg, tilt_y_deg, apparent_distance_m, radius_m,
-    profile, intensity_table; and `intensity`, the on-axis radiant intensity in W/sr/nm. Nest or refer to the water's
-    medium.
+    skirt_hwhm_deg, ellipticity, offset_x_m, offset_y_m, tilt_x_deg, tilt_y_deg, apparent_distance_m,
+    radius_m, profile, intensity_table; and `intensity`, the on-axis radiant intensity in W/sr/nm. Nest or
+    refer to the water's medium.
 
-    Stock integrators see a lamp without area: `apparent_distance_m` and `radius_m` act in `photon_tracer` only.
+    Stock integrators see a lamp without area: `apparent_distance_m` and `radius_m` act in `photon_tracer`
+    only.
     """
 
     def __init__(self, props: mi.Properties) -> None:

@@ -1,7 +1,8 @@
 """Mitsuba plugin `lightfield_phase`: any of the package's phase functions, with its exact sampler.
 
-Mitsuba's own `tabphase` is uniform in cos(theta) and cannot hold the forward peak of ocean water. Here the cumulative
-distribution is tabulated on a log-angle grid and inverted by search, linear in log(angle) between nodes.
+Mitsuba's own `tabphase` is uniform in cos(theta) and cannot hold the forward peak of ocean water. Here the
+cumulative distribution is tabulated on a log-angle grid and inverted by search, linear in log(angle) between
+nodes.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from math import pi
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
 from lightfield.water.phase import PhaseFunction, parse_phase
 
 
-class LightfieldPhase(mi.PhaseFunction):  # type: ignore[misc]
+class LightfieldPhase(mi.PhaseFunction):
     """Phase function from the package's models or a measured table.
 
     Properties: `model` (JSON of the phase section of a scene file, for example
@@ -29,13 +31,16 @@ class LightfieldPhase(mi.PhaseFunction):  # type: ignore[misc]
         u, psi = self.model.inverse_cdf_table()
         self.nodes = len(u)
         self.u, self.log_psi = mi.Float(u), mi.Float(np.log(psi))
-        # Density of the sampler itself, per solid angle, constant in u against log(psi): what sample() really draws.
         self.m_flags = int(mi.PhaseFunctionFlags.Anisotropic)
 
     def sample(
-        self, ctx: mi.PhaseFunctionContext, mei: mi.MediumInteraction3f, sample1: mi.Float, sample2: mi.Point2f,
+        self,
+        ctx: mi.PhaseFunctionContext,
+        mei: mi.MediumInteraction3f,
+        sample1: mi.Float,
+        sample2: mi.Point2f,
         active: mi.Bool = True,
-    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Float]:  # fmt: skip
+    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Float]:
         """Scattered direction (world), weight 1, and its density per sr."""
         low = dr.binary_search(0, self.nodes - 2, lambda i: dr.gather(mi.Float, self.u, i + 1) <= sample2.x)
         u0, u1 = dr.gather(mi.Float, self.u, low), dr.gather(mi.Float, self.u, low + 1)

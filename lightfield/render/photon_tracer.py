@@ -17,14 +17,14 @@ from lightfield.render.walk import Water, trace
 BATCHES = 8
 
 
-class PhotonTracer(mi.ad.integrators.common.ADIntegrator):  # type: ignore[misc]
+class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
     """Irradiance, scalar irradiance or collimated radiance on every `detector_plane` of a scene, in one pass.
 
-    The estimator is that of `lightfield.render.walk`: for every flight of every photon, the expected power through each
-    plane that it would cross. The scene holds one `lightfield_lamp` with a homogeneous medium, any diffuse or smooth
-    dielectric surfaces, and `detector_plane` sensors of the same size and resolution.
+    The estimator is that of `lightfield.render.walk`: for every flight of every photon, the expected power
+    through each plane that it would cross. The scene holds one `lightfield_lamp` with a homogeneous medium,
+    any diffuse or smooth dielectric surfaces, and `detector_plane` sensors of the same size and resolution.
 
-    Properties: `photons` (default 1e6; `spp` times the cells of the film, when `spp` is given to `mi.render`).
+    Properties: `photons` (default 1e6; `spp` times the cells of the film, when `mi.render` is given `spp`).
 
     Not supported: several lamps or media, spectrally varying media (render one wavelength at a time), rough
     dielectrics, derivatives.
@@ -35,10 +35,15 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):  # type: ignore[misc]
         self.photons = int(props.get("photons", 1_000_000))
 
     def render(
-        self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0,
-        develop: bool = True, evaluate: bool = True,
-    ) -> mi.TensorXf:  # fmt: skip
-        """Map of one sensor, shape (n_y, n_x, 2): value and standard error; row 0 is the top, column 0 is -x."""
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor | int = 0,
+        seed: int = 0,
+        spp: int = 0,
+        develop: bool = True,
+        evaluate: bool = True,
+    ) -> mi.TensorXf:
+        """Map of one sensor, shape (n_y, n_x, 2): value, standard error; row 0 is the top, column 0 is -x."""
         sensors = scene.sensors()
         chosen = sensors[sensor] if isinstance(sensor, int) else sensor
         mean, stderr = self.render_all(scene, int(seed), spp)
@@ -51,8 +56,11 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):  # type: ignore[misc]
         lamp, medium, sensors = _lamp(scene), None, _sensors(scene)
         medium = lamp.get_medium()
         if medium is None:
-            raise RenderError("the lamp is not in water", rule="a lightfield_lamp refers to the medium around it",
-                              remedy="nest <ref> to the medium in the emitter")  # fmt: skip
+            raise RenderError(
+                "the lamp is not in water",
+                rule="a lightfield_lamp refers to the medium around it",
+                remedy="nest <ref> to the medium in the emitter",
+            )
         order = np.argsort([s.z_m for s in sensors])
         x, y = sensors[0].centres()
         grid = Grid(np.array([sensors[i].z_m for i in order]), x, y, x[1] - x[0], y[1] - y[0])
@@ -88,8 +96,11 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):  # type: ignore[misc]
 def _lamp(scene: mi.Scene) -> LightfieldLamp:
     lamps = [emitter for emitter in scene.emitters() if isinstance(emitter, LightfieldLamp)]
     if len(lamps) != 1:
-        raise RenderError("cannot tell where the photons start", found=len(lamps),
-                          rule="exactly one lightfield_lamp in the scene")  # fmt: skip
+        raise RenderError(
+            "cannot tell where the photons start",
+            found=len(lamps),
+            rule="exactly one lightfield_lamp in the scene",
+        )
     return lamps[0]
 
 
@@ -98,11 +109,16 @@ def _sensors(scene: mi.Scene) -> list[DetectorPlane]:
     wrong = [s for s in sensors if not isinstance(s, DetectorPlane)]
     if wrong or not sensors:
         raise RenderError("photon_tracer reads detector planes only", rule="every sensor is a detector_plane")
-    first = sensors[0]
-    if any(s.film().size() != first.film().size() or s.width_m != first.width_m or s.height_m != first.height_m
-           or s.receiver != first.receiver for s in sensors):  # fmt: skip
-        raise RenderError("the detector planes differ", rule="one pass needs planes of equal size, cells and quantity",
-                          remedy="render scenes with equal planes one after the other")  # fmt: skip
+
+    def layout(s: DetectorPlane) -> tuple[object, ...]:
+        return tuple(s.film().size()), s.width_m, s.height_m, s.receiver
+
+    if any(layout(s) != layout(sensors[0]) for s in sensors):
+        raise RenderError(
+            "the detector planes differ",
+            rule="one pass needs planes of equal size, cells and quantity",
+            remedy="render scenes with equal planes one after the other",
+        )
     return list(sensors)
 
 
@@ -111,6 +127,9 @@ def _coefficients(medium: mi.Medium) -> Water:
     scattering, _, extinction = medium.get_scattering_coefficients(interaction)
     b, c = (np.array(v).ravel() for v in (scattering, extinction))
     if np.ptp(b) > 1e-6 or np.ptp(c) > 1e-6:
-        raise RenderError("the medium varies over the spectrum", rule="photon_tracer walks one wavelength at a time",
-                          remedy="give sigma_t and albedo as numbers")  # fmt: skip
+        raise RenderError(
+            "the medium varies over the spectrum",
+            rule="photon_tracer walks one wavelength at a time",
+            remedy="give sigma_t and albedo as numbers",
+        )
     return Water(float(c[0] - b[0]), float(b[0]))

@@ -91,7 +91,7 @@ class Planes:
     def crossing(
         self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
     ) -> Crossing:
-        """Where the flight from `position` along `direction`, at most `reach` long, meets plane number `plane`."""
+        """Where a flight from `position` along `direction`, at most `reach` long, meets a plane."""
         z = dr.gather(mi.Float, self.z, plane)
         distance = (z - position.z) / direction.z
         x, y = dr.fma(direction.x, distance, position.x), dr.fma(direction.y, distance, position.y)
@@ -103,7 +103,7 @@ class Planes:
         return Crossing(distance, x, y, z, hits, cell, mirror_hits, mirror_cell)
 
     def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-        """Response of the receiver to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m."""
+        """Receiver's response to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m."""
         z = crossing.z
         to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
         full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))

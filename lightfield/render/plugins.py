@@ -23,10 +23,10 @@ _variant: str | None = None
 
 
 def register() -> None:
-    """Register `lightfield_lamp`, `lightfield_phase`, `detector_plane` and `photon_tracer` with Mitsuba's variant.
+    """Register our emitter, phase function, sensor and integrator with Mitsuba's variant.
 
-    Needed once after every `mi.set_variant`; `use_backend()` does it. A plugin class belongs to the variant that it
-    was made under, so another variant means making the classes again.
+    Needed once after every `mi.set_variant`; `use_backend()` does it. A plugin class belongs to the variant
+    that it was made under, so another variant means making the classes again.
     """
     global _variant
     if _variant == mi.variant():

@@ -7,7 +7,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.errors import RenderError
 from lightfield.lamps.profile import solid_angle_sr
@@ -18,6 +17,7 @@ from lightfield.render.grid import Grid, band_wavelengths, reference_of, scene_g
 from lightfield.render.response import Array, Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Rendering:
     def relative_maps(
         self, wavelengths_nm: Array, part: str = "all", intensity: Array | None = None
     ) -> tuple[Array, Array]:
-        """Maps for unit on-axis radiant intensity (or `intensity`, shape (n,)), shape (n, n_planes, n_y, n_x)."""
+        """Maps for unit on-axis radiant intensity (or `intensity`, (n,)), shape (n, n_planes, n_y, n_x)."""
         water, tank = self.scene.water, self.scene.tank
         a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
@@ -147,18 +147,37 @@ def render_scene(
 
 
 def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, Any]:
-    """Everything that a tally depends on, as plain values: geometry, beam, phase function, reference, software."""
+    """All that a tally depends on, as plain values: geometry, beam, phase function, reference, software."""
     irrelevant: dict[str, Any] = {
-        "lamp.power_w": 1.0, "lamp.spectrum": "planck", "lamp.temperature_k": 2900.0, "lamp.spectrum_table": None,
-        "lamp.drift_per_hour": 0.0, "lamp.warmup_fraction": 0.0, "lamp.warmup_time_s": 600.0, "lamp.window_index": 1.0,
-        "water.base": "none", "water.table": None, "water.absorption_per_m": 0.0, "water.scattering_per_m": 0.0,
-        "water.chlorophyll_mg_per_m3": 0.0, "water.cdom_440_per_m": 0.0, "water.cdom_slope_per_nm": 0.014,
-        "water.sediment_g_per_m3": 0.0, "water.temperature_c": 20.0, "water.salinity_psu": 0.0,
-        "water.hardening_per_m": 0.0, "detector.background": 0.0, "detector.saturation": 0.0,
-        "detector.saturation_quadratic": 0.0, "detector.bands_nm": ((500.0, 550.0),),
-        "detector.planes_m": (1.0,), "detector.positions_m": None, "detector.width_m": 1.0,
-        "detector.height_m": None, "detector.pixels": 1,
-    }  # fmt: skip
+        "lamp.power_w": 1.0,
+        "lamp.spectrum": "planck",
+        "lamp.temperature_k": 2900.0,
+        "lamp.spectrum_table": None,
+        "lamp.drift_per_hour": 0.0,
+        "lamp.warmup_fraction": 0.0,
+        "lamp.warmup_time_s": 600.0,
+        "lamp.window_index": 1.0,
+        "water.base": "none",
+        "water.table": None,
+        "water.absorption_per_m": 0.0,
+        "water.scattering_per_m": 0.0,
+        "water.chlorophyll_mg_per_m3": 0.0,
+        "water.cdom_440_per_m": 0.0,
+        "water.cdom_slope_per_nm": 0.014,
+        "water.sediment_g_per_m3": 0.0,
+        "water.temperature_c": 20.0,
+        "water.salinity_psu": 0.0,
+        "water.hardening_per_m": 0.0,
+        "detector.background": 0.0,
+        "detector.saturation": 0.0,
+        "detector.saturation_quadratic": 0.0,
+        "detector.bands_nm": ((500.0, 550.0),),
+        "detector.planes_m": (1.0,),
+        "detector.positions_m": None,
+        "detector.width_m": 1.0,
+        "detector.height_m": None,
+        "detector.pixels": 1,
+    }
     if scene.tank:
         reflects = float(scene.tank.surface_reflectance > 0)
         irrelevant |= {"tank.wall_albedo": 0.0, "tank.surface_reflectance": reflects}

@@ -3,9 +3,9 @@
     E(a, b, rho, s) = sum over histories  R[n, m, k, e]  (b / b_0)^n  (rho / rho_0)^m  s^k
                       exp(-(c - c_0) (r + e)),      c = a + b
 
-R is the tally of a trace in the reference water (a_0, b_0) with wall albedo rho_0; n, m, k count scatterings, wall hits
-and surface reflections; e is the path in excess of the straight line r to the cell. No NumPy array here depends on
-Mitsuba, so a response read from disk is evaluated without it.
+R is the tally of a trace in the reference water (a_0, b_0) with wall albedo rho_0; n, m, k count
+scatterings, wall hits and surface reflections; e is the path in excess of the straight line r to the cell.
+No NumPy array here depends on Mitsuba, so a response read from disk is evaluated without it.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ class Bookkeeping:
     Parameters
     ----------
     emitted, absorbed, walls, escaped, unfinished : float
-        Power emitted; absorbed in the reference water; absorbed by walls; lost through the surface or out of the
-        water; left in walks cut off at the flight limit. `roulette` is the net power that the roulette invented.
+        Power emitted; absorbed in the reference water; absorbed by walls; lost through the surface or out of
+        the water; left in walks cut off at the flight limit. `roulette` is the net power that the roulette
+        invented.
     """
 
     emitted: float
@@ -90,7 +91,7 @@ class TransportResponse:
     @property
     def is_direct(self) -> NDArray[np.bool_]:
         """Rows that light has reached without scattering or reflection, shape (n_rows,)."""
-        return ~self.histories.any(axis=1)
+        return np.asarray(~self.histories.any(axis=1))
 
     def evaluate(
         self,
@@ -132,8 +133,8 @@ class TransportResponse:
             spread[0] = spread[0] + np.tile(hardening * HERMITE_NODES, len(columns[0]))
             batches = self._batches(*spread, part=part)
             weights = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum()
-            shape = (len(batches), len(columns[0]), len(weights), -1)
-            batches = np.einsum("bwhp,h->bwp", batches.reshape(shape), weights)
+            split = batches.reshape(len(batches), len(columns[0]), len(weights), -1)
+            batches = np.einsum("bwhp,h->bwp", split, weights)
         else:
             batches = self._batches(*columns, part=part)
         mean, stderr = mean_and_stderr(batches)
@@ -146,7 +147,7 @@ class TransportResponse:
         columns = [np.array([v], float) for v in (a, b, rho, surface)]
         return self._batches(*columns, part=part).reshape(-1, *self.shape)
 
-    def _batches(self, a: Array, b: Array, rho: Array, surface: Array, part: str) -> Array:
+    def _batches(self, a: Array, b: Array, rho: Array, surface: Array, *, part: str) -> Array:
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
@@ -164,15 +165,18 @@ class TransportResponse:
         ref = self.reference
         if (b > 0).any() and ref.scattering_per_m == 0:
             raise RenderError(
-                "this response was traced without scattering", found=float(b.max()),
-                rule="b > 0 needs a trace with b > 0", remedy="trace again with reference_scattering_per_m > 0",
-            )  # fmt: skip
+                "this response was traced without scattering",
+                found=float(b.max()),
+                rule="b > 0 needs a trace with b > 0",
+                remedy="trace again with reference_scattering_per_m > 0",
+            )
         if (rho > 0).any() and ref.wall_albedo == 0:
             raise RenderError(
-                "this response was traced with black walls", found=float(rho.max()),
+                "this response was traced with black walls",
+                found=float(rho.max()),
                 rule="albedo > 0 needs a trace with reflecting walls",
                 remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
-            )  # fmt: skip
+            )
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
         scattered = (b / ref.scattering_per_m if ref.scattering_per_m else np.zeros_like(b))[:, None] ** n
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m

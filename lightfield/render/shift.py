@@ -1,4 +1,4 @@
-"""From cell averages to readings: the field of a lamp that stands a little aside, or a reading beside its cell."""
+"""From cells to readings: the field of a lamp that stands a little aside, a reading beside its cell."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Shift:
 
     def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
         cx, cy, cz = grid.centres()
+        cx, cy, cz = cx.ravel(), cy.ravel(), cz.ravel()
         number = np.full(grid.shape, -1)
-        assert grid.occupied is not None
-        number[grid.occupied] = np.arange(len(cx))
+        number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(len(cx))
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
         self.cell_z_m = cz
         self.dx, self.dy = x_m - cx[self.cell], y_m - cy[self.cell]

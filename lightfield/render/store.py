@@ -15,7 +15,7 @@ from lightfield.cache import cache_dir
 from lightfield.errors import OutputError
 from lightfield.files import atomic_path
 
-FORMAT = 3  # raised whenever the walk, the tally or this file's layout changes
+FORMAT = 4  # raised whenever the walk, the tally or this file's layout changes
 log = logging.getLogger(__name__)
 
 
@@ -45,7 +45,7 @@ def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
 
 def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Store arrays under `key`; a full or read-only disk costs the cache entry, not the result."""
-    kept = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
+    kept: dict[str, Any] = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
     try:
         with atomic_path(_path(key)) as temporary, temporary.open("wb") as file:
             np.savez(file, **kept, checksum=np.frombuffer(_checksum(kept).encode(), np.uint8))

@@ -2,12 +2,14 @@
 
 What is estimated, at every detector cell, is the power of the light that crosses it, split by its history:
 
-    R[h] = sum over flights  W  T(t)  1[flight crosses the cell, history h] / A ,   W = w_0  rho_0^m  exp(-a_0 L)
+    R[h] = sum over flights  W  T(t)  1[flight crosses the cell, history h] / A
+    W    = w_0  rho_0^m  exp(-a_0 L)
 
-A photon flies freely with the *reference* scattering coefficient b_0; absorption never ends a walk but weighs it by
-exp(-a_0 L). Each flight is tallied at every plane that it would cross before the next surface, with the expected
-value T(t) = exp(-b_0 t) instead of the yes or no of a real crossing. Histories are the numbers of scatterings n, wall
-hits m, surface reflections k, the excess path over the straight line, and (for fits) the direction of emission.
+A photon flies freely with the *reference* scattering coefficient b_0; absorption never ends a walk but
+weighs it by exp(-a_0 L). Each flight is tallied at every plane that it would cross before the next surface,
+with the expected value T(t) = exp(-b_0 t) instead of the yes or no of a real crossing. Histories are the
+numbers of scatterings n, wall hits m, surface reflections k, the excess path over the straight line, and
+(for fits) the direction of emission.
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ class Water:
 
 
 class Absorption:
-    """The reference water's absorption inside the loop, held in variables so that a new water needs no new kernel."""
+    """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
     def __init__(self, water: Water) -> None:
         self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (

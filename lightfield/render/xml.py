@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 from lightfield.files import atomic_path
 from lightfield.lamps.spectrum import spectral_power
@@ -17,6 +16,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.grid import band_wavelengths, reference_of, scene_grid
 from lightfield.render.rendering import unit_power
 from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 
 def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, Any]:
