@@ -84,7 +84,9 @@ ensure_llvm() {
     findings=$(find_llvm 2>&1) || status=$?
     case $status in
         0) say "libLLVM: $findings"; return ;;
+        1) ;;
         2) stop "$findings" ;; # named by the user, and not usable: not ours to overrule
+        *) stop "the search for libLLVM failed: $findings" ;;
     esac
     [ -z "$findings" ] || say "not usable: $findings"
     if ! command -v apt-get >/dev/null 2>&1; then
