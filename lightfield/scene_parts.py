@@ -239,6 +239,10 @@ class Detector(Part):
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
             raise ValueError("nothing to measure; remedy: give planes_m or positions_m")
+        if self.acceptance_hwhm_deg and self.quantity != "irradiance":
+            raise ValueError(
+                f"acceptance_hwhm_deg is for irradiance, found {self.quantity}; remedy: set it to 0"
+            )
         if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
             raise ValueError(
                 f"planes_m must rise, found {list(self.planes_m)}; remedy: sort them, drop doubles"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,10 +109,7 @@ def _base(water: Water, w: Array) -> tuple[Array, Array]:
     if water.base == "none":
         return np.zeros_like(w), np.zeros_like(w)
     if water.base == "pure":
-        known, absorption, gradient = pure_water_absorption()
-        _inside(w, known, water.base)
-        a = np.interp(w, known, absorption) + (water.temperature_c - 20.0) * np.interp(w, known, gradient)
-        return a, molecular_scattering_per_m(w, water.temperature_c, water.salinity_psu)
+        return _pure(w.tobytes(), w.shape, water.temperature_c, water.salinity_psu)
     if water.base == "table":
         known, a, b = read_columns(
             str(water.table), ("wavelength_nm", "absorption_per_m", "scattering_per_m")
@@ -122,6 +120,18 @@ def _base(water: Water, w: Array) -> tuple[Array, Array]:
     if len(known) > 1:
         _inside(w, known, water.base)
     return np.interp(w, known, a), np.interp(w, known, b)
+
+
+@lru_cache(maxsize=64)
+def _pure(
+    wavelengths: bytes, shape: tuple[int, ...], temperature_c: float, salinity_psu: float
+) -> tuple[Array, Array]:
+    """Remembered, because a fit asks for the same wavelengths thousands of times."""
+    w = np.frombuffer(wavelengths).reshape(shape)
+    known, absorption, gradient = pure_water_absorption()
+    _inside(w, known, "pure")
+    a = np.interp(w, known, absorption) + (temperature_c - 20.0) * np.interp(w, known, gradient)
+    return a, molecular_scattering_per_m(w, temperature_c, salinity_psu)
 
 
 def _inside(w: Array, known: Array, name: str) -> None:

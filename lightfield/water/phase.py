@@ -56,7 +56,7 @@ class PhaseFunction(ABC):
         return np.cos(np.where(u < known[0], below, np.interp(u, known, psi)))
 
     def inverse_cdf_table(self) -> tuple[Array, Array]:
-        """Probability `u` from 0 to 1 and scattering angle in rad, both rising: invert linearly in log angle."""
+        """Probability `u` from 0 to 1 and angle in rad, both rising: linear in log angle."""
         u, psi = self._inverse()
         return np.concatenate([[0.0], u[1:]]), psi
 

@@ -67,8 +67,9 @@ class FournierForand(PhaseFunction):
 class TabulatedPhase(PhaseFunction):
     """Table of a phase function: log-log between angles, a power law below the first one, normalised to 1.
 
-    Integrated this way, Petzold's three tables give the scattering coefficients that he printed (0.037, 0.219, 1.82
-    per m) within 0.6 %; the trapezoidal rule in angle is 1 % high, because the forward peak is convex.
+    Integrated this way, Petzold's three tables give the scattering coefficients that he printed (0.037,
+    0.219, 1.82 per m) within 0.6 %; the trapezoidal rule in angle is 1 % high, because the forward peak is
+    convex.
 
     Parameters
     ----------
