@@ -9,7 +9,7 @@ import numpy as np
 from lightfield.render.beamnodes import BeamNodes
 from lightfield.render.build import Setup, prepare
 from lightfield.render.grid import Grid, band_wavelengths
-from lightfield.render.response import Bookkeeping, Reference, TransportResponse
+from lightfield.render.response import CLASSES, Bookkeeping, Reference, TransportResponse, light_classes
 from lightfield.render.settings import Progress, Settings
 from lightfield.render.walk import trace
 from lightfield.scene import Scene
@@ -113,9 +113,8 @@ def trace_by_direction(
     Returns
     -------
     tally : array, shape (n_emission_nodes, n_rows, n_cells)
-    relative_stderr : array, shape (3, n_cells)
-        Of light that was only scattered, met walls, met the surface; for the scene's own beam in the
-        reference water.
+    relative_stderr : array, shape (5, n_cells)
+        Of each class of light, for the scene's own beam in the reference water.
     histories : array of int, shape (n_rows, 3)
     excess_m : array, shape (n_rows,)
     """
@@ -124,8 +123,7 @@ def trace_by_direction(
     setup = prepare(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
-    n, m, k = histories.T
-    group = np.where(k > 0, 2, np.where(m > 0, 1, np.where(n > 0, 0, -1)))
+    kinds = light_classes(histories)
     own = beam_nodes.values(scene.lamp)
     total = np.zeros(0)
     parts = []
@@ -144,7 +142,7 @@ def trace_by_direction(
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         total = by_node if batch == 0 else total + by_node
         beam = np.einsum("n,rnc->rc", own, by_node)
-        parts.append([beam[group == g].sum(axis=0) for g in range(3)])
+        parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)

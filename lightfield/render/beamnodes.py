@@ -1,8 +1,8 @@
 """A beam on the nodes of a tally that was kept by direction of emission.
 
-Photons are shared between the nodes of a (theta, phi) grid with the weights of linear interpolation, so the
-tally times the node values is the light of the beam's interpolant. Plain node values would make that
-interpolant too wide (by h^2 I''/12 on average); the values used here are corrected for it.
+Photons are shared between the nodes with the weights of B-splines, so the tally times the spline
+coefficients of a beam is the light of that beam. The coefficients come from a least-squares fit, weighed so that
+the far tail counts too.
 """
 
 from __future__ import annotations
@@ -15,41 +15,50 @@ from lightfield.lamps.profile import relative_intensity
 from lightfield.render.grid import AngleNodes
 from lightfield.scene import Lamp
 
-FINE = 4  # steps between two polar nodes
+FINE = 5  # angles per ring at which a beam is looked at
+TAIL = 1e-3  # relative intensity below which a misfit no longer counts relatively
 
 
 class BeamNodes:
-    """Beam values on emission nodes.
+    """Spline coefficients of beams.
 
     Parameters
     ----------
     nodes : AngleNodes
+    hwhm_deg : float
+        Typical width; decides how the fit is weighed.
     """
 
-    def __init__(self, nodes: AngleNodes) -> None:
+    def __init__(self, nodes: AngleNodes, hwhm_deg: float) -> None:
         self.nodes = nodes
-        theta = nodes.theta_rad
-        step = np.arange(FINE) / FINE
-        self.fine = np.concatenate(
-            [theta[:-1, None] + np.diff(theta)[:, None] * step, theta[-1:, None]], axis=None
-        )
-        hats = np.array([np.interp(self.fine, theta, row) for row in np.eye(len(theta))])
-        area = hats * np.gradient(self.fine) * np.maximum(np.sin(self.fine), 0.1 * np.sin(theta[1]))
-        self.hat_mean = area / area.sum(axis=1, keepdims=True)
+        t = (np.arange((nodes.n_theta - 2) * FINE) + 0.5) / FINE
+        theta = nodes.scale_rad * np.sinh(t * nodes.step)
+        splines = ring_weights(t, nodes.n_theta)
+        weight = 1 / (0.5 ** np.minimum((theta / np.radians(1.3 * hwhm_deg)) ** 2, 40) + TAIL)
+        self.fit = np.linalg.lstsq(splines * weight[:, None], np.diag(weight), rcond=1e-8)[0]
         phi = 2 * pi * np.arange(nodes.n_phi) / nodes.n_phi
-        self.theta_grid, self.phi_grid = np.meshgrid(self.fine, phi, indexing="ij")
+        self.theta_grid, self.phi_grid = np.meshgrid(theta, phi, indexing="ij")
         # Linear interpolation damps the k-th harmonic of phi by sinc^2(k h / 2).
         harmonic = np.fft.fftfreq(nodes.n_phi, 1 / nodes.n_phi)
         self.damping = np.sinc(harmonic / nodes.n_phi) ** 2
 
     def values(self, lamp: Lamp) -> np.ndarray:
-        """Corrected relative intensity of a beam on the nodes, shape (nodes.size,)."""
-        x, y = beam_angles(lamp, self.theta_grid, self.phi_grid)
-        fine = relative_intensity(lamp, x, y)
-        polar = 2 * fine[::FINE] - self.hat_mean @ fine
-        if np.ptp(polar, axis=1).max() > 1e-12:
-            polar = np.fft.ifft(np.fft.fft(polar, axis=1) / self.damping, axis=1).real
-        return np.asarray(polar).ravel()
+        """Coefficients of a beam's relative intensity, shape (nodes.size,)."""
+        beam = relative_intensity(lamp, *beam_angles(lamp, self.theta_grid, self.phi_grid))
+        if np.ptp(beam, axis=1).max() > 1e-12:
+            beam = np.fft.ifft(np.fft.fft(beam, axis=1) / self.damping, axis=1).real
+        return np.asarray(self.fit @ beam).ravel()
+
+
+def ring_weights(t: np.ndarray, n_theta: int) -> np.ndarray:
+    """Cubic B-splines of all rings at coordinates t (in knots), even about 0; shape (len(t), n_theta)."""
+    low = np.floor(t).astype(int)
+    f = t - low
+    shares = (1 - f) ** 3, 3 * f**3 - 6 * f**2 + 4, -3 * f**3 + 3 * f**2 + 3 * f + 1, f**3
+    weights = np.zeros((len(t), n_theta))
+    for offset, share in zip((-1, 0, 1, 2), shares, strict=True):
+        np.add.at(weights, (np.arange(len(t)), np.abs(low + offset)), share / 6)
+    return weights
 
 
 def beam_angles(lamp: Lamp, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ apparent source distance is that of the scene the response was made for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,15 @@ from lightfield.render.backend import use_backend
 from lightfield.render.beamnodes import BeamNodes
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.rendering import transport_key
-from lightfield.render.response import HERMITE_NODES, HERMITE_WEIGHTS, Array, Reference, TransportResponse
+from lightfield.render.response import (
+    HERMITE_NODES,
+    HERMITE_WEIGHTS,
+    NEVER_SCATTERED,
+    Array,
+    Reference,
+    TransportResponse,
+    light_classes,
+)
 from lightfield.render.shift import Shift
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
@@ -54,8 +62,8 @@ class DiffuseResponse:
     Parameters
     ----------
     tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells), one per node of g
-    relative_stderr : array, shape (n_g, 3, n_cells)
-        Monte Carlo error of light that was only scattered, met walls, met the surface.
+    relative_stderr : array, shape (n_g, 5, n_cells)
+        Monte Carlo error of each class of light (see `light_classes`).
     g_nodes : tuple of float
         Empty when the phase function has no g (one tally then).
     rows : TransportResponse
@@ -99,38 +107,34 @@ class DiffuseResponse:
         surface = np.array([tank.surface_reflectance if tank else 0.0])
         q = water.hardening_per_m
         spread = a + q * HERMITE_NODES if q else a
-        groups = self.groups
-        used = (groups >= 0) & ((rho[0] > 0) | (self.rows.histories[:, 1] == 0))
-        used &= (surface[0] > 0) | (self.rows.histories[:, 2] == 0)
-        used &= (b[0] > 0) | (self.rows.histories[:, 0] == 0)
-        cells = len(self.rows.straight_m)
-        parts = np.zeros((3, cells))
-        errors = np.zeros((3, cells))
+        history = self.rows.histories
+        used = (self.classes >= 0) & ((rho[0] > 0) | (history[:, 1] == 0))
+        used &= ((surface[0] > 0) | (history[:, 2] == 0)) & ((b[0] > 0) | (history[:, 0] == 0))
+        value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
         if used.any():
             ones = np.ones_like(spread)
-            weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)[:, used]
-            change = spread + b - self.rows.reference.absorption_per_m - self.rows.reference.scattering_per_m
+            weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
+            reference = self.rows.reference
+            change = spread + b - reference.absorption_per_m - reference.scattering_per_m
             along = np.exp(-change[:, None] * self.rows.straight_m)
             average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
-            for share, index in self._g_shares(scene):
-                beam = self._beam(index, scene)[used]
-                for group in range(3):
-                    mine = groups[used] == group
-                    if mine.any():
-                        value = np.einsum("h,hc->c", average, (weights[:, mine] @ beam[mine]) * along)
-                        parts[group] += share * value
-                        errors[group] += (share * value * self.relative_stderr[index, group]) ** 2
-        extra = self._inhomogeneous(scene)
-        total = parts.sum(axis=0) * extra
-        return self.shift.apply(total, scene.lamp.offset_x_m, scene.lamp.offset_y_m), self.shift.pick(
-            np.sqrt(errors.sum(axis=0)) * extra
-        )
+            shares = self._g_shares(scene)
+            for kind in np.unique(self.classes[used]):
+                rows = used & (self.classes == kind)
+                # Light that was never scattered knows no g: its tally is the same at every node.
+                for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
+                    beam = self._beam(index, scene)[rows]
+                    part = share * (average @ ((weights[:, rows] @ beam) * along))
+                    value += part
+                    variance += (part * self.relative_stderr[index, kind]) ** 2
+        attenuated = self._inhomogeneous(scene)
+        moved = self.shift.apply(value * attenuated, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
+        return moved, self.shift.pick(np.sqrt(variance) * attenuated)
 
     @cached_property
-    def groups(self) -> Array:
-        """Class of every row: 0 only scattered, 1 met walls, 2 met the surface, -1 direct."""
-        n, m, k = self.rows.histories.T
-        return np.where(k > 0, 2, np.where(m > 0, 1, np.where(n > 0, 0, -1)))
+    def classes(self) -> Array:
+        """Class of every row, see `light_classes`."""
+        return light_classes(self.rows.histories)
 
     def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
         """Lagrange interpolation in log(1 - g) over the traced nodes."""
@@ -211,7 +215,7 @@ def response_for(
     nodes = tuple(sorted(g_nodes)) if has_g else ()
     tank = scene.tank
     reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO if tank else 0.0)
-    beam_nodes = BeamNodes(angle_nodes(width))
+    beam_nodes = BeamNodes(angle_nodes(width), width)
     key = {
         "kind": "diffuse",
         **transport_key(traced, grid, reference),
@@ -219,7 +223,7 @@ def response_for(
         "g": nodes,
         "photons": photons,
         "seed": seed,
-        "nodes": [beam_nodes.nodes.theta_rad, beam_nodes.nodes.n_phi],
+        "nodes": asdict(beam_nodes.nodes),
     }
     stored = store.load(key) if cache else None
     if stored is None:
@@ -276,13 +280,15 @@ def _trace(
         tally, stderr, histories, excess = trace_by_direction(one, grid, reference, beam_nodes, photons, seed)
         tallies.append(tally)
         errors.append(stderr)
-    used = np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
+    stacked, relative = np.array(tallies, np.float32), np.array(errors)
+    once = histories[:, 0] == 0
+    stacked[:, :, once] = stacked[:, :, once].mean(axis=0)
+    kinds = list(NEVER_SCATTERED)
+    relative[:, kinds] = np.sqrt((relative[:, kinds] ** 2).mean(axis=0) / len(relative))
+    used = stacked.any(axis=(0, 1, 3))
     return {
-        "tallies": np.array([t[:, used] for t in tallies], np.float32),
-        "relative_stderr": np.array(errors),
+        "tallies": stacked[:, :, used],
+        "relative_stderr": relative,
         "histories": histories[used],
         "excess_m": excess[used],
     }
-
-
-__all__ = ["DiffuseResponse", "response_for"]

@@ -16,11 +16,11 @@ import numpy as np
 
 from lightfield.lamps.profile import relative_intensity
 from lightfield.render.grid import AngleNodes
+from lightfield.render.sobol import ScrambledSobol
 from lightfield.scene import Lamp
 
 BINS = 512
 TABLE = 4096
-GOLDEN = (3242174889, 2447445414)  # 2^32 / plastic number and its square: the R2 sequence (Roberts 2018)
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,6 @@ class Emission:
         if lamp.profile == "table":
             fine = np.linspace(0, 0.5 * pi, TABLE)
             self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
-        if nodes is not None:
-            self.node_theta = mi.Float(nodes.theta_rad)
         # Variables and not literals: another lamp needs no new kernel.
         self.value = {
             name: dr.opaque(mi.Float, value)
@@ -88,12 +86,17 @@ class Emission:
         self.right, self.up, self.axis = _axes(lamp)
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
-        """Intensity of the beam's widest section; for a tally by direction, wide enough for any beam asked later."""
+        """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
         zero = np.zeros_like(theta)
         if self.nodes is not None:
-            # Interpolation between coarse outer nodes lifts a beam's tail: photons there must not be rare and heavy.
-            return np.asarray(relative_intensity(self.lamp, theta / 1.3, zero) + 0.05 * np.exp(-theta / np.radians(8.0)))
-        along_x, along_y = relative_intensity(self.lamp, theta, zero), relative_intensity(self.lamp, zero, theta)
+            # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
+            return np.asarray(
+                relative_intensity(self.lamp, theta / 1.3, zero) + 0.05 * np.exp(-theta / np.radians(8.0))
+            )
+        along_x, along_y = (
+            relative_intensity(self.lamp, theta, zero),
+            relative_intensity(self.lamp, zero, theta),
+        )
         return np.asarray(np.maximum(along_x, along_y))
 
     def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
@@ -112,18 +115,9 @@ class Emission:
         shape = dr.exp(-log(2) * dr.power(dr.maximum(core, 1e-6), value["exponent"]))
         return (shape + value["fraction"] * dr.exp(-log(2) * skirt * skirt)) / (1 + value["fraction"])
 
-    def shift(self, seed: int) -> tuple[mi.UInt32, mi.UInt32]:
-        """Random shift of the low-discrepancy lattice: independent batches use different seeds."""
-        a, b = np.random.default_rng([seed, 0x6C616D70]).integers(0, 2**32, 2, dtype=np.uint32)
-        return dr.opaque(mi.UInt32, int(a)), dr.opaque(mi.UInt32, int(b))
-
-    def sample(self, index: mi.UInt32, shift: tuple[mi.UInt32, mi.UInt32], rng: mi.PCG32) -> Start:
+    def sample(self, index: mi.UInt32, points: ScrambledSobol, rng: mi.PCG32) -> Start:
         """First flights of the photons `index` of a batch."""
-        # The dither, finer than the lattice, keeps 24-bit coordinates from repeating.
-        u1, u2 = (
-            (mi.Float((index * mi.UInt32(step) + offset) >> 8) + rng.next_float32()) * 2.0**-24
-            for step, offset in zip(GOLDEN, shift, strict=True)
-        )
+        u1, u2 = points.point(index)
         local, weight, theta = self.draw(u1, u2)
         node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
         direction = dr.normalize(self.right * local.x + self.up * local.y + self.axis * local.z)
@@ -155,12 +149,18 @@ class Emission:
         return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, 1 - 2 * s), weight, theta
 
     def _node(self, nodes: AngleNodes, theta: mi.Float, turn: mi.Float, rng: mi.PCG32) -> mi.UInt32:
-        """Node beside the direction, drawn with the weights of linear interpolation (unbiased)."""
-        last = len(nodes.theta_rad) - 2
-        low = dr.binary_search(0, last, lambda i: dr.gather(mi.Float, self.node_theta, i + 1) <= theta)
-        a, b = dr.gather(mi.Float, self.node_theta, low), dr.gather(mi.Float, self.node_theta, low + 1)
-        ring = low + dr.select(
-            rng.next_float32() < dr.clip((theta - a) / (b - a), 0, 1), mi.UInt32(1), mi.UInt32(0)
+        """Node near the direction, chosen at random with the weights of the splines (unbiased)."""
+        t = dr.minimum(dr.asinh(theta / nodes.scale_rad) / nodes.step, nodes.n_theta - 2.001)
+        low = mi.UInt32(t)
+        f, u = t - mi.Float(low), 6 * rng.next_float32()
+        share_before = (1 - f) * (1 - f) * (1 - f)
+        share_at = f * f * (3 * f - 6) + 4
+        share_after = f * (f * (3 - 3 * f) + 3) + 1
+        # Rings are even about the axis: the ring before the first is the second.
+        before = dr.select(low == 0, 1, low - 1)
+        u_at, u_after = u - share_before, u - share_before - share_at
+        ring = dr.select(
+            u_at < 0, before, dr.select(u_after < 0, low, dr.select(u_after < share_after, low + 1, low + 2))
         )
         at = turn * nodes.n_phi
         sector = mi.UInt32(at)

@@ -46,23 +46,35 @@ class Grid:
 
 @dataclass(frozen=True)
 class AngleNodes:
-    """Grid of emission directions (theta, phi) on which a tally can be kept, to reweigh the beam afterwards.
+    """Nodes over the direction of emission: a tally kept on them can be reweighed to another beam.
+
+    Rings are cubic B-splines with equal knots in t = asinh(theta / scale), even about the axis; sectors are
+    equal steps of phi from 0 with linear interpolation.
 
     Parameters
     ----------
-    theta_rad : array, shape (n_theta,)
-        Ascending, first 0.
-    n_phi : int
-        Azimuth nodes, equally spaced from phi = 0; even, so that x -> -x maps nodes on nodes.
+    scale_rad : float
+        Below it rings are equally spaced in theta, beyond in log(theta).
+    step : float
+        Knot distance in t.
+    n_theta, n_phi : int
+        Rings and sectors; n_phi is even, so that x -> -x maps nodes on nodes.
     """
 
-    theta_rad: np.ndarray
+    scale_rad: float
+    step: float
+    n_theta: int
     n_phi: int
 
     @property
     def size(self) -> int:
         """Number of nodes; node number = i_theta n_phi + i_phi."""
-        return len(self.theta_rad) * self.n_phi
+        return self.n_theta * self.n_phi
+
+    @property
+    def reach_rad(self) -> float:
+        """Largest angle at which the splines still add up to one."""
+        return float(self.scale_rad * np.sinh((self.n_theta - 2) * self.step))
 
 
 def cell_centres(width_m: float, cells: int) -> np.ndarray:
@@ -126,11 +138,12 @@ def _axis(values: np.ndarray, cell_m: float) -> tuple[np.ndarray, float]:
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
 
 
-def angle_nodes(hwhm_deg: float, inner: int = 10, outer: int = 7, n_phi: int = 8) -> AngleNodes:
-    """Nodes dense over the core of the beam, sparse out to 60 degrees where only a skirt has light."""
-    core = min(2.4 * hwhm_deg, 40.0)
-    theta = np.concatenate([np.linspace(0, core, inner + 1)[:-1], np.geomspace(core, 60.0, outer)])
-    return AngleNodes(np.radians(theta), n_phi)
+def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:
+    """Nodes dense over the core of a beam and sparse out to 70 degrees, for skirts and wide beams."""
+    scale = np.radians(1.5 * hwhm_deg)
+    return AngleNodes(
+        float(scale), float(np.arcsinh(np.radians(70.0) / scale) / (n_theta - 2)), n_theta, n_phi
+    )
 
 
 def band_wavelengths(scene: Scene, samples: int = 5) -> np.ndarray:

@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.errors import RenderError
 
 Array = NDArray[np.floating[Any]]
+NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
+CLASSES = 5
 HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 
 
@@ -181,6 +183,12 @@ class TransportResponse:
         scattered = (b / ref.scattering_per_m if ref.scattering_per_m else np.zeros_like(b))[:, None] ** n
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
         return np.asarray(scattered * walls * surface[:, None] ** k * np.exp(-change * self.excess_m))
+
+
+def light_classes(histories: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
+    """Class of each history: -1 direct; 0 scattered; 1 walls, 2 walls and scattered; 3, 4 surface likewise."""
+    n, m, k = histories.T
+    return np.where(k > 0, 3 + (n > 0), np.where(m > 0, 1 + (n > 0), np.where(n > 0, 0, -1)))
 
 
 def mean_and_stderr(batches: Array) -> tuple[Array, Array]:
