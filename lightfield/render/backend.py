@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import os
 import sys
@@ -50,6 +49,8 @@ class Backend:
     cache_dir: Path
 
 
+_NO_LIBRARY = "/nonexistent/libLLVM.so"
+_refusal: LightfieldError | None = None
 _active: tuple[int, Backend] | None = None  # process id, backend: the only global state of the package
 
 
@@ -108,6 +109,8 @@ def choose() -> Backend:
 
 
 def _llvm_library() -> llvm.Library:
+    if _refusal is not None and os.environ.get("DRJIT_LIBLLVM_PATH") == _NO_LIBRARY:
+        raise _refusal
     named = llvm.explicit()
     if named is not None:
         variable, library = named
@@ -147,13 +150,17 @@ def _threads() -> int:
 def prepare() -> None:
     """Name the right LLVM to Dr.Jit, which loads one as soon as Mitsuba is imported; nothing is started.
 
-    The package `lightfield.render` calls it before its modules import Mitsuba. What is wrong is left for
-    `use_backend` to say.
+    The package `lightfield.render` calls it before its modules import Mitsuba. Where no library is usable,
+    Dr.Jit is given a name that does not exist, so that it loads none; `use_backend` then says what is wrong.
     """
-    if "drjit" in sys.modules or os.environ.get("DRJIT_LIBLLVM_PATH"):
+    global _refusal
+    if "drjit" in sys.modules:
         return
-    with contextlib.suppress(LightfieldError):
+    try:
         _name_to_drjit(_llvm_library().path, cache_dir())
+    except LightfieldError as error:
+        _refusal = error
+        os.environ["DRJIT_LIBLLVM_PATH"] = _NO_LIBRARY
 
 
 def _name_to_drjit(library: Path | None, cache: Path) -> None:
