@@ -41,6 +41,7 @@ THEMED = {
     SERIES[5]: "series-6",
 }
 WIDTH = 10.0  # inches of a figure that fills the page
+PAGE_PIXELS = 1020
 PNG_DPI = 150
 _RC: Any = {
     "font.family": "sans-serif",
@@ -115,7 +116,8 @@ def to_svg(fig: Figure, name: str) -> str:
     svg = re.sub(r'(id="|url\(#|href="#)', lambda found: f"{found[1]}{name}-", svg)
     # Width from the page, height from the drawing's own proportions.
     svg = re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", svg, count=1)
-    svg = re.sub(r"<svg ([^>]*?)>", r'<svg \1 role="img">', svg, count=1)
+    shape = f'role="img" style="max-width: {PAGE_PIXELS * fig.get_figwidth() / WIDTH:.0f}px"'
+    svg = re.sub(r"<svg ([^>]*?)>", rf"<svg \1 {shape}>", svg, count=1)
     svg = re.sub(r"'DejaVu Sans'(, [^;\"]*)?", "var(--sans)", svg)
     for colour, variable in THEMED.items():
         svg = svg.replace(colour, f"var(--{variable})")
