@@ -1,0 +1,92 @@
+"""`lightfield diagnose`: find the physical effect that readings show and the model lacks."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.errors import UsageError
+from lightfield.files import atomic_path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("data", type=Path, metavar="DATA", nargs="?", help="reading table (CSV)")
+    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "--effects", metavar="A,B,...", help="consider these effects only (default: all; --list names them)"
+    )
+    parser.add_argument("--list", action="store_true", help="print the table of effects and stop")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write the verdict")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write verdict, one scene per rung, and the ledger"
+    )
+    parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
+    parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.03)")
+    parser.add_argument("--seed", type=int, default=0, help="of the bootstrap")
+    parser.add_argument(
+        "--no-trace",
+        action="store_true",
+        help="leave out what only the renderer knows: scattering, walls, surface",
+    )
+    parser.add_argument(
+        "--no-render", action="store_true", help="do not render the explained scene afresh at the end"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, print, write."""
+    if args.schema:
+        from lightfield.diagnosis.verdict import json_schema
+
+        print(json.dumps(json_schema(), indent=2))
+        return 0
+    if args.list:
+        _print_table()
+        return 0
+    if args.data is None or args.scene is None:
+        raise UsageError(
+            "diagnose needs readings and a scene", remedy="lightfield diagnose DATA --scene SCENE"
+        )
+    if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
+        raise UsageError("--alpha is not a usable probability", found=args.alpha, rule="0.0005 to 0.5")
+    from lightfield.diagnose import diagnose
+    from lightfield.diagnosis.cascade import ALPHA
+    from lightfield.measurements.readings import Readings
+    from lightfield.scene import Scene
+
+    names = [name.strip() for name in args.effects.split(",") if name.strip()] if args.effects else None
+    found = diagnose(
+        Readings.load(args.data),
+        Scene.load(args.scene),
+        diffuse=None if args.no_trace else "trace",
+        only=names,
+        alpha=ALPHA if args.alpha is None else args.alpha,
+        seed=args.seed,
+    )
+    if found.steps[1:] and not (args.no_trace or args.no_render):
+        found = found.rendered()
+    if args.output:
+        found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
+    print(found.summary())
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    if args.report:
+        from lightfield.report.diagnosis import write_report
+
+        write_report(found, args.report)
+    return 0
+
+
+def _print_table() -> None:
+    from lightfield.effects import table
+
+    for effect in table().values():
+        print(f"{effect.name} ({effect.family}): {effect.physics}")
+        for form in effect.forms:
+            print(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
+        print(f"    looks like: {effect.signature}")
+        print(f"    check: {effect.laboratory}")

@@ -1,0 +1,173 @@
+"""Which physical effect is missing? Readings and a scene in; a verdict, a ladder and advice out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield import __version__, effects
+from lightfield.diagnosis import compose, ledger
+from lightfield.diagnosis.cascade import ALPHA, Finding, search
+from lightfield.diagnosis.ladder import Step, climb
+from lightfield.diagnosis.preparation import Prepared, prepare
+from lightfield.diagnosis.setup import budget_of, problem_of
+from lightfield.diagnosis.verdict import Verdict
+from lightfield.effects import Effect
+from lightfield.files import atomic_path
+from lightfield.fit import Array
+from lightfield.forward import DiffuseSource, SceneForward
+from lightfield.scene import Scene
+
+_NO_DIFFUSE = "scattered and reflected light was not traced"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and everything it rests on.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Plain data, as written to JSON.
+    steps : list of Step
+        The ladder with its fits.
+    """
+
+    verdict: Verdict
+    forward: SceneForward
+    readings: Any
+    prepared: Prepared
+    finding: Finding
+    steps: list[Step]
+    seed: int
+    untestable: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def scene(self) -> Scene:
+        """The fitted scene of the last rung."""
+        return self.forward.scene_at(self.steps[-1].fit.values)
+
+    @property
+    def prediction(self) -> Array:
+        """Readings of the last rung, shape (n,)."""
+        return self.steps[-1].fit.prediction
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Standard error of every reading as the diagnosis used it, shape (n,)."""
+        level = self.finding.level
+        covariance = self.prepared.noise.covariance(0.0, level.bench.phi * level.phi, 0.0)
+        return np.sqrt(np.diag(covariance))
+
+    def summary(self) -> str:
+        """The verdict for people, several lines."""
+        return compose.summary(self.verdict)
+
+    def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
+        """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
+
+        Parameters
+        ----------
+        folder : path-like
+        command : str
+            What the ledger calls this run.
+
+        Returns
+        -------
+        Diagnosis
+            The same, with its number in the ledger.
+        """
+        target = Path(folder)
+        rows = []
+        known = ledger.fingerprint(self.readings)
+        number = ledger.runs(target, known) + 1
+        verdict = self.verdict.model_copy(update={"run": number})
+        for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
+            name = f"rung{k}.toml"
+            self.forward.scene_at(step.fit.values).save(target / name)
+            rows.append(
+                rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
+                | {"scene": name}
+            )
+        with atomic_path(target / "verdict.json") as temporary:
+            temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        ledger.append(target, rows, command, known)
+        return replace(self, verdict=verdict)
+
+
+def diagnose(
+    readings: Any,
+    scene: Scene,
+    *,
+    diffuse: DiffuseSource | str | None = "trace",
+    only: Sequence[str] | None = None,
+    alpha: float = ALPHA,
+    seed: int = 0,
+    advise: bool = True,
+) -> Diagnosis:
+    """Find the smallest sets of physical effects beside which nothing is missing in the model.
+
+    Parameters
+    ----------
+    readings : Readings
+        A reading table.
+    scene : Scene
+        What the experimenter believes. Gain, beam half-width and absorption are refitted; an effect that the
+        scene already switches on stays on.
+    diffuse : "trace", None or callable
+        Where scattered and reflected light comes from: traced by the renderer and kept in its cache, not at
+        all (then scattering, walls and surface cannot be tested), or a function like
+        `render.diffuse.response_for`.
+    only : sequence of str, optional
+        Names of the effects to consider; default: the whole table.
+    alpha : float
+        Family-wise false-alarm probability of the test of the base model.
+    seed : int
+        Of the bootstrap.
+    advise : bool
+        Work out held-out errors and the next measurement.
+
+    Raises
+    ------
+    FitError
+        Too few readings.
+    MeasurementError
+        Readings that do not belong to this scene.
+    UsageError
+        Unknown effect.
+    """
+    readings = readings.check_against(scene)
+    source, reason = _source(diffuse)
+    forward = SceneForward(scene, readings, source)
+    chosen: list[Effect] = (
+        [effects.get(name) for name in only] if only is not None else list(effects.table().values())
+    )
+    problem, untestable = problem_of(forward, readings, chosen, reason)
+    rng = np.random.default_rng(seed)
+    budget = budget_of(readings)
+    prepared = prepare(problem, np.asarray(readings.stderr, float), budget, rng)
+    finding = search(prepared, budget.tolerance, rng, alpha)
+    best = finding.accepted[0] if finding.accepted else None
+    starts = [finding.level.base, *([best.fit] if best else [])]
+    phi = finding.level.bench.phi
+    steps = climb(
+        prepared.problem, best.explanation if best else (), finding.level.bench.whiten, starts, phi, advise
+    )
+    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    verdict = verdict.model_copy(update={"lightfield_version": __version__})
+    return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)
+
+
+def _source(diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+    if callable(diffuse):
+        return diffuse, None
+    if diffuse is None:
+        return None, _NO_DIFFUSE
+    from lightfield.render.diffuse import response_for  # Mitsuba, which nothing else here needs
+
+    return response_for, None

@@ -1,0 +1,1 @@
+"""Pieces of the diagnosis: noise, templates, adequacy test, search, rivals, ladder, verdict."""

@@ -1,0 +1,341 @@
+"""Puts a finding together as the verdict: numbers, limits, rival, advice, words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lightfield.diagnosis import words
+from lightfield.diagnosis.advice import possible_places, where_next
+from lightfield.diagnosis.cascade import Finding
+from lightfield.diagnosis.families import Coordinate, coordinates
+from lightfield.diagnosis.ladder import Step, bright
+from lightfield.diagnosis.noise import Whitener
+from lightfield.diagnosis.preparation import Prepared
+from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
+from lightfield.diagnosis.search import Tried
+from lightfield.diagnosis.verdict import (
+    DetectionLimit,
+    Estimate,
+    Explanation,
+    Kind,
+    NearestRival,
+    NextMeasurement,
+    Rung,
+    Spot,
+    Verdict,
+)
+from lightfield.fit import Array, Fit
+
+#: A family of unknown factors is named when it takes away this part of the misfit.
+_NAMED = 0.5
+_SHOWN = 8
+
+
+def estimates(fit: Fit, scale: float, units: dict[str, str]) -> dict[str, Estimate]:
+    """Fitted values with errors, or the reason why there is none.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    """
+    errors, bound = fit.stderr(scale), fit.at_bound()
+    out = {}
+    for i, path in enumerate(fit.paths):
+        value, error = fit.values[path], errors[path]
+        reason = None
+        if bound[i]:
+            reason = "at boundary"
+        elif np.linalg.norm(fit.jacobian[:, i]) == 0:
+            reason = "did not move the model"
+        elif not np.isfinite(error):
+            reason = "undetermined"
+        elif error > abs(fit.model.parameters[i].high - fit.model.parameters[i].low) * abs(
+            fit.model.parameters[i].slope(fit.u[i])
+        ):
+            reason = "undetermined: error wider than the allowed range"
+        out[path] = Estimate(
+            value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
+        )
+    return out
+
+
+def units_of(scene: Any) -> dict[str, str]:
+    """Unit of every scene parameter."""
+    return {path: parameter.unit for path, parameter in scene.parameters().items()}
+
+
+def _rungs(steps: list[Step], forward: Any, scale: float, units: dict[str, str]) -> list[Rung]:
+    return [
+        Rung(
+            label=s.label,
+            effects=[c.name for c in s.explanation],
+            error_percent=s.error_percent,
+            chi2_per_dof=s.chi2_per_dof,
+            held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
+            parameters=estimates(s.fit, scale, units),
+            scene=forward.scene_at(s.fit.values).to_toml(),
+        )
+        for s in steps
+    ]
+
+
+def _explanations(
+    finding: Finding, prepared: Prepared, steps: list[Step], units: dict[str, str], hold_out: bool
+) -> list[Explanation]:
+    from lightfield.diagnosis.ladder import held_out, percent
+
+    problem, level = prepared.problem, finding.level
+    counted, n = bright(problem), int(problem.keep.sum())
+    out = []
+    for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
+        assert tried.adequacy is not None
+        if k == 0:
+            left_out = steps[-1].held_out_percent
+        elif hold_out and k < 3:
+            left_out = held_out(problem, tried.explanation, tried.fit, level.bench.whiten)
+        else:
+            left_out = float("nan")
+        out.append(
+            Explanation(
+                effects=[c.name for c in tried.explanation],
+                families=[c.effect.family for c in tried.explanation],
+                forms=[c.form.name for c in tried.explanation],
+                weight=weight,
+                parameters=estimates(tried.fit, tried.adequacy.phi, units),
+                chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
+                error_percent=percent(problem, tried.fit.prediction, counted),
+                held_out_percent=None if np.isnan(left_out) else left_out,
+                adequacy_p=tried.adequacy.p,
+            )
+        )
+    return out
+
+
+def _limits(finding: Finding, best: Tried | None, units: dict[str, str]) -> dict[str, DetectionLimit]:
+    adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
+    named = {c.name for c in best.explanation} if best else set()
+    return {
+        name: DetectionLimit(
+            parameter=limit.path,
+            value=limit.value,
+            unit=units.get(limit.path, "1"),
+            within_range=limit.reachable,
+        )
+        for name, limit in detection_limits(adequacy, adequacy.phi).items()
+        if name not in named
+    }
+
+
+def sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
+    """Standard error of a reading from its prediction, interpolated over the readings at hand."""
+    order = np.argsort(prepared.noise.prediction)
+    level, sigma = prepared.noise.prediction[order], prepared.noise.sigma[order]
+
+    def curve(prediction: Array) -> Array:
+        quoted = np.interp(prediction, level, sigma)
+        # Beyond the brightest reading the error is taken to grow in proportion.
+        beyond = np.maximum(prediction / level[-1], 1.0)
+        return np.asarray(np.sqrt(scale * (quoted * beyond) ** 2 + (0.0025 * prediction) ** 2))
+
+    return curve
+
+
+def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two: Tried) -> NextMeasurement:
+    problem, level = prepared.problem, finding.level
+    tank = forward.scene.tank
+    box = None
+    if tank is not None:
+        end = tank.length_m - tank.behind_lamp_m
+        box = (tank.width_m / 2, tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m, end)
+    places = possible_places(problem, box)
+    last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
+    n = len(places.x_m)
+    there = forward.at(
+        x_m=places.x_m,
+        y_m=places.y_m,
+        z_m=places.z_m,
+        medium=np.where(places.air > 0, "air", "water"),
+        time_s=np.full(n, last),
+    )
+    curve = sigma_curve(prepared, level.bench.phi * level.phi)
+    found = where_next(problem, level.bench.whiten, one, two, level.phi, places, there, curve)
+    readings = [
+        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=found.repeats)
+        for x, y, z, a in zip(
+            found.places.x_m, found.places.y_m, found.places.z_m, found.places.air, strict=True
+        )
+    ]
+    advice = NextMeasurement(
+        sentence="",
+        between=[list(one.names), list(two.names)],
+        readings=readings,
+        separation_now_sigma=found.now_sigma,
+        separation_predicted_sigma=found.predicted_sigma,
+    )
+    if found.predicted_sigma < SAME_CLASS_SIGMA:
+        return advice.model_copy(update={"sentence": words.other_kind(one.names, two.names), "readings": []})
+    return advice.model_copy(update={"sentence": words.next_reading(one.names, two.names, advice)})
+
+
+def _where(best: Coordinate) -> str:
+    unit = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}.get(
+        best.name, ""
+    )
+    return f"near {best.worst_at:.3g} {unit}".rstrip()
+
+
+def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
+    problem, noise = prepared.problem, prepared.noise
+    plain = Whitener(noise, 0.0, finding.level.bench.phi, 0.0)
+    base = problem.fit((), plain, [finding.level.base.u])
+    ranked = coordinates(problem, plain, base, finding.level.phi)
+    best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
+    z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
+    worst = int(z.argmax())
+    lay = problem.layout
+    spot = Spot(
+        x_m=float(lay.x_m[worst]), y_m=float(lay.y_m[worst]), z_m=float(lay.z_m[worst]),
+        medium="air" if lay.air[worst] else "water", repeats=3,
+    )  # fmt: skip
+    about = f" where the misfit is largest (x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m)"
+    if best is not None and best.name == "time":
+        sentence = (
+            "Repeat one reference position every few minutes: the misfit follows the time, not the place."
+        )
+    else:
+        sentence = (
+            f"Repeat readings{about} at another time: what repeats is a structure, what does not is noise."
+        )
+    advice = NextMeasurement(sentence=sentence, readings=[spot])
+    return (best.name if best else None), (_where(best) if best else ""), advice
+
+
+def verdict_of(
+    forward: Any,
+    readings: Any,
+    prepared: Prepared,
+    finding: Finding,
+    steps: list[Step],
+    untestable: dict[str, str],
+    seed: int,
+    alpha: float,
+    advise: bool,
+) -> Verdict:
+    """The verdict as plain data."""
+    problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
+    best = finding.accepted[0] if finding.accepted else None
+    absorbed = {
+        s.template.candidate.name: "absorbed by gain, beam width and absorption with these readings"
+        for s in finding.levels[0].adequacy.scores
+        if not s.testable
+    }
+    testable = {s.template.candidate.name for s in finding.levels[0].adequacy.scores if s.testable}
+    untestable = untestable | {k: v for k, v in absorbed.items() if k not in testable}
+    kind: Kind = "none" if finding.size == 0 else "unexplained"
+    if best is not None:
+        kind = "identified" if finding.identified else "ambiguous"
+    rival = None
+    advice: NextMeasurement | None = None
+    coordinate, where = None, ""
+    if best is not None:
+        near = nearest_rival(problem, level.bench.whiten, best, finding.tried, level.phi)
+        if near is not None:
+            rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
+        other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
+        if kind == "ambiguous" and other is not None and advise:
+            advice = _advice(forward, prepared, finding, best, other)
+    elif kind == "unexplained":
+        coordinate, where, advice = _unexplained(prepared, finding)
+    tolerance = prepared.noise.budget.tolerance
+    within_tolerance = level.tolerance > 0
+    within = f" within {100 * tolerance:g} %" if within_tolerance else ""
+    explanations = _explanations(finding, prepared, steps, units, advise)
+    limits = _limits(finding, best, units)
+    counted = bright(problem)
+    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, level.bench.phi * level.phi, 0.0)))
+    floor = (
+        float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
+        if counted.any()
+        else 0.0
+    )
+    saturated = np.flatnonzero(np.asarray(readings.saturated))
+    outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
+    return Verdict(
+        verdict=kind,
+        sentence=words.sentence(kind, explanations, rival, limits, coordinate, where, within),
+        effects=[c.name for c in best.explanation] if best else [],
+        explanations=explanations,
+        nearest_rival=rival,
+        detection_limits=limits,
+        untestable=untestable,
+        unexplained_coordinate=coordinate,
+        ladder=_rungs(steps, forward, level.phi, units),
+        noise_floor_percent=floor,
+        next_measurement=advice,
+        assumed=list(prepared.noise.budget.assumed),
+        warnings=_warnings(readings, prepared, finding, explanations),
+        base_p=finding.levels[0].adequacy.p,
+        within_tolerance=within_tolerance,
+        variance_scale=level.bench.phi * level.phi,
+        serial_correlation=prepared.serial.rho,
+        outliers=outliers,
+        saturated=[int(i) for i in saturated],
+        readings=problem.layout.size,
+        seed=seed,
+    )
+
+
+def _warnings(
+    readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
+) -> list[str]:
+    out = [str(w) for w in readings.warnings]
+    scale = finding.level.bench.phi * finding.level.phi
+    if prepared.errors_stated and scale > 2.5:
+        out.append(f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say")
+    if finding.size == 0 and finding.level.tolerance > 0:
+        out.append("a significant misfit is smaller than the tolerance and was ignored")
+    for explanation in explanations[:1]:
+        for path, estimate in explanation.parameters.items():
+            if estimate.reason == "at boundary":
+                out.append(
+                    f"{path} lies at the edge of its plausible range ({estimate.value:g}): not a finding"
+                )
+    return out
+
+
+def summary(verdict: Verdict) -> str:
+    """The verdict for people: one sentence, then what supports it."""
+    lines = [verdict.sentence]
+    if verdict.ladder:
+        lines.append("")
+        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}")
+        for rung in verdict.ladder:
+            held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
+            lines.append(f"{rung.label:<28}{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}")
+            if rung.rendered_error_percent is not None:
+                lines.append(f"{'  rendered afresh':<28}{rung.rendered_error_percent:>9.2f}")
+        lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
+    for explanation in verdict.explanations[:_SHOWN]:
+        values = ", ".join(
+            f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+            for path, e in explanation.parameters.items()
+            if not path.startswith("gain")
+        )
+        lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
+    if verdict.next_measurement:
+        lines.append(f"next: {verdict.next_measurement.sentence}")
+    reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}
+    if reachable and verdict.verdict == "none":
+        listed = ", ".join(
+            f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
+        )
+        lines.append("would have been seen: " + listed)
+    if verdict.untestable:
+        lines.append("not testable here: " + "; ".join(f"{k} ({v})" for k, v in verdict.untestable.items()))
+    lines += [f"assumed: {a}" for a in verdict.assumed]
+    lines += [f"warning: {w}" for w in verdict.warnings]
+    return "\n".join(lines)

@@ -1,0 +1,129 @@
+"""No known effect explains the readings: is the misfit at least a function of one coordinate?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.diagnosis.layout import Layout
+from lightfield.diagnosis.noise import Whitener
+from lightfield.diagnosis.problem import Problem
+from lightfield.diagnosis.subspace import orthonormal
+from lightfield.fit import Array, Fit
+
+COORDINATES = ("x", "y", "angle", "plane", "time", "signal", "wavelength")
+_ITERATIONS = 4
+_MAX_LEVELS = 40
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """How well a free factor that depends on one coordinate alone describes the readings.
+
+    Parameters
+    ----------
+    score : float
+        Sum of squares over the variance scale, plus ln(n) for each of the `terms`.
+    explained : float
+        Part of the misfit of the base model (beyond noise) that it takes away.
+    worst_at : float
+        Where along the coordinate the factor departs most from one; NaN for a label.
+    """
+
+    name: str
+    score: float
+    terms: int
+    explained: float
+    worst_at: float
+
+
+def _levels(coordinate: Array, limit: int) -> Array | None:
+    values, label = np.unique(np.round(coordinate, 3), return_inverse=True)
+    if not 2 <= len(values) <= limit:
+        return None
+    return np.asarray((label[:, None] == np.arange(len(values))) * 1.0)
+
+
+def _cosines(coordinate: Array, terms: int) -> Array:
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    return np.cos(np.pi * np.outer(u, np.arange(1, terms + 1)))
+
+
+def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array]]:
+    """Basis (n, k) and coordinate (n,) of each family that the layout can show."""
+    n = layout.size
+    limit = min(_MAX_LEVELS, n // 4)
+    out: dict[str, tuple[Array, Array]] = {}
+    for name, coordinate in (("x", layout.x_m), ("y", layout.y_m)):
+        if np.ptp(coordinate) > 1e-6:
+            basis = _levels(coordinate, limit)
+            out[name] = (_cosines(coordinate, min(30, n // 4)) if basis is None else basis, coordinate)
+    angle = np.degrees(layout.angle_rad)
+    if np.ptp(angle) > 1e-6:
+        out["angle"] = (_cosines(angle, min(30, n // 4)), angle)
+    if layout.plane.max() > 0:
+        out["plane"] = ((layout.plane[:, None] == np.arange(layout.plane.max() + 1)) * 1.0, layout.z_m)
+    if layout.has_time:
+        minutes = (layout.time_s - layout.time_s.min()) / 60
+        out["time"] = (_cosines(minutes, min(40, n // 6)), minutes)
+    level = np.log10(np.maximum(prediction, 1e-3 * prediction.max()))
+    out["signal"] = (_cosines(level, 5), prediction)
+    if layout.channel.max() > 0:
+        out["wavelength"] = (
+            (layout.channel[:, None] == np.arange(layout.channel.max() + 1)) * 1.0,
+            layout.wavelength_nm,
+        )
+    return out
+
+
+def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
+    """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
+    unit = orthonormal(basis - basis.mean(0), 1e-6)
+    model, keep, value = problem.model(), problem.keep, problem.value
+    u, factor = base.u.copy(), np.ones(problem.layout.size)
+    best = (base.chi2, factor)
+    for _ in range(_ITERATIONS):
+        prediction = model.predict(u)
+        residual = whiten(keep * (value - prediction * factor))
+        nuisance = whiten((keep * factor)[:, None] * model.jacobian(u, prediction))
+        shape = whiten((keep * prediction)[:, None] * unit)
+        length = np.linalg.norm(nuisance, axis=0) + 1e-300
+        both = np.hstack([nuisance / length, shape])
+        step = np.linalg.lstsq(both, residual, rcond=1e-6)[0]
+        u = np.clip(u + step[: len(u)] / length, model.low, model.high)
+        factor = factor + unit @ step[len(u) :]
+        rest = whiten(keep * (value - model.predict(u) * factor))
+        if (chi2 := float(rest @ rest)) < best[0]:
+            best = (chi2, factor.copy())
+    return best[0], unit.shape[1], best[1]
+
+
+def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> list[Coordinate]:
+    """Families of free factors, best first.
+
+    Parameters
+    ----------
+    whiten : Whitener
+        Without serial correlation, which would take a misfit in time for noise.
+    phi : float
+        Pure-error variance scale.
+    """
+    n = int(problem.keep.sum())
+    noise = phi * (n - len(base.u))
+    out = []
+    for name, (basis, coordinate) in _spans(problem.layout, base.prediction).items():
+        chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
+        departure = np.abs(factor - np.median(factor)) * (base.prediction > 0.05 * base.prediction.max())
+        explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, 1e-12)
+        out.append(
+            Coordinate(
+                name,
+                chi2 / phi + terms * np.log(n),
+                terms,
+                float(explained),
+                float(coordinate[departure.argmax()]),
+            )
+        )
+    return sorted(out, key=lambda c: c.score)

@@ -1,0 +1,162 @@
+"""Before any test: gross outliers, standard errors, serial correlation and scale, about a model that is
+close to the data.
+
+The base model may be far from the data when a strong effect is missing, and everything judged about it would
+be wrong with it. So the readings are first described by whatever one or two effects do it best. That
+description is not yet a finding; it only says where the readings lie without carrying their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from lightfield.diagnosis.adequacy import AdequacyTest
+from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
+from lightfield.diagnosis.problem import Explanation, Problem
+from lightfield.diagnosis.robust import (
+    Serial,
+    noise_scale,
+    outliers,
+    rich_basis,
+    scattered,
+    serial_correlation,
+)
+from lightfield.diagnosis.search import Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.templates import bank, smooth_unknowns
+from lightfield.fit import Fit
+
+Array = NDArray[np.float64]
+
+REPLICATES = 999
+#: How much of the standard error of the serial correlation goes into the calibration.
+SERIAL_SPREAD = 1.5
+#: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
+_WORTH = 1.1
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Problem without its outliers, noise model, and the description that both were made about."""
+
+    problem: Problem
+    noise: Noise
+    serial: Serial
+    reference: Fit
+    explanation: Explanation
+    errors_stated: bool
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Everything to test fits at one tolerance."""
+
+    whiten: Whitener
+    test: AdequacyTest
+    unknowns: Mapping[str, Array]
+    phi: float
+
+
+def _whitened_unknowns(problem: Problem, whiten: Whitener) -> dict[str, Array]:
+    noise = whiten.noise
+    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction)
+    return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}
+
+
+def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
+    return rich_basis(fit, bank(problem, fit, whiten), _whitened_unknowns(problem, whiten), with_time)
+
+
+def _plain(problem: Problem, quoted: Array, prediction: Array, rho: float = 0.0) -> Whitener:
+    """Whitening by the smoothed quoted errors alone."""
+    layout = problem.layout
+    zero = np.zeros(layout.size)
+    sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
+    return Whitener(Noise(layout, sigma, prediction, Budget(0.0, 0.0, 0.0), zero, zero), rho)
+
+
+def _without_outliers(
+    problem: Problem, quoted: Array, explanation: Explanation, fit: Fit, usable: Array
+) -> tuple[Problem, Whitener, Fit]:
+    problem = replace(problem, keep=usable)
+    whiten = _plain(problem, quoted, fit.prediction)
+    fit = problem.fit(explanation, whiten, [fit.u])
+    for _ in range(3):
+        bad = outliers(fit, _rich(problem, whiten, fit), problem.keep)
+        if not bad.any():
+            break
+        left_out = scattered((usable > 0) & ((problem.keep == 0) | bad), problem.layout)
+        problem = replace(problem, keep=usable * ~left_out)
+        fit = problem.fit(explanation, whiten, [fit.u])
+        whiten = _plain(problem, quoted, fit.prediction)
+    return problem, whiten, fit
+
+
+def _describe(problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool) -> tuple[Explanation, Fit]:
+    """One or two effects that bring the model to the readings, if the base model is not there."""
+    n = int(problem.keep.sum())
+    unknowns = _whitened_unknowns(problem, whiten)
+    few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
+    test = AdequacyTest(problem, whiten, unknowns, few, errors_stated)
+    at_base = test(base)
+    if min(at_base.tests.values()) > 1e-4:
+        return (), base
+    singles = fit_singles(problem, test, base, at_base)
+    if not singles:
+        return (), base
+    ranked = [Tried(e, f, f.chi2) for e, f in sorted(singles, key=lambda s: s[1].chi2)]
+    best: tuple[Explanation, Fit] = (ranked[0].explanation, ranked[0].fit)
+    best_test = test(best[1])
+    if min(best_test.tests.values()) < 1e-4:
+        pairs = fit_pairs(problem, test, base, at_base, ranked[:4])
+        best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
+    return best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
+
+
+def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Generator) -> Prepared:
+    """Outliers, smoothed errors and serial correlation.
+
+    Parameters
+    ----------
+    quoted : array, shape (n,)
+        Standard errors of the table; NaN where unknown.
+    """
+    usable, layout = problem.keep, problem.layout
+    stated = bool(np.isfinite(quoted).any())
+    first = _plain(problem, quoted, np.clip(problem.value, 0, None))
+    base = problem.fit((), first, [problem.model().start])
+    problem, whiten, base = _without_outliers(problem, quoted, (), base, usable)
+    explanation, reference = _describe(problem, whiten, base, stated)
+    if explanation:
+        problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable)
+    still = _rich(problem, whiten, reference, with_time=False)
+    serial = Serial(0.0, 0.0)
+    if problem.keep.sum() - still.shape[1] > 25:
+        rest = reference.residual - still @ (still.T @ reference.residual)
+        found = serial_correlation(rest, still, problem.keep, layout, rng)
+        spread = min(found.stderr, 0.2)
+        serial = Serial(min(found.rho, 0.9) if found.rho > spread else 0.0, SERIAL_SPREAD * spread)
+    forward, values = problem.forward, reference.values
+    slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
+    monte_carlo = forward.stderr(values) ** 2
+    noise = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, monte_carlo)
+    return Prepared(problem, noise, serial, reference, explanation, stated)
+
+
+def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
+    """Whitening, noise scale and adequacy test at one tolerance."""
+    problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
+    zero = np.zeros(problem.layout.size)
+    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_variance=zero), rho)
+    reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
+    rich = _rich(problem, plain, reference)
+    phi = noise_scale(reference.residual, rich, plain, noise.extra(tolerance), problem.keep)
+    whiten = Whitener(noise, rho, phi, tolerance)
+    unknowns = _whitened_unknowns(problem, whiten)
+    replicates = whiten.replicates(rng, REPLICATES, prepared.serial.stderr)
+    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, phi)
+    return Bench(whiten, test, unknowns, phi)

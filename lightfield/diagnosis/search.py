@@ -1,0 +1,216 @@
+"""Search of the smallest sets of effects beside which nothing is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.diagnosis.adequacy import Adequacy, AdequacyTest, Score
+from lightfield.diagnosis.candidates import Candidate
+from lightfield.diagnosis.problem import Explanation, Problem
+from lightfield.fit import Fit
+
+Array = NDArray[np.float64]
+
+#: Explanations worse than the best by more than this in BIC are out of the question.
+FAR_BEHIND = 25.0
+_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A fitted explanation; its test is missing when it was too far behind to be worth one."""
+
+    explanation: Explanation
+    fit: Fit
+    bic: float
+    adequacy: Adequacy | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(sorted(c.name for c in self.explanation))
+
+    def accepted(self, alpha: float) -> bool:
+        """Does it leave nothing unexplained?"""
+        return self.adequacy is not None and self.adequacy.passes(alpha)
+
+
+def _clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float]:
+    """Amplitudes from a score, kept within a part of the bounds and off a one-sided zero."""
+    out = []
+    for parameter, typical, amplitude in zip(
+        candidate.amplitudes, candidate.typical, amplitudes, strict=True
+    ):
+        low = parameter.start + part * (parameter.low - parameter.start)
+        high = parameter.start + part * (parameter.high - parameter.start)
+        value = float(np.clip(parameter.start + amplitude, low, high))
+        if parameter.start <= parameter.low and value <= parameter.low + 0.1 * typical:
+            value = parameter.low + 0.5 * typical
+        out.append(value)
+    return out
+
+
+def _start(
+    base: Array, scores: Iterable[tuple[Score, Array]], order: Explanation, part: float = 0.3
+) -> Array:
+    by_key = {score.key: (score, amplitude) for score, amplitude in scores}
+    pieces = [base]
+    for candidate in order:
+        score, amplitude = by_key[candidate.key]
+        pieces.append(np.array([*_clipped(candidate, amplitude, part), *score.template.shape]))
+    return np.concatenate(pieces)
+
+
+def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
+    """Bayesian information criterion with a known variance scale; ranks, never decides."""
+    return fit.chi2 / phi + np.log(n) * sum(len(c.parameters) for c in explanation)
+
+
+def fit_singles(
+    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy
+) -> list[tuple[Explanation, Fit]]:
+    """Every testable form added alone, from the score's start at each shape and from a typical size."""
+    starts: dict[tuple[str, str], list[Array]] = {}
+    forms: dict[tuple[str, str], Candidate] = {}
+    for score, amplitude in zip(at_base.scores, at_base.amplitudes, strict=True):
+        candidate = score.template.candidate
+        if not score.testable:
+            continue
+        forms[candidate.key] = candidate
+        first = starts.setdefault(candidate.key, [])
+        first.append(_start(base.u, [(score, amplitude)], (candidate,)))
+    out: list[tuple[Explanation, Fit]] = []
+    for key, candidate in forms.items():
+        chosen = starts[key]
+        if len(chosen) > 1:
+            # A few steps from every grid point of the shape, then all the way from the best.
+            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=4) for s in chosen]
+            best = sorted(rough, key=lambda f: f.chi2)[:2]
+            chosen = [f.u for f in best]
+        else:
+            chosen = [*chosen, problem.default_start(base.u, (candidate,))]
+        out.append(((candidate,), problem.fit((candidate,), test.whiten, chosen)))
+    return out
+
+
+def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+    """Pairs that contain a fitted single effect, with the chi-square the score promises."""
+    found: dict[tuple[str, str], tuple[float, Explanation, Array]] = {}
+    (held,) = single.explanation
+    for score, amplitude in zip(at.scores, at.amplitudes, strict=True):
+        candidate = score.template.candidate
+        if not score.testable or candidate.name == held.name:
+            continue
+        if candidate.one_sided and amplitude[0] <= 0:
+            continue
+        gain = float(np.linalg.norm(score.direction.T @ single.fit.residual) ** 2)
+        pair = (held, candidate)
+        start = _start(single.fit.u, [(score, amplitude)], (candidate,), part=0.5)
+        promise = single.fit.chi2 - gain
+        if candidate.key not in found or promise < found[candidate.key][0]:
+            found[candidate.key] = (promise, pair, start)
+    return list(found.values())
+
+
+def _pairs_at_base(base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+    """All pairs by linear least squares of both templates: finds two effects that hide each other."""
+    scores = [(s, a) for s, a in zip(at.scores, at.amplitudes, strict=True) if s.testable]
+    found: dict[tuple[tuple[str, str], tuple[str, str]], tuple[float, Explanation, Array]] = {}
+    for (one, _), (two, _) in combinations(scores, 2):
+        first, second = one.template.candidate, two.template.candidate
+        if first.name == second.name:
+            continue
+        columns = np.hstack([one.direction, two.direction])
+        gram = columns.T @ columns
+        weights = np.linalg.solve(gram + 1e-8 * np.eye(len(gram)), columns.T @ base.residual)
+        q = one.direction.shape[1]
+        amplitudes = (one.to_amplitude @ weights[:q], two.to_amplitude @ weights[q:])
+        if any(c.one_sided and a[0] <= 0 for c, a in zip((first, second), amplitudes, strict=True)):
+            continue
+        promise = base.chi2 - float(weights @ (columns.T @ base.residual))
+        key = (first.key, second.key)
+        if key not in found or promise < found[key][0]:
+            start = _start(base.u, zip((one, two), amplitudes, strict=True), (first, second), part=0.5)
+            found[key] = (promise, (first, second), start)
+    return list(found.values())
+
+
+def _tested(tried: list[Tried], test: AdequacyTest, at_least: int, at_most: int) -> list[Tried]:
+    """Tests in the order of BIC until the rest is far behind."""
+    ranked = sorted(tried, key=lambda t: t.bic)
+    out = []
+    for i, one in enumerate(ranked):
+        near = one.bic - ranked[0].bic < FAR_BEHIND or i < at_least
+        out.append(Tried(one.explanation, one.fit, one.bic, test(one.fit)) if near and i < at_most else one)
+    return out
+
+
+def _scale(test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> float:
+    """Variance scale at the best fit, common to all of a size so that their BIC can be compared."""
+    return test(min(fits, key=lambda f: f[1].chi2)[1]).phi
+
+
+def search_singles(problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> list[Tried]:
+    """Single effects, best first, the near ones tested."""
+    if not fits:
+        return []
+    n, phi = int(problem.keep.sum()), _scale(test, fits)
+    tried = [Tried(e, f, bic(f, e, phi, n)) for e, f in fits]
+    return _tested(tried, test, 3, _TESTED)
+
+
+def fit_pairs(
+    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, singles: list[Tried]
+) -> list[tuple[Explanation, Fit]]:
+    """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base."""
+    extended: list[tuple[float, Explanation, Array]] = []
+    for single in singles[:_SINGLES_EXTENDED]:
+        extended += _extensions(problem, single, single.adequacy or test(single.fit))
+    chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
+    for ranked, limit in (
+        (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
+        (sorted(_pairs_at_base(base, at_base), key=lambda c: c[0]), _PAIRS_FROM_BASE),
+    ):
+        new = 0
+        for _, pair, start in ranked:
+            key = frozenset(c.key for c in pair)
+            if key not in chosen:
+                if new == limit:
+                    continue
+                new += 1
+            if len(chosen.setdefault(key, [])) < 2:
+                chosen[key].append((pair, start))
+    out = []
+    for starts in chosen.values():
+        fits = [(pair, problem.fit(pair, test.whiten, [start])) for pair, start in starts]
+        out.append(min(fits, key=lambda f: f[1].chi2))
+    return out
+
+
+def search_pairs(problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> list[Tried]:
+    """Pairs of effects, best first, the near ones tested."""
+    if not fits:
+        return []
+    n, phi = int(problem.keep.sum()), _scale(test, fits)
+    tried = [Tried(e, f, bic(f, e, phi, n)) for e, f in fits]
+    return _tested(tried, test, 1, _TESTED)
+
+
+def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
+    """Accepted explanations, best first; of several forms of the same effects only the best."""
+    out: dict[tuple[str, ...], Tried] = {}
+    for one in sorted(tried, key=lambda t: t.bic):
+        if one.accepted(alpha):
+            out.setdefault(one.names, one)
+    return list(out.values())
+
+
+def weights(explanations: list[Tried]) -> list[float]:
+    """Relative evidence exp(-BIC/2), summing to one."""
+    values = np.array([t.bic for t in explanations])
+    relative = np.exp(-0.5 * (values - values.min()))
+    return [float(w) for w in relative / relative.sum()]

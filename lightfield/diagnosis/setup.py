@@ -1,0 +1,118 @@
+"""From a scene and a reading table to the problem of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from lightfield.diagnosis.candidates import Setting, candidates
+from lightfield.diagnosis.layout import Layout, layout_of
+from lightfield.diagnosis.noise import Budget
+from lightfield.diagnosis.problem import Problem
+from lightfield.effects import Effect
+from lightfield.errors import FitError
+from lightfield.fit import Array, Parameter
+
+#: Assumed when the table does not say, in per cent and mm.
+PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
+#: The scene's half-width is a guess, good to this factor.
+_WIDTH_FACTOR = 5.0
+_FEWEST_TO_SPARE = 1
+
+
+def budget_of(readings: Any) -> Budget:
+    """The stated error budget; what is missing is assumed, and named."""
+    stated, assumed = readings.budget, []
+    gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
+    if gain is None:
+        assumed.append(
+            f"plane_gain_percent = {PLANE_GAIN_PERCENT:g} for every stay of several readings at one distance"
+        )
+    if position is None:
+        assumed.append(f"position_mm = {POSITION_MM:g}")
+    if tolerance is None:
+        assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
+    if not np.isfinite(np.asarray(readings.stderr, float)).any():
+        assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
+    return Budget(
+        (PLANE_GAIN_PERCENT if gain is None else gain) / 100,
+        (POSITION_MM if position is None else position) / 1000,
+        (TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
+        gain is not None,
+        tuple(assumed),
+    )
+
+
+def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
+    """Nuisance parameters: gain per channel, half width of the beam, absorption. The scene's values are
+    guesses.
+
+    Parameters
+    ----------
+    forward : SceneForward
+    value : array, shape (n,)
+    """
+    scene, names = forward.scene, forward.gain_names
+    unit = forward.predict({})
+    out = []
+    for k, name in enumerate(names):
+        mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
+        brightest = mine[np.argsort(unit[mine])[-max(3, len(mine) // 10) :]]
+        gain = float(np.median(np.maximum(value[brightest], 1e-300) / np.maximum(unit[brightest], 1e-300)))
+        if not np.isfinite(gain) or gain <= 0:
+            gain = 1.0
+        out.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
+    if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
+        hwhm = scene.lamp.hwhm_deg
+        high = min(hwhm * _WIDTH_FACTOR, 80.0)
+        out.append(
+            Parameter(
+                "lamp.hwhm_deg",
+                np.log(hwhm / _WIDTH_FACTOR),
+                np.log(high),
+                np.log(min(hwhm, high)),
+                1e-5,
+                "log",
+            )
+        )
+    if layout.varies("z_m") and not layout.air.all():
+        now = scene.water.absorption_per_m
+        low = 0.0 if scene.water.base == "none" else -now - 0.3
+        out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-6))
+    return tuple(out)
+
+
+def problem_of(
+    forward: Any, readings: Any, effects: Iterable[Effect], without_diffuse: str | None
+) -> tuple[Problem, dict[str, str]]:
+    """The problem, and the effects that cannot be tested with reasons.
+
+    Parameters
+    ----------
+    forward : SceneForward
+    without_diffuse : str, optional
+        Why scattered and reflected light cannot be predicted.
+
+    Raises
+    ------
+    FitError
+        Too few readings for the base model.
+    """
+    layout, value = layout_of(readings), np.asarray(readings.value, float)
+    keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
+    base = base_parameters(forward, layout, value)
+    if keep.sum() < len(base) + _FEWEST_TO_SPARE:
+        raise FitError(
+            "too few readings to fit even the base model",
+            where=readings.source or None,
+            found=f"{int(keep.sum())} usable readings",
+            rule=f"more than its {len(base)} parameters ({', '.join(p.path for p in base)})",
+            remedy="add readings",
+        )
+    low, high = forward.scene.detector.bands_nm[0]
+    signal = float(np.max(np.abs(value[keep > 0])))
+    setting = Setting(forward.scene, layout, signal, float(high - low))
+    found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
+    return Problem(forward, layout, value, keep, base, found), untestable

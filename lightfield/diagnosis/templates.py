@@ -1,0 +1,128 @@
+"""What each absent effect, and each smooth unknown, would add to the readings at a given fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.diagnosis.candidates import Candidate
+from lightfield.diagnosis.layout import Layout
+from lightfield.diagnosis.problem import Problem
+from lightfield.fit import Fit, Whiten
+
+Array = NDArray[np.float64]
+
+BUMP_WIDTH_M = 0.06
+_TIME_TERMS = 6
+
+
+@dataclass(frozen=True)
+class Template:
+    """Whitened derivatives of the readings with respect to an effect's amplitudes, at one shape.
+
+    Parameters
+    ----------
+    columns : array, shape (n, n_amplitudes)
+    """
+
+    candidate: Candidate
+    shape: tuple[float, ...]
+    columns: Array
+
+
+def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
+    """Templates of every candidate form whose parameters the fit does not move."""
+    moved = set(fit.paths)
+    values, at = fit.values, fit.prediction
+    raw: list[Array] = []
+    labels: list[tuple[Candidate, tuple[float, ...], int]] = []
+    for candidate in problem.candidates:
+        if moved & {p.path for p in candidate.parameters}:
+            continue
+        for shape in candidate.grid:
+            with_shape = values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
+            for parameter in candidate.amplitudes:
+                step = (
+                    parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+                )
+                predicted = problem.forward.predict(
+                    with_shape | {parameter.path: parameter.value(parameter.start + step)}
+                )
+                raw.append(problem.keep * (predicted - at) / step)
+            labels.append((candidate, shape, len(candidate.amplitudes)))
+    if not raw:
+        return ()
+    white = whiten(np.stack(raw, axis=1))
+    templates, first = [], 0
+    for candidate, shape, count in labels:
+        templates.append(Template(candidate, shape, white[:, first : first + count]))
+        first += count
+    return tuple(templates)
+
+
+def _cosines(coordinate: Array, terms: int) -> list[Array]:
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    return [np.cos(k * np.pi * u) for k in range(1, terms + 1)]
+
+
+def _levels(coordinate: Array) -> int:
+    return len(np.unique(np.round(coordinate, 4)))
+
+
+def _transverse(layout: Layout) -> list[Array]:
+    """Cosines in x and in y, as many as half their number of positions."""
+    out: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        levels = _levels(coordinate)
+        if levels > 1:
+            out += _cosines(coordinate, max(1, min(10, levels // 2)))
+    return out
+
+
+def _per_plane(layout: Layout) -> list[Array]:
+    """A free level and slow cosines across the beam at every distance and channel."""
+    _, label = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
+    count = int(label.max()) + 1
+    terms = min(3, max(1, layout.size // (5 * count) - 1))
+    across: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        levels = _levels(coordinate)
+        if levels > 2:
+            across += _cosines(coordinate, terms if levels >= 10 else 1)
+    return [(label == k) * shape for k in range(count) for shape in [np.ones(layout.size), *across]]
+
+
+def _bumps(layout: Layout) -> list[Array]:
+    out: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        places = np.unique(np.round(coordinate, 3))
+        if len(places) > 2:
+            places = places[:: max(1, len(places) // 40)]
+            out += [np.exp(-(((coordinate - place) / BUMP_WIDTH_M) ** 2)) for place in places]
+    return out
+
+
+def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[str, Array]:
+    """Readings' changes by unknown causes, each an array of shape (n, k), before whitening.
+
+    "x", "plane", "time" are spans (any combination); "bump", "step", "one plane" scans (any single column).
+    Transverse unknowns are measured in units of the noise; those of time and of single places act as factors.
+    """
+    factor = np.clip(prediction, 0, None)
+    spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
+    scans: dict[str, list[Array]] = {"bump": _bumps(layout), "step": [], "one plane": []}
+    if layout.has_time:
+        phase = layout.phase_of_scan
+        spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= 80 else 2)
+        scans["step"] = [np.sign(phase - at) for at in np.linspace(-0.4, 0.4, 17)]
+    if layout.plane.max() > 0:
+        scans["one plane"] = [(layout.plane == k) * 1.0 for k in range(int(layout.plane.max()) + 1)]
+    empty = np.zeros((layout.size, 0))
+    out: dict[str, Array] = {}
+    for name, columns in {**spans, **scans}.items():
+        unit = sigma if name in ("x", "plane") else factor
+        out[name] = unit[:, None] * np.stack(columns, axis=1) if columns else empty
+    return out

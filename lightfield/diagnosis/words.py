@@ -1,0 +1,96 @@
+"""The verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lightfield import effects
+from lightfield.diagnosis.verdict import DetectionLimit, Explanation, NearestRival, NextMeasurement
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def join(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    words = [_plain(n) for n in names]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _limit(limit: DetectionLimit) -> str:
+    unit = "" if limit.unit == "1" else f" {limit.unit}"
+    return f"{limit.parameter} = {limit.value:.2g}{unit}"
+
+
+def sentence(
+    kind: str,
+    explanations: Sequence[Explanation],
+    rival: NearestRival | None,
+    limits: Mapping[str, DetectionLimit],
+    coordinate: str | None,
+    where: str,
+    within: str,
+) -> str:
+    """One or two sentences that say what was found and how sure it is.
+
+    Parameters
+    ----------
+    where : str
+        Where an unexplained misfit is largest.
+    within : str
+        "" or the tolerance that the statement needs.
+    """
+    if kind == "none":
+        visible = [limit for limit in limits.values() if limit.within_range]
+        example = next(
+            (limit for name in ("scattering", "background") if (limit := limits.get(name)) in visible), None
+        )
+        seen = f" One of {_limit(example)} would have been seen." if example else ""
+        return f"No missing effect detectable{within}.{seen}"
+    if kind == "identified":
+        names = explanations[0].effects
+        family = join(sorted(set(explanations[0].families)))
+        next_one = (
+            f"; the next rival, {join(rival.effects)}, is {rival.separation_sigma:.1f} sigma away"
+            if rival
+            else ""
+        )
+        verb = "is" if len(names) == 1 else "are"
+        return f"{join(names).capitalize()} {verb} missing in the model{within} (family: {family}){next_one}."
+    if kind == "ambiguous":
+        if len(explanations) == 1:
+            return (
+                f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, "
+                "but the evidence against chance is weak."
+            )
+        listed = " or ".join(join(e.effects) for e in explanations[:4])
+        more = f" or one of {len(explanations) - 4} others" if len(explanations) > 4 else ""
+        apart = f" ({rival.separation_sigma:.1f} sigma apart)" if rival else ""
+        return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
+    about = (
+        f"; it depends on {coordinate} alone, most {where}"
+        if coordinate
+        else "; it is not a function of one coordinate"
+    )
+    return f"Unexplained by any one or two known effects{about}."
+
+
+def other_kind(first: Sequence[str], second: Sequence[str]) -> str:
+    """What to do when no further reading of the same kind parts two explanations."""
+    different = [n for n in (*first, *second) if (n in first) != (n in second)]
+    advice = " ".join(f"For {_plain(n)}: {effects.get(n).laboratory}" for n in different)
+    return (
+        f"No further reading of this kind separates {join(first)} from {join(second)}; "
+        f"change the kind of measurement. {advice}"
+    )
+
+
+def next_reading(first: Sequence[str], second: Sequence[str], advice: NextMeasurement) -> str:
+    """Advice with numbers."""
+    spots = "; ".join(f"x = {s.x_m:.2f}, y = {s.y_m:.2f}, z = {s.z_m:.2f} m" for s in advice.readings)
+    count = sum(s.repeats for s in advice.readings)
+    return (
+        f"{count} readings ({spots}) would part {join(first)} and {join(second)} by "
+        f"{advice.separation_predicted_sigma:.1f} sigma (now {advice.separation_now_sigma:.1f})."
+    )

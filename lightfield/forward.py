@@ -1,0 +1,176 @@
+"""Readings predicted from parameter values: the bridge from a scene and a reading table to a fit."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield import analytic
+from lightfield.scene import Scene
+
+Array = NDArray[np.float64]
+
+GAIN = "gain"
+#: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
+_READOUT = ("detector.background", "detector.saturation", "detector.saturation_quadratic")
+_TIME = ("lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s")
+_REMEMBERED = 24
+
+
+class Diffuse(Protocol):
+    """Scattered and reflected light at the readings' places."""
+
+    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]: ...
+
+
+DiffuseSource = Callable[..., Diffuse]
+
+
+class SceneForward:
+    """Predicts the readings of a table from values of scene parameters and one gain per channel.
+
+    Parameters
+    ----------
+    scene : Scene
+        Values that are not given to `predict` are the scene's.
+    readings : Readings
+    diffuse : callable, optional
+        `response_for(scene, x_m, y_m, z_m)`: traces once the scattered and reflected light; called only when
+        needed.
+    """
+
+    def __init__(
+        self, scene: Scene, readings: Any, diffuse: DiffuseSource | None = None, full: float | None = None
+    ) -> None:
+        self.scene, self.readings, self._source = scene, readings, diffuse
+        self._response: Diffuse | None = None
+        self._air = np.asarray(readings.medium) == "air"
+        self._time = np.nan_to_num(np.asarray(readings.time_s, float))
+        self._full = float(np.max(np.abs(readings.value))) if full is None else full
+        wavelength = np.asarray(readings.wavelength_nm, float)
+        self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
+        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array]] = OrderedDict()
+
+    @property
+    def size(self) -> int:
+        return len(self._channel)
+
+    @property
+    def gain_names(self) -> tuple[str, ...]:
+        """One gain per channel on a relative scale, one for all on an absolute one."""
+        if len(self._wavelengths) == 1 or self.readings.scale == "absolute":
+            return (GAIN,)
+        return tuple(f"{GAIN}.{w:g}nm" for w in self._wavelengths)
+
+    @property
+    def has_diffuse(self) -> bool:
+        """Can scattered and reflected light be predicted?"""
+        return self._source is not None
+
+    def at(self, **places: Array) -> SceneForward:
+        """The same scene at other places: arrays of one length, medium and time like them."""
+        n = len(next(iter(places.values())))
+        first = self.readings.subset(np.zeros(n, int))
+        return SceneForward(self.scene, replace(first, **places), self._source, self._full)
+
+    def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
+        """The scene with these values; gains are not part of a scene."""
+        return self.scene.with_values(
+            {k: v for k, v in values.items() if not k.startswith(GAIN)}, validate=validate
+        )
+
+    def predict(self, values: Mapping[str, float]) -> Array:
+        """Readings, shape (n,)."""
+        field, _ = self._field(values)
+        return self._read(field, values)
+
+    def stderr(self, values: Mapping[str, float]) -> Array:
+        """Monte Carlo standard error of the predicted readings, shape (n,)."""
+        _, error = self._field(values)
+        return np.asarray(error * self._gain(values) * self._power(values))
+
+    def position_slope(self, values: Mapping[str, float]) -> Array:
+        """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
+        scene, step_m = self.scene_at(values, validate=False), 1e-3
+        r, square = self.readings, np.zeros(self.size)
+        for axis in ("x_m", "y_m", "z_m"):
+            there = replace(r, **{axis: np.asarray(getattr(r, axis)) + step_m})
+            square += ((self._direct(scene, there) - self._direct(scene, r)) / step_m) ** 2
+        return np.asarray(np.sqrt(square) * self._gain(values))
+
+    # -- inside ------------------------------------------------------------------------------------
+
+    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        key = tuple(
+            (k, v)
+            for k, v in sorted(values.items())
+            if not k.startswith(GAIN) and k not in _READOUT and k not in _TIME
+        )
+        if key in self._fields:
+            self._fields.move_to_end(key)
+            return self._fields[key]
+        scene = self.scene.with_values(dict(key), validate=False)
+        light = self._direct(scene, self.readings)
+        error = np.zeros(self.size)
+        if self._has_diffuse_light(scene):
+            more, error = self._diffuse(scene)
+            light = light + more
+        self._fields[key] = (light, error)
+        if len(self._fields) > _REMEMBERED:
+            self._fields.popitem(last=False)
+        return light, error
+
+    @staticmethod
+    def _has_diffuse_light(scene: Scene) -> bool:
+        water, tank = scene.water, scene.tank
+        return bool(
+            water.scattering_per_m > 0
+            or water.base != "none"
+            or water.sediment_g_per_m3 > 0
+            or water.chlorophyll_mg_per_m3 > 0
+            or (tank is not None and (tank.wall_albedo > 0 or tank.surface_reflectance > 0))
+        )
+
+    def _diffuse(self, scene: Scene) -> tuple[Array, Array]:
+        if self._source is None:
+            return np.zeros(self.size), np.zeros(self.size)
+        if self._response is None:
+            r = self.readings
+            self._response = self._source(self.scene, r.x_m, r.y_m, r.z_m)
+        value, error = np.zeros(self.size), np.zeros(self.size)
+        for k, wavelength in enumerate(self._wavelengths):
+            mine = self._channel == k
+            all_value, all_error = self._response.evaluate(
+                scene, None if np.isnan(wavelength) else float(wavelength)
+            )
+            value[mine], error[mine] = all_value[mine], all_error[mine]
+        return np.where(self._air, 0.0, value), np.where(self._air, 0.0, error)
+
+    def _direct(self, scene: Scene, readings: Any) -> Array:
+        return analytic.direct_field(
+            scene,
+            readings.x_m,
+            readings.y_m,
+            readings.z_m,
+            wavelength_nm=readings.wavelength_nm,
+            medium=readings.medium,
+        )
+
+    def _gain(self, values: Mapping[str, float]) -> Array:
+        gains = np.array([values.get(name, 1.0) for name in self.gain_names])
+        return np.asarray(gains[self._channel] if len(gains) > 1 else np.full(self.size, gains[0]))
+
+    def _power(self, values: Mapping[str, float]) -> Array:
+        """Lamp power over its value at time zero, shape (n,)."""
+        lamp = self.scene.with_values({k: v for k, v in values.items() if k in _TIME}, validate=False)
+        return analytic.time_factor(lamp, self._time)
+
+    def _read(self, field: Array, values: Mapping[str, float]) -> Array:
+        scene = self.scene.with_values({k: v for k, v in values.items() if k in _READOUT}, validate=False)
+        signal = self._gain(values) * field * self._power(values)
+        return analytic.readout(scene, signal, self._full)
