@@ -31,7 +31,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
             f"{int(readings.saturated.sum())} of {len(readings)} readings are saturated and left out",
             "shorten the exposure there",
         )
-    planes = np.unique(np.round(z, 4)).size
+    planes = np.unique(_place(z)).size
     if planes < FEWEST_PLANES:
         warn(
             "few_planes",
@@ -65,21 +65,9 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
             f"the integration time is {exposure[0]:g} s throughout: dark signal and ambient light look alike",
             "vary it, or read with the detector capped",
         )
-    keys = {
-        (m, *row)
-        for m, row in zip(
-            readings.medium.tolist(),
-            np.column_stack(
-                [
-                    np.round(readings.x_m, 4),
-                    np.round(readings.y_m, 4),
-                    np.round(readings.z_m, 4),
-                    np.nan_to_num(readings.wavelength_nm, nan=-1.0),
-                ]
-            ).tolist(),
-            strict=True,
-        )
-    }
+    places = [_place(getattr(readings, name)).tolist() for name in ("x_m", "y_m", "z_m")]
+    channel = np.nan_to_num(readings.wavelength_nm, nan=-1.0).tolist()
+    keys = set(zip(readings.medium.tolist(), *places, channel, strict=True))
     if len(keys) == len(readings):
         warn(
             "no_repeats",
@@ -107,7 +95,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
 
 
 def _warn_time(readings: Readings, water: NDArray[np.bool_], warn: Callable[[str, str, str], None]) -> None:
-    time, z = readings.time_s[water], np.round(readings.z_m[water], 4)
+    time, z = readings.time_s[water], _place(readings.z_m[water])
     if np.isnan(time).any():
         warn(
             "no_time",
@@ -118,9 +106,14 @@ def _warn_time(readings: Readings, water: NDArray[np.bool_], warn: Callable[[str
     order = np.argsort(time, kind="stable")
     scan = z[order]
     steps = np.diff(scan)
-    if np.ptp(scan) > 0 and (np.all(steps >= 0) or np.all(steps <= 0)):
+    if scan.min() < scan.max() and (np.all(steps >= 0) or np.all(steps <= 0)):
         warn(
             "scan_order",
             "the scan order is the plane order: every drift in time looks like a change with distance",
             "go back to the first plane at the end, or measure in random order",
         )
+
+
+def _place(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions to a tenth of a millimetre: closer ones are the same place."""
+    return np.where(np.abs(values) < 1e9, np.round(np.clip(values, -1e9, 1e9), 4), values)

@@ -117,7 +117,7 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
 
 
 def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
-    """Times from the index; where it gives none at all, from the dates in the files if they can be compared."""
+    """Times from the index; where it gives none at all, from the files' dates if they can be compared."""
     if any(np.isfinite(shot.time_s) for shot in shots):
         return list(shots), None
     moments = [labels.moment(shot.spectrum.date) for shot in shots]

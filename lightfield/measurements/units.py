@@ -18,7 +18,7 @@ _POWER = {"W": 1.0, "mW": 1e-3, "uW": 1e-6, "nW": 1e-9, "kW": 1e3}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _WAVELENGTH = {"nm": 1.0, "um": 1e3}
 _SUPERSCRIPT = str.maketrans({"⁻": "-", "¹": "1", "²": "2", "³": "3", "µ": "u", "μ": "u", "−": "-"})
-_FACTOR = re.compile(r"([A-Za-z]+)\^?([+-]?\d+)?")
+_FACTOR = re.compile(r"([A-Za-z]+)\^?([+-]?[0-9]{1,2})?")
 
 
 def canonical(text: str) -> str:
