@@ -1,8 +1,8 @@
 """A beam on the nodes of a tally that was kept by direction of emission.
 
-Photons are shared between the nodes with the weights of B-splines, so the tally times the spline
-coefficients of a beam is the light of that beam. The coefficients come from a least-squares fit, weighed so that
-the far tail counts too.
+Photons are shared between the nodes with the weights of B-splines, so the tally times the spline coefficients
+of a beam is the light of that beam. The coefficients come from a least-squares fit, weighed so that the far
+tail counts too.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ import sys
 import mitsuba as mi
 
 MODULES = (
+    "sobol",
     "emission",
     "planes",
     "histories",

@@ -186,7 +186,7 @@ class TransportResponse:
 
 
 def light_classes(histories: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
-    """Class of each history: -1 direct; 0 scattered; 1 walls, 2 walls and scattered; 3, 4 surface likewise."""
+    """Class of each history: -1 direct; 0 scattered; 1 walls, 2 walls and scattered; 3, 4 surface alike."""
     n, m, k = histories.T
     return np.where(k > 0, 3 + (n > 0), np.where(m > 0, 1 + (n > 0), np.where(n > 0, 0, -1)))
 

@@ -24,6 +24,7 @@ from lightfield.render.emission import Emission
 from lightfield.render.histories import Histories
 from lightfield.render.planes import Planes
 from lightfield.render.response import Bookkeeping
+from lightfield.render.sobol import ScrambledSobol
 
 ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
@@ -126,7 +127,7 @@ def trace(
         initstate=dr.opaque(mi.UInt64, seed) + 0x853C49E6748FEA9B,
         initseq=mi.UInt64(lane) + dr.opaque(mi.UInt64, (seed << 32) + first),
     )
-    shift = emission.shift(seed)
+    points = ScrambledSobol(seed)
     absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
     lane += dr.opaque(mi.UInt32, first)
 
@@ -152,7 +153,7 @@ def trace(
     while alive | (started < each):
         # ---------------------------------------------------------- a new photon
         if ~alive:
-            start = emission.sample(started * lanes + lane, shift, rng)
+            start = emission.sample(started * lanes + lane, points, rng)
             position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
             weight, node = mi.Float(start.weight), mi.UInt32(start.node)
             survival, length = mi.Float(1), mi.Float(0)
