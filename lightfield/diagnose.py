@@ -13,7 +13,7 @@ import numpy as np
 from lightfield import __version__, effects
 from lightfield.diagnosis import compose, ledger
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
-from lightfield.diagnosis.ladder import Step, climb
+from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
 from lightfield.diagnosis.setup import budget_of, problem_of
 from lightfield.diagnosis.verdict import Verdict
@@ -63,6 +63,33 @@ class Diagnosis:
         level = self.finding.level
         covariance = self.prepared.noise.covariance(0.0, level.bench.phi * level.phi, 0.0)
         return np.sqrt(np.diag(covariance))
+
+    def rendered(self, max_photons: float | None = None) -> Diagnosis:
+        """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
+
+        Parameters
+        ----------
+        max_photons : float, optional
+            Photon budget of the trace.
+        """
+        from lightfield.rendered import PHOTONS, rendered_light  # loads Mitsuba
+
+        step, problem = self.steps[-1], self.prepared.problem
+        budget = PHOTONS if max_photons is None else max_photons
+        light, error = rendered_light(self.scene, self.readings, max_photons=budget)
+        model = self.forward.read(light, step.fit.values)
+        up = self.forward.read(light + error, step.fit.values)
+        counted = bright(problem)
+        last = self.verdict.ladder[-1].model_copy(
+            update={
+                "rendered_error_percent": percent(problem, model, counted),
+                "rendered_stderr_percent": float(
+                    100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2))
+                ),
+            }
+        )
+        ladder = [*self.verdict.ladder[:-1], last]
+        return replace(self, verdict=self.verdict.model_copy(update={"ladder": ladder}))
 
     def summary(self) -> str:
         """The verdict for people, several lines."""

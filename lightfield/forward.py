@@ -87,7 +87,7 @@ class SceneForward:
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""
         field, _ = self._field(values)
-        return self._read(field, values)
+        return self.read(field, values)
 
     def stderr(self, values: Mapping[str, float]) -> Array:
         """Monte Carlo standard error of the predicted readings, shape (n,)."""
@@ -170,7 +170,8 @@ class SceneForward:
         lamp = self.scene.with_values({k: v for k, v in values.items() if k in _TIME}, validate=False)
         return analytic.time_factor(lamp, self._time)
 
-    def _read(self, field: Array, values: Mapping[str, float]) -> Array:
+    def read(self, field: Array, values: Mapping[str, float]) -> Array:
+        """Readings from light for unit on-axis intensity, shape (n,): gain, lamp power, background, saturation."""
         scene = self.scene.with_values({k: v for k, v in values.items() if k in _READOUT}, validate=False)
         signal = self._gain(values) * field * self._power(values)
         return analytic.readout(scene, signal, self._full)

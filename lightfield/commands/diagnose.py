@@ -75,9 +75,10 @@ def run(args: argparse.Namespace) -> int:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
-        from lightfield.report.diagnosis import write_report
+        from lightfield.diagnosis.view import view_of
+        from lightfield.report.diagnosis_page import write_diagnosis
 
-        write_report(found, args.report)
+        print(f"report: {write_diagnosis(view_of(found), args.report).resolve()}")
     return 0
 
 
