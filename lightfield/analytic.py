@@ -26,8 +26,19 @@ if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
 
 __all__ = [
-    "attenuation_per_m", "beam_angles", "direct_field", "layer_path_m", "optical_depth", "paper_model",
-    "air_mask", "predict", "rays", "readout", "receiver", "source", "time_factor",
+    "air_mask",
+    "attenuation_per_m",
+    "beam_angles",
+    "direct_field",
+    "layer_path_m",
+    "optical_depth",
+    "paper_model",
+    "predict",
+    "rays",
+    "readout",
+    "receiver",
+    "source",
+    "time_factor",
 ]  # fmt: skip
 
 # Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.

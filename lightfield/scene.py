@@ -244,8 +244,8 @@ class Scene(Part):
                 owner = owner[key]
             if owner.get(leaf):
                 owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
-        text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.replace("-0.0,", "0.0,").encode()).hexdigest()
+        text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
         """Keep `surface` and `surface_reflectance` consistent when only one of them is set."""
@@ -270,11 +270,11 @@ class Scene(Part):
         for owner, update in grouped.items():
             chain: list[Any] = [scene]
             for name in owner.split(".") if owner else ():
-                if chain[-1] is None or name not in type(chain[-1]).model_fields:
+                if not isinstance(chain[-1], BaseModel) or name not in type(chain[-1]).model_fields:
                     raise self._no_such(f"{owner}.{next(iter(update))}")
                 chain.append(getattr(chain[-1], name))
             for leaf in update:
-                if chain[-1] is None or leaf not in type(chain[-1]).model_fields:
+                if not isinstance(chain[-1], BaseModel) or leaf not in type(chain[-1]).model_fields:
                     raise self._no_such(f"{owner}.{leaf}")
             changed = chain[-1].model_copy(update=update)
             for parent, name in zip(reversed(chain[:-1]), reversed(owner.split(".")), strict=False):
@@ -296,6 +296,15 @@ class Scene(Part):
 def _plain(value: Any) -> Any:
     """NumPy scalars as Python numbers."""
     return value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value
+
+
+def _without_minus_zero(value: Any) -> Any:
+    """-0.0 is the same scene as 0.0."""
+    if isinstance(value, dict):
+        return {key: _without_minus_zero(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_minus_zero(inner) for inner in value]
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def _stamp(path: str) -> tuple[int, int]:

@@ -1,0 +1,147 @@
+"""Every wrong scene gives one clear line: key, value, rule, remedy; several problems are told at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lightfield.errors import SceneError
+from lightfield.scene import Scene
+
+# What is wrong, the scene text, and words that the message has to contain.
+WRONG = {
+    "unknown key": ("[lamp]\nhwhm_degrees = 3", ["lamp.hwhm_degrees", "unknown key", "found 3", "hwhm_deg"]),
+    "missing unit": ("[lamp]\nhwhm = 3", ["lamp.hwhm", "did you mean lamp.hwhm_deg?"]),
+    "unknown section": ("[lamps]\nx = 1", ["lamps", "unknown key", "lamp"]),
+    "negative absorption": (
+        "[water]\nabsorption_per_m = -1",
+        ["water.absorption_per_m", "found -1", ">= 0", "1/m"],
+    ),
+    "text for a number": ('[lamp]\npower_w = "50 W"', ["lamp.power_w", "'50 W'", "without quotes"]),
+    "true for a number": ("[lamp]\npower_w = true", ["lamp.power_w", "found True", "a number"]),
+    "nan": ("[lamp]\nhwhm_deg = nan", ["lamp.hwhm_deg", "found nan"]),
+    "inf": ("[water]\nscattering_per_m = inf", ["water.scattering_per_m", "found inf"]),
+    "zero width": ("[lamp]\nhwhm_deg = 0", ["lamp.hwhm_deg", ">= 0.05"]),
+    "unknown profile": ('[lamp]\nprofile = "gausian"', ["lamp.profile", "'gausian'", "'gaussian'"]),
+    "super-gaussian alone": (
+        '[lamp]\nprofile = "super-gaussian"',
+        ["shape_exponent", "remedy: add shape_exponent"],
+    ),
+    "two-component alone": ('[lamp]\nprofile = "two-component"', ["skirt_fraction"]),
+    "table without file": ('[lamp]\nprofile = "table"', ["intensity_table"]),
+    "file not there": (
+        '[lamp]\nprofile = "table"\nintensity_table = "no.csv"',
+        ["lamp.intensity_table", "no such file"],
+    ),
+    "spectrum without table": ('[lamp]\nspectrum = "table"', ["spectrum_table"]),
+    "unknown phase": ('[water]\nphase = { type = "hg" }', ["water.phase", "'henyey-greenstein'"]),
+    "g of one": (
+        '[water]\nphase = { type = "henyey-greenstein", g = 1.0 }',
+        ["water.phase.g", "< 1", "found 1"],
+    ),
+    "key of another phase": (
+        '[water]\nphase = { type = "petzold", g = 0.9 }',
+        ["water.phase.g", "unknown key"],
+    ),
+    "unknown base": ('[water]\nbase = "jerlov-4"', ["jerlov-4", "did you mean"]),
+    "base table alone": ('[water]\nbase = "table"', ["table", "remedy: add table"]),
+    "section as number": ("water = 3", ["water", "found 3", "[water]"]),
+    "albedo above one": ("[tank]\nwall_albedo = 1.2", ["tank.wall_albedo", "<= 1"]),
+    "lamp under the floor": ("[tank]\nlamp_depth_m = 5", ["tank", "lamp_depth_m", "depth_m = 2.44"]),
+    "lamp behind the tank": ("[tank]\nlength_m = 2\nbehind_lamp_m = 3", ["behind_lamp_m"]),
+    "surface contradicts": (
+        '[tank]\nsurface = "none"\nsurface_reflectance = 0.5',
+        ["surface", 'write surface = "flat"'],
+    ),
+    "plane outside": ("[tank]\nlength_m = 6\n[detector]\nplanes_m = [4.5, 8.5]", ["8.5", "outside the tank"]),
+    "falling planes": ("[detector]\nplanes_m = [5.5, 4.5]", ["planes_m", "rise"]),
+    "plane at zero": ("[detector]\nplanes_m = [0.0, 4.5]", ["detector.planes_m.0", "greater than 0"]),
+    "no planes": ("[detector]\nplanes_m = []", ["planes_m or positions_m"]),
+    "one number as planes": ("[detector]\nplanes_m = 4.5", ["detector.planes_m", "found 4.5"]),
+    "band of one": ("[detector]\nbands_nm = [[500]]", ["detector.bands_nm", "missing"]),
+    "falling band": ("[detector]\nbands_nm = [[550, 500]]", ["band must rise"]),
+    "band in metres": (
+        "[detector]\nbands_nm = [[5e-7, 550]]",
+        ["detector.bands_nm", "greater than or equal to 200"],
+    ),
+    "no band": ("[detector]\nbands_nm = []", ["no wavelength band"]),
+    "two numbers for a place": ("[detector]\npositions_m = [[0, 4.5]]", ["detector.positions_m"]),
+    "half a pixel": ("[detector]\npixels = 64.5", ["detector.pixels", "whole number"]),
+    "unknown quantity": ('[detector]\nquantity = "flux"', ["detector.quantity", "'irradiance'"]),
+    "acceptance of a collimator": (
+        '[detector]\nquantity = "radiance"\nacceptance_hwhm_deg = 5',
+        ["acceptance_hwhm_deg"],
+    ),
+    "not TOML": ("[lamp\nx = 1", ["not TOML", "line 1"]),
+    "key twice": ("[lamp]\nhwhm_deg = 1\nhwhm_deg = 2", ["not TOML"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_one_clear_line(case: str, tmp_path: Path) -> None:
+    """Names the file, and what has to be changed; one line for one mistake."""
+    text, words = WRONG[case]
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    with pytest.raises(SceneError) as caught:
+        Scene.load(file)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1, message
+    assert str(file) in message and "remedy" in message
+    for word in words:
+        assert word in message
+
+
+def test_all_problems_at_once() -> None:
+    """A file is corrected in one go: each problem has its line."""
+    with pytest.raises(SceneError) as caught:
+        Scene.from_toml(
+            '[lamp]\nhwhm = 3\nprofile = "gausian"\n[water]\nabsorption_per_m = -1\n'
+            'phase = { type = "henyey-greenstein", g = 2, k = 1 }\n[tank]\nlamp_depth_m = 5\n[foo]\nx = 1\n'
+        )
+    assert len(caught.value.problems) == 7
+    keys = [line.split(":")[0] for line in caught.value.problems]
+    assert set(keys) == {
+        "lamp.hwhm",
+        "lamp.profile",
+        "water.absorption_per_m",
+        "water.phase.g",
+        "water.phase.k",
+        "tank",
+        "foo",
+    }
+    assert all("rule" in line and "remedy" in line for line in caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("angle,intensity\n0,1\n5,0.5\n", ["column angle_deg missing"]),
+        ("angle_deg,intensity\n0,1\n5,x\n4,0.1\n", ["line 3: not numbers: 5,x"]),
+        ("angle_deg,intensity\n0,1\n5,0.5\n5,0.1\n", ["line 4: angle_deg must rise, 5 after 5"]),
+        ("angle_deg,intensity\n0,1\n5,-0.5\n", ["line 3: negative"]),
+        ("angle_deg,intensity\n1,1\n5,0.5\n", ["starts on the axis", "1 to 5 deg"]),
+        ("angle_deg,intensity\n0,0\n5,0.5\n", ["no light on the beam axis"]),
+        ("angle_deg,intensity\n0,1\n", ["fewer than two rows"]),
+        ("", ["column angle_deg, intensity missing"]),
+    ],
+)  # fmt: skip
+def test_bad_tables_are_found_when_the_scene_is_read(content: str, words: list[str], tmp_path: Path) -> None:
+    """Not in the middle of a render: the table is read and checked with the scene, bad lines by number."""
+    (tmp_path / "lamp.csv").write_text(content)
+    (tmp_path / "scene.toml").write_text('[lamp]\nprofile = "table"\nintensity_table = "lamp.csv"\n')
+    with pytest.raises(SceneError) as caught:
+        Scene.load(tmp_path / "scene.toml")
+    assert len(str(caught.value).splitlines()) == 1
+    assert all(word in str(caught.value) for word in [*words, "lamp.csv"])
+
+
+def test_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"no\.toml: cannot read"):
+        Scene.load(tmp_path / "no.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SceneError, match="not a text file"):
+        Scene.load(tmp_path / "binary.toml")
+    with pytest.raises(SceneError, match="cannot read"):
+        Scene.load(tmp_path)
