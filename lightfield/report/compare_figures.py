@@ -22,7 +22,7 @@ from lightfield.report.style import (
     plain_log_axis,
 )
 
-ERROR_SCALE = 0.30  # the colours of error maps end here
+ERROR_SCALE = 0.50  # the colours of error maps end here
 CONTOURS = dict(zip(LEVELS, ((0, (2, 2)), "solid"), strict=True))
 SHORT_UNITS = {"W m-2 nm-1": "W/(m² nm)", "W m-2 sr-1 nm-1": "W/(m² sr nm)"}
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from lightfield.compare import LEVELS, Comparison, PlaneComparison, verdict
@@ -26,6 +27,7 @@ HEAD = (
     "5 % to r (m)",
     "10 % to r (m)",
 )
+TERMINAL_HEAD = ("z m", "on axis", "formula off", "hwhm m", "formula", "lacking", "5% to", "10% to")
 PROVENANCE = {
     "seed": "seed",
     "photons": "photons traced",
@@ -55,14 +57,24 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
 
 
 def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
-    """Table of one wavelength for the terminal."""
+    """Table of one wavelength that fits a terminal of 80 columns; 1.234(5) means 1.234 ± 0.005."""
     units = SHORT_UNITS.get(comparison.units, comparison.units)
-    table = Table(title=f"{_quantity(comparison)} at {wavelength_nm:g} nm, {units}", title_justify="left")
-    for head in HEAD:
+    title = f"{_quantity(comparison)} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for head in TERMINAL_HEAD:
         table.add_column(head, justify="right", no_wrap=True)
-    planes = comparison.at(wavelength_nm)
-    for plane, row in zip(planes, rows(planes), strict=True):
-        table.add_row(*row, style="yellow" if plane.excess_on_axis() > LEVELS[0] else None)
+    for plane in comparison.at(wavelength_nm):
+        spot = plane.render_spot
+        table.add_row(
+            f"{plane.z_m:g}",
+            concise(plane.axis.render[0], plane.axis.stderr[0]),
+            concise(100 * plane.axis_error, 100 * plane.axis_error_stderr) + " %",
+            concise(spot.hwhm_m, spot.stderr.get("hwhm_x_m", math.nan)),
+            number(plane.formula_spot.hwhm_m),
+            concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
+            *(_radius(plane, level) for level in LEVELS),
+            style="yellow" if plane.excess_on_axis() > LEVELS[0] else None,
+        )
     return table
 
 
@@ -130,7 +142,7 @@ def write_comparison(
 ) -> list[Path]:
     """Write the page and its figures as PNG into a folder; the page comes first in the result."""
     target = Path(folder)
-    files = [write_page(comparison_page(comparison, attributes), target / "compare.html")]
+    files = [write_page(comparison_page(comparison, attributes), target / "index.html")]
     for wavelength in comparison.wavelengths_nm:
         planes = comparison.at(wavelength)
         drawings = {
@@ -181,6 +193,19 @@ def plus_minus(value: float, stderr: float, unit: str = "", sign: bool = False) 
         digits = max(-math.floor(math.log10(stderr)), 0)
         text = f"{value:{plus}.{digits}f} ± {stderr:.{digits}f}{unit}"
     return text.replace("-", "\N{MINUS SIGN}")
+
+
+def concise(value: float, stderr: float) -> str:
+    """Value with its standard error in the last digit, 1.234(5)."""
+    text = plus_minus(value, stderr)
+    inner, found, rest = text.partition(" ± ")
+    if not found:
+        return text
+    error, _, power = rest.partition(")")
+    digit = error.replace(".", "").lstrip("0") or "0"
+    if "." in inner or "." not in error:
+        return f"{inner.lstrip('(')}({digit}){power}"
+    return text
 
 
 def number(value: float) -> str:

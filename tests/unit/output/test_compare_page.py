@@ -9,7 +9,13 @@ from rich.console import Console
 
 from lightfield.compare import compare, verdict
 from lightfield.dataset import to_dataset
-from lightfield.report.compare_page import comparison_page, plus_minus, terminal_table, write_comparison
+from lightfield.report.compare_page import (
+    comparison_page,
+    concise,
+    plus_minus,
+    terminal_table,
+    write_comparison,
+)
 
 
 @pytest.fixture
@@ -76,7 +82,7 @@ def test_files_are_written_with_the_page_first(case, tmp_path):
     dataset, comparison = case
     files = write_comparison(comparison, dataset.attrs, tmp_path)
     assert [f.name for f in files] == [
-        "compare.html",
+        "index.html",
         "compare_maps_525nm.png",
         "compare_radial_525nm.png",
         "compare_axial_525nm.png",
@@ -98,11 +104,26 @@ def test_scene_names_cannot_inject_markup(make, light):
 
 
 def test_terminal_table_has_a_row_per_plane(case):
-    console = Console(width=160, record=True, file=StringIO())
+    console = Console(width=80, record=True, file=StringIO())
     console.print(terminal_table(case[1], 525.0))
     text = console.export_text()
     assert "Irradiance at 525 nm, W/(m² nm)" in text
-    assert all(f" {z} " in text for z in ("4.5", "6.5", "8.5"))
+    assert all(f"\n{z} " in text.replace("\n ", "\n") for z in ("4.5", "6.5", "8.5"))
+    assert "…" not in text, "nothing is cut at 80 columns"
+
+
+@pytest.mark.parametrize(
+    ("value", "stderr", "text"),
+    [
+        (0.0330, 0.0003, "0.0330(3)"),
+        (-4.83, 0.9, "−4.8(9)"),
+        (9.03e-3, 9e-5, "9.03(9)e−3"),
+        (123.4, 20.0, "123(20)"),
+        (0.5, float("nan"), "0.5"),
+    ],
+)
+def test_concise_errors(value, stderr, text):
+    assert concise(value, stderr) == text
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,117 @@
+"""Options and progress of commands that trace a scene."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.errors import OutputError, UsageError
+from lightfield.render.rendering import Rendering, render_scene
+from lightfield.render.settings import Progress, Settings
+from lightfield.scene import Scene
+
+
+def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how well to trace."""
+    default = Settings()
+    group = parser.add_argument_group("tracing")
+    group.add_argument(
+        "--rel-error",
+        type=float,
+        default=default.rel_error,
+        metavar="E",
+        help="relative standard error to reach in 95 %% of the lit cells (default %(default)g)",
+    )
+    group.add_argument(
+        "--max-photons",
+        type=float,
+        default=default.max_photons,
+        metavar="N",
+        help="stop there even if the error is not reached (default %(default)g)",
+    )
+    group.add_argument(
+        "--seed", type=int, default=default.seed, help="same seed, same result (default %(default)d)"
+    )
+    group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
+
+
+def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
+    """Trace a scene as the options say, with a progress bar on a terminal."""
+    if args.seed < 0:
+        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
+    with progress_bar(scene.name or "scene") as report:
+        return render_scene(
+            scene,
+            rel_error=args.rel_error,
+            max_photons=args.max_photons,
+            seed=args.seed,
+            cache=not args.no_cache,
+            progress=report,
+        )
+
+
+@contextmanager
+def progress_bar(name: str) -> Iterator[Progress]:
+    """Progress of a trace on standard error; nothing unless that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(f"tracing {name}", total=1.0)
+
+        def report(photons: int, reached: float, requested: float) -> None:
+            # The error falls with the square root of the photons.
+            done = min(1.0, (requested / reached) ** 2) if np.isfinite(reached) and reached > 0 else 0.0
+            bar.update(
+                task,
+                completed=done,
+                description=f"{name}: {photons:.3g} photons, error {100 * reached:.2g} %",
+            )
+
+        yield report
+
+
+def output_folder(path: Path) -> Path:
+    """Make sure, before any work, that results can be written to a folder.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made, is a file, or is not writable.
+    """
+    import tempfile
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise OutputError(
+            "cannot write here",
+            where=str(path),
+            found=error.strerror or str(error),
+            remedy="choose a writable folder with -o",
+        ) from error
+    return path
+
+
+def balance(rendering: Rendering) -> str:
+    """Photons, error and energy balance in two lines."""
+    energy = rendering.energy
+    unit = energy.emitted if energy.emitted else 1.0
+    reached = f"{100 * rendering.reached:.2g} %"
+    if rendering.reached > rendering.settings.rel_error:
+        reached += f" (asked for {100 * rendering.settings.rel_error:.2g} %: raise --max-photons)"
+    return (
+        f"{rendering.response.photons:.3g} photons, relative error {reached}\n"
+        f"energy: water {100 * energy.absorbed / unit:.2f} %, walls {100 * energy.walls / unit:.2f} %, "
+        f"escaped {100 * energy.escaped / unit:.2f} %, unfinished {100 * energy.unfinished / unit:.3f} %, "
+        f"closure {energy.closure:+.1e}"
+    )

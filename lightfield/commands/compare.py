@@ -1,0 +1,102 @@
+"""`lightfield compare`: the formula against the render of a scene, or a model against readings."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import json
+from pathlib import Path
+
+from lightfield.commands._tracing import add_tracing_arguments, balance, output_folder, traced
+from lightfield.errors import UsageError
+from lightfield.files import atomic_path
+from lightfield.scene import Scene
+
+# Comparison with readings lives in a module of its own: `add_arguments(parser)` for its options, `run(args)`.
+READINGS = "lightfield.commands.compare_readings"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "what",
+        type=Path,
+        metavar="SCENE|MAPS|DATA",
+        help="scene file (.toml) to render, maps of `render` (.nc), or readings (.csv, with --scene)",
+    )
+    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene that the readings belong to")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=None, metavar="DIR", help="folder of page, figures and numbers"
+    )
+    if importlib.util.find_spec(READINGS):
+        importlib.import_module(READINGS).add_arguments(parser.add_argument_group("against readings"))
+    add_tracing_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare whatever was given."""
+    kind = args.what.suffix.lower()
+    if args.scene is not None or kind == ".csv":
+        return _readings(args)
+    if kind == ".nc":
+        return _maps(args)
+    return _scene(args)
+
+
+def _scene(args: argparse.Namespace) -> int:
+    scene = Scene.load(args.what)
+    if scene.detector.positions_m is not None:
+        raise UsageError(
+            "this scene has single positions, no planes",
+            where=str(args.what),
+            rule="render and formula are compared on planes",
+            remedy="give planes_m instead of positions_m",
+        )
+    folder = output_folder(args.output or Path("compare"))
+    rendering = traced(scene, args)
+    from lightfield.dataset import to_dataset
+
+    print(balance(rendering))
+    return _report(to_dataset(rendering), folder)
+
+
+def _maps(args: argparse.Namespace) -> int:
+    from lightfield.dataset import read_netcdf
+
+    dataset = read_netcdf(args.what)
+    return _report(dataset, output_folder(args.output or Path("compare")))
+
+
+def _report(dataset: object, folder: Path) -> int:
+    import xarray as xr
+    from rich.console import Console
+
+    from lightfield.compare import compare, verdict
+    from lightfield.report.compare_page import terminal_table, write_comparison
+
+    assert isinstance(dataset, xr.Dataset)
+    comparison = compare(dataset)
+    console = Console()
+    for wavelength in comparison.wavelengths_nm:
+        console.print(terminal_table(comparison, wavelength))
+    console.print(verdict(comparison), highlight=False)
+    with atomic_path(folder / "compare.json") as temporary:
+        temporary.write_text(
+            json.dumps(comparison.summary(), indent=2, allow_nan=False) + "\n", encoding="utf-8"
+        )
+    page, *_ = write_comparison(comparison, dataset.attrs, folder)
+    print(page)
+    return 0
+
+
+def _readings(args: argparse.Namespace) -> int:
+    if args.scene is None:
+        raise UsageError(
+            "readings need the scene that they belong to",
+            where=str(args.what),
+            remedy=f"lightfield compare {args.what} --scene SCENE.toml",
+        )
+    if not importlib.util.find_spec(READINGS):
+        raise UsageError("comparison with readings is not installed", where=str(args.what))
+    return int(importlib.import_module(READINGS).run(args))

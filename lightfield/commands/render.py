@@ -1,0 +1,84 @@
+"""`lightfield render`: trace a scene and write its maps as NetCDF, spectral EXR and PNG."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.commands._tracing import add_tracing_arguments, balance, output_folder, traced
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("render"),
+        metavar="DIR",
+        help="folder of the results (default: render)",
+    )
+    parser.add_argument(
+        "--wavelengths",
+        metavar="NM",
+        help="comma-separated wavelengths, or from:to:step; default: one map per band of the detector",
+    )
+    parser.add_argument("--no-exr", action="store_true", help="write no EXR images")
+    parser.add_argument("--no-figures", action="store_true", help="write no PNG figures")
+    add_tracing_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Trace, write, list what was written."""
+    wavelengths = None if args.wavelengths is None else wavelengths_of(args.wavelengths)
+    scene = Scene.load(args.scene)
+    folder = output_folder(args.output)
+    rendering = traced(scene, args)
+    from lightfield.dataset import to_dataset, write_exr_planes, write_netcdf
+
+    dataset = to_dataset(rendering, wavelengths)
+    written = [write_netcdf(dataset, folder / "maps.nc")]
+    if not args.no_exr and scene.detector.positions_m is None:
+        written += write_exr_planes(dataset, folder)
+    if not args.no_figures and scene.detector.positions_m is None:
+        from lightfield.report.light_figure import light_figure
+        from lightfield.report.style import save_png
+
+        written.append(save_png(light_figure(dataset), folder / "maps.png"))
+    print(balance(rendering))
+    for path in written:
+        print(path)
+    return 0
+
+
+def wavelengths_of(text: str) -> np.ndarray:
+    """Wavelengths from `500,525,550` or `400:700:5` (end included), nm.
+
+    Raises
+    ------
+    UsageError
+        Not numbers, not rising, or outside 200 to 2000 nm.
+    """
+    try:
+        if ":" in text:
+            low, high, step = (float(part) for part in text.split(":"))
+            if not step > 0:
+                raise ValueError
+            found = low + step * np.arange(int(np.floor((high - low) / step + 1e-9)) + 1)
+        else:
+            found = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise UsageError(
+            "not wavelengths", where="--wavelengths", found=text, rule="500,525,550 or from:to:step in nm"
+        ) from None
+    rising = found.size > 0 and bool((np.diff(found) > 0).all())
+    if not rising or not np.isfinite(found).all() or found[0] < 200 or found[-1] > 2000:
+        raise UsageError(
+            "impossible wavelengths", where="--wavelengths", found=text, rule="rising, from 200 to 2000 nm"
+        )
+    return found
