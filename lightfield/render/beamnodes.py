@@ -16,6 +16,7 @@ from lightfield.render.grid import AngleNodes
 from lightfield.scene import Lamp
 
 FINE = 5  # angles per ring at which a beam is looked at
+FINE_PHI = 4  # azimuths per sector, likewise
 TAIL = 1e-3  # relative intensity below which a misfit no longer counts relatively
 
 
@@ -36,17 +37,23 @@ class BeamNodes:
         splines = ring_weights(t, nodes.n_theta)
         weight = 1 / (0.5 ** np.minimum((theta / np.radians(1.3 * hwhm_deg)) ** 2, 40) + TAIL)
         self.fit = np.linalg.lstsq(splines * weight[:, None], np.diag(weight), rcond=1e-8)[0]
-        phi = 2 * pi * np.arange(nodes.n_phi) / nodes.n_phi
+        phi = 2 * pi * np.arange(FINE_PHI * nodes.n_phi) / (FINE_PHI * nodes.n_phi)
         self.theta_grid, self.phi_grid = np.meshgrid(theta, phi, indexing="ij")
         # Linear interpolation damps the k-th harmonic of phi by sinc^2(k h / 2).
-        harmonic = np.fft.fftfreq(nodes.n_phi, 1 / nodes.n_phi)
-        self.damping = np.sinc(harmonic / nodes.n_phi) ** 2
+        self.damping = np.sinc(np.arange(nodes.n_phi // 2 + 1) / nodes.n_phi) ** 2
 
     def values(self, lamp: Lamp) -> np.ndarray:
         """Coefficients of a beam's relative intensity, shape (nodes.size,)."""
+        n_phi = self.nodes.n_phi
+        if lamp.tilt_x_deg == 0 and lamp.tilt_y_deg == 0 and lamp.ellipticity == 1:
+            theta = self.theta_grid[:, 0]
+            round_beam = self.fit @ relative_intensity(lamp, theta, np.zeros_like(theta))
+            return np.repeat(round_beam, n_phi)
         beam = relative_intensity(lamp, *beam_angles(lamp, self.theta_grid, self.phi_grid))
-        if np.ptp(beam, axis=1).max() > 1e-12:
-            beam = np.fft.ifft(np.fft.fft(beam, axis=1) / self.damping, axis=1).real
+        # Harmonics that the sectors cannot hold are dropped here, not aliased.
+        harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
+        harmonics[:, -1] *= 2  # the highest one stands for both of its signs
+        beam = np.fft.irfft(harmonics, n_phi, axis=1)
         return np.asarray(self.fit @ beam).ravel()
 
 

@@ -7,8 +7,8 @@ new trace:
     E_diffuse(p) = sum over directions w  I(w)
                    sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
 
-What is not followed exactly: an offset of the lamp moves the scattered field with it (walls stay), and an
-apparent source distance is that of the scene the response was made for.
+Followed to first order only: an offset of the lamp moves the scattered field with it (the walls stay), and an
+apparent source behind the window stretches the beam plane by plane.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from lightfield.render.response import (
     light_classes,
 )
 from lightfield.render.shift import Shift
-from lightfield.scene import Scene
+from lightfield.scene import Lamp, Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
@@ -52,6 +52,7 @@ BEAM = (
     "ellipticity",
     "tilt_x_deg",
     "tilt_y_deg",
+    "apparent_distance_m",
 )
 
 
@@ -71,8 +72,6 @@ class DiffuseResponse:
     beam_nodes : BeamNodes
     shift : Shift
         From cells to positions.
-    apparent_distance_m : float
-        Of the lamp that was traced.
     """
 
     tallies: list[Array]
@@ -81,7 +80,6 @@ class DiffuseResponse:
     rows: TransportResponse
     beam_nodes: BeamNodes
     shift: Shift
-    apparent_distance_m: float
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
@@ -127,7 +125,7 @@ class DiffuseResponse:
                     part = share * (average @ ((weights[:, rows] @ beam) * along))
                     value += part
                     variance += (part * self.relative_stderr[index, kind]) ** 2
-        attenuated = self._inhomogeneous(scene)
+        attenuated = self._inhomogeneous(scene) * self._path_change(scene, float(a[0] + b[0]))
         moved = self.shift.apply(value * attenuated, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
         return moved, self.shift.pick(np.sqrt(variance) * attenuated)
 
@@ -159,10 +157,33 @@ class DiffuseResponse:
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
-            values, tally = self.beam_nodes.values(lamp), self.tallies[index]
-            flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
-            self._beams[key] = flat.reshape(tally.shape[1:])
+            tally = self.tallies[index]
+            contracted = np.empty(tally.shape[1:], np.float32)
+            for stretch, cells in self._stretches(lamp.apparent_distance_m):
+                values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
+                mine = tally if cells is None else tally[:, :, cells]
+                flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
+                contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
+            self._beams[key] = contracted
         return np.asarray(self._beams[key])
+
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, Array | None]]:
+        """Factor on the beam's angles at each plane, and the cells of that plane.
+
+        Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
+        order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
+        """
+        if apparent_distance_m == 0:
+            return [(1.0, None)]
+        planes = self.shift.cell_z_m
+        return [((z + apparent_distance_m) / z, np.flatnonzero(planes == z)) for z in np.unique(planes)]
+
+    def _path_change(self, scene: Scene, attenuation: float) -> Array:
+        """Less attenuation for light from behind the window, which crosses the water less obliquely."""
+        behind = scene.lamp.apparent_distance_m
+        z, r = self.shift.cell_z_m, self.rows.straight_m
+        radius = np.sqrt(np.maximum(r * r - z * z, 0))
+        return np.asarray(np.exp(-attenuation * (np.hypot(radius, z + behind) * z / (z + behind) - r)))
 
     def _inhomogeneous(self, scene: Scene) -> Array:
         """Attenuation by a gradient or layer along the straight path, which diffuse light nearly follows."""
@@ -241,9 +262,15 @@ def response_for(
     )
     tallies = list(stored["tallies"])
     shift = Shift(grid, np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
-    return DiffuseResponse(
-        tallies, stored["relative_stderr"], nodes, rows, beam_nodes, shift, scene.lamp.apparent_distance_m
-    )
+    return DiffuseResponse(tallies, stored["relative_stderr"], nodes, rows, beam_nodes, shift)
+
+
+def _stretched(lamp: Lamp, factor: float) -> Lamp:
+    """The beam with all its angles multiplied."""
+    if factor == 1:
+        return lamp
+    names = ("hwhm_deg", "skirt_hwhm_deg", "tilt_x_deg", "tilt_y_deg")
+    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in names})
 
 
 def _bucket(hwhm_deg: float) -> float:
@@ -253,7 +280,7 @@ def _bucket(hwhm_deg: float) -> float:
 
 def _traced_scene(scene: Scene, width_deg: float) -> Scene:
     """The scene with everything neutral that is reweighed afterwards."""
-    lamp = type(scene.lamp)(hwhm_deg=width_deg, apparent_distance_m=scene.lamp.apparent_distance_m)
+    lamp = type(scene.lamp)(hwhm_deg=width_deg)
     values: dict[str, Any] = {"water.gradient_per_m2": 0.0, "water.layer_absorption_per_m": 0.0}
     if scene.tank:
         values |= {"tank.surface_reflectance": 1.0}
