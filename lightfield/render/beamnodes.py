@@ -40,6 +40,7 @@ class BeamNodes:
         phi = 2 * pi * np.arange(FINE_PHI * nodes.n_phi) / (FINE_PHI * nodes.n_phi)
         self.theta_grid, self.phi_grid = np.meshgrid(theta, phi, indexing="ij")
         # Linear interpolation damps the k-th harmonic of phi by sinc^2(k h / 2).
+        # (The highest is its own alias and damped half as much, but rfft gives it half the weight as well.)
         self.damping = np.sinc(np.arange(nodes.n_phi // 2 + 1) / nodes.n_phi) ** 2
 
     def values(self, lamp: Lamp) -> np.ndarray:
@@ -52,7 +53,6 @@ class BeamNodes:
         beam = relative_intensity(lamp, *beam_angles(lamp, self.theta_grid, self.phi_grid))
         # Harmonics that the sectors cannot hold are dropped here, not aliased.
         harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
-        harmonics[:, -1] *= 2  # the highest one stands for both of its signs
         beam = np.fft.irfft(harmonics, n_phi, axis=1)
         return np.asarray(self.fit @ beam).ravel()
 

@@ -15,7 +15,7 @@ from lightfield.cache import cache_dir
 from lightfield.errors import OutputError
 from lightfield.files import atomic_path
 
-FORMAT = 5  # raised whenever the walk, the tally or this file's layout changes
+FORMAT = 6  # raised whenever the walk, the tally or this file's layout changes
 log = logging.getLogger(__name__)
 
 
