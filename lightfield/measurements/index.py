@@ -86,7 +86,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
                 rule="one line for each file",
             )
         used.setdefault(row["file"], line)
-        if role in ("signal", "reference"):
+        if role not in ("dark", "ignore"):
             z_m = values["z_m"]
             if z_m != z_m and row.get("z_m", "") == "":
                 problems.add("z_m is missing", place=line, rule=f"required for the role {role}")

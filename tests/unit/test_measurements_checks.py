@@ -179,3 +179,21 @@ def test_what_is_no_spectral_irradiance(text):
 
     with pytest.raises(ValueError):
         to_si(text, "irradiance")
+
+
+# --- readings from an independent simulator, where they are at hand
+
+
+def test_independent_readings_load_and_fit_their_scenes(reference):
+    from lightfield.scene import Scene
+
+    folders = sorted((reference / "hidden_effects").glob("*/data.csv"))
+    if not folders:
+        pytest.skip(f"no hidden_effects cases at {reference}")
+    for path in folders:
+        table = Readings.load(path, Scene.load(path.parent / "scene.toml"))
+        rows = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+        assert len(table) == len(rows) - 1
+        last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
+        for name in ("x_m", "z_m", "value", "stderr", "time_s"):
+            assert getattr(table, name)[-1] == float(last[name])

@@ -1,0 +1,94 @@
+"""`lightfield import` as a user meets it: instrument files and an index in, one reading table out."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lightfield.measurements import Readings
+
+WAVELENGTH = np.arange(480.0, 580.0, 0.5)
+
+
+def lightfield(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "lightfield.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.fixture
+def index(tmp_path: Path) -> Path:
+    """Three spectra of 100 counts above a dark of 20, at 0.1 s: 800 counts/s."""
+    for name, counts in (("a", 99), ("b", 100), ("c", 101), ("dark", 20)):
+        lines = [
+            "SpectraSuite Data File",
+            "Integration Time (usec): 100000 (X)",
+            ">>>>>Begin Processed Spectral Data<<<<<",
+            *(f"{w:.2f}\t{counts:.3f}".replace(".", ",") for w in WAVELENGTH),
+            ">>>>>End Processed Spectral Data<<<<<",
+        ]
+        (tmp_path / f"{name}.txt").write_text("\r\n".join(lines) + "\r\n")
+    path = tmp_path / "index.csv"
+    rows = ["file;z_m;time_s;role", "a.txt;4,5;0;", "b.txt;4,5;1;", "c.txt;4,5;2;signal", "dark.txt;;;dark"]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_files_become_a_reading_table(index):
+    out = index.parent / "new folder" / "readings.csv"
+    done = lightfield(
+        "import", index, "--quantity", "irradiance", "--units", "counts", "--band", "500:550",
+        "--band", "560:570",
+        "--position-mm", "1", "-o", out,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == str(out)
+    assert "4 files (SpectraSuite) -> 2 readings of irradiance in counts/s" in done.stdout
+    readings = Readings.load(out)
+    assert readings.value == pytest.approx([800, 800], rel=1e-12)
+    # Three spectra 10 counts/s apart: standard deviation 10, its mean's error 10 / sqrt(3).
+    assert readings.stderr == pytest.approx([10 / np.sqrt(3)] * 2, rel=1e-9)
+    assert readings.wavelength_nm.tolist() == [525, 565]
+    assert readings.budget.position_mm == 1 and readings.quantity == "irradiance"
+
+
+WRONG = {
+    "nothing stated": ([], "not stated: --quantity, --units, --band"),
+    "no unit": (["--quantity", "irradiance", "--band", "500:550"], "--units"),
+    "unit of another quantity": (
+        ["--quantity", "radiance", "--units", "W/m2/nm", "--band", "500:550"],
+        "--units",
+    ),
+    "no band": (["--quantity", "irradiance", "--units", "counts"], "--band"),
+    "band without end": (["--quantity", "irradiance", "--units", "counts", "--band", "500"], "LOW:HIGH"),
+    "band turned": (["--quantity", "irradiance", "--units", "counts", "--band", "550:500"], "low < high"),
+    "band beyond": (["--quantity", "irradiance", "--units", "counts", "--band", "500:650"], "not within"),
+    "level is text": (["--saturation-level", "full"], "--saturation-level"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_requests_end_with_code_2_an_explanation_and_no_file(index, case):
+    options, word = WRONG[case]
+    out = index.parent / "readings.csv"
+    done = lightfield("import", index, *options, "-o", out)
+    assert done.returncode == 2 and word in done.stderr and "Traceback" not in done.stderr
+    assert not out.exists() and not done.stdout
+
+
+def test_missing_index_and_missing_output(index):
+    asked = ["--quantity", "irradiance", "--units", "counts", "--band", "500:550"]
+    done = lightfield("import", index.parent / "none.csv", *asked, "-o", index.parent / "r.csv")
+    assert done.returncode == 2 and "none.csv: cannot be read" in done.stderr
+    done = lightfield("import", index, *asked)
+    assert done.returncode == 2 and "-o READINGS.csv" in done.stderr
+    done = lightfield("import", index, *asked, "-o", index / "r.csv")
+    assert done.returncode == 2 and "cannot write here" in done.stderr
