@@ -1,0 +1,248 @@
+"""What a sweep varies: ranges on the command line or in a plan file, one axis per dimension of the result."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield.errors import LightfieldError, SceneError, UsageError
+from lightfield.scene import Scene
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+# Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
+ATTENUATION, ALBEDO = "water.attenuation_per_m", "water.single_scattering_albedo"
+COMPOUND = {
+    ATTENUATION: ("1/m", "beam attenuation coefficient c = a + b"),
+    ALBEDO: ("1", "single-scattering albedo b / c"),
+}
+COMPOUND_SETS = ("water.absorption_per_m", "water.scattering_per_m")
+FORMS = "start:stop:count, start:stop:count:log, or value,value,..."
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One dimension of a sweep.
+
+    Parameters
+    ----------
+    name : str
+        Name of the dimension: the parameter's dotted path, or a name of one's own for several that go together.
+    values : mapping of str to tuple
+        For every path it sets, one value per step; all of one length.
+    """
+
+    name: str
+    values: Mapping[str, tuple[Any, ...]]
+
+    @property
+    def size(self) -> int:
+        """Number of steps."""
+        return len(next(iter(self.values.values())))
+
+    def at(self, step: int) -> dict[str, Any]:
+        """Values of one step, by path."""
+        return {path: values[step] for path, values in self.values.items()}
+
+
+def parse_axis(text: str) -> Axis:
+    """Axis from `PATH=RANGE` as on the command line.
+
+    Parameters
+    ----------
+    text : str
+        `water.scattering_per_m=0:0.5:11`, `...=0.01:1:9:log` or `tank.wall_albedo=0,0.2,0.4`.
+
+    Raises
+    ------
+    UsageError
+        Not of that form.
+    """
+    path, equals, given = (part.strip() for part in text.partition("="))
+    if not equals or not path or not given:
+        raise UsageError("not a range", where="--vary", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
+    parts = given.split(":")
+    if len(parts) == 1:
+        return _axis(path, {path: [_value(word) for word in given.split(",")]}, f"--vary {path}")
+    scale = parts[3] if len(parts) == 4 else "linear"
+    try:
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        if len(parts) > 4:
+            raise ValueError
+    except (ValueError, IndexError):
+        raise UsageError("not a range", where=f"--vary {path}", found=given, rule=FORMS) from None
+    return _axis(path, {path: span(start, stop, count, scale, f"--vary {path}")}, f"--vary {path}")
+
+
+def span(start: float, stop: float, count: int, scale: str = "linear", where: str = "range") -> list[float]:
+    """Evenly spaced values, both ends included; `scale` "log" spaces their logarithms.
+
+    Raises
+    ------
+    UsageError
+        An impossible range.
+    """
+    if scale not in ("linear", "log"):
+        raise UsageError("unknown scale", where=where, found=scale, rule="linear or log")
+    if not 1 <= count <= 100_000 or (count == 1 and start != stop):
+        raise UsageError("impossible count", where=where, found=count, rule="2 to 100000 values between two ends")
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        raise UsageError("the ends must be finite", where=where, found=f"{start}:{stop}")
+    if scale == "log" and not (start > 0 and stop > 0):
+        raise UsageError("a log range needs ends above 0", where=where, found=f"{start}:{stop}")
+    steps = np.geomspace(start, stop, count) if scale == "log" else np.linspace(start, stop, count)
+    # Twelve digits: 0.30000000000000004 would be an ugly coordinate.
+    return [float(f"{value:.12g}") for value in steps]
+
+
+def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
+    """Axes and settings from a plan file (TOML).
+
+    Each `[[vary]]` has `path` and either `values` or `start`, `stop`, `count` (and `scale = "log"`); or `name` and
+    `together`, a table of paths with lists of equal length. `[settings]` may set rel_error, max_photons, seed, maps.
+
+    Raises
+    ------
+    UsageError
+        Not readable, not TOML, or not a plan.
+    """
+    where = str(path)
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError("cannot read the plan", where=where, found=str(error), remedy="check the path") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
+    unknown = sorted(set(data) - {"vary", "settings"})
+    if unknown or not isinstance(data.get("vary", []), list):
+        raise UsageError("not a plan", where=where, found=", ".join(unknown) or "vary", rule="[[vary]] and [settings]")
+    axes = [_planned(entry, f"{where}, [[vary]] number {n}") for n, entry in enumerate(data.get("vary", []), 1)]
+    return axes, dict(data.get("settings", {}))
+
+
+def _planned(entry: Mapping[str, Any], where: str) -> Axis:
+    keys = set(entry)
+    if {"name", "together"} == keys and isinstance(entry["together"], dict) and entry["together"]:
+        return _axis(str(entry["name"]), entry["together"], where)
+    if {"path", "values"} == keys and isinstance(entry["values"], list):
+        return _axis(str(entry["path"]), {entry["path"]: entry["values"]}, where)
+    if {"path", "start", "stop", "count"} <= keys <= {"path", "start", "stop", "count", "scale"}:
+        numbers = (entry["start"], entry["stop"], entry["count"])
+        if all(isinstance(v, int | float) for v in numbers) and isinstance(entry["count"], int):
+            values = span(*map(float, numbers[:2]), entry["count"], str(entry.get("scale", "linear")), where)
+            return _axis(str(entry["path"]), {entry["path"]: values}, where)
+    raise UsageError(
+        "not a range", where=where, found=", ".join(sorted(keys)),
+        rule="path with values; path with start, stop, count (and scale); or name with together",
+    )  # fmt: skip
+
+
+def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
+    lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
+    if len(lengths) != 1 or 0 in lengths:
+        raise UsageError("lists of unequal length, or none", where=where, rule="one value per step for every path")
+    steps = list(zip(*values.values(), strict=True))
+    if any(step in steps[:n] for n, step in enumerate(steps)):
+        raise UsageError("a value stands twice", where=where, rule="every value once", remedy="drop the double")
+    return Axis(name, {path: tuple(v) for path, v in values.items()})
+
+
+def _value(word: str) -> Any:
+    """A value as TOML reads it, and as plain text where it is not TOML."""
+    try:
+        return tomllib.loads(f"value = {word.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        return word.strip()
+
+
+def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
+    """The same axes, whole numbers where the scene wants them; every value is tried in the scene on its own.
+
+    Raises
+    ------
+    UsageError
+        No axis, or two that set the same parameter.
+    SceneError
+        An unknown path, or a value that the parameter cannot have.
+    """
+    if not axes:
+        raise UsageError("nothing is varied", remedy=f"--vary PATH=RANGE with RANGE {FORMS}, or --plan FILE")
+    paths = [path for axis in axes for path in axis.values]
+    names = [axis.name for axis in axes]
+    for double in {p for p in paths if paths.count(p) > 1} | {n for n in names if names.count(n) > 1}:
+        raise UsageError("varied twice", found=double, rule="one axis per parameter")
+    compound = [path for path in paths if path in COMPOUND]
+    for path in paths:
+        if compound and path in COMPOUND_SETS:
+            raise UsageError("both set absorption and scattering", found=f"{path} and {compound[0]}",
+                             rule="vary one pair or the other")  # fmt: skip
+    result = []
+    for axis in axes:
+        values = {path: tuple(_as_declared(scene, path, v) for v in given) for path, given in axis.values.items()}
+        for path, given in values.items():
+            _check_range(scene, path, given)
+        result.append(Axis(axis.name, values))
+        _check_alone(scene, result[-1])
+    return result
+
+
+def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
+    known = scene.parameters().get(path)
+    low, high = (known.low, known.high) if known else (0.0, 1.0 if path == ALBEDO else math.inf)
+    if known is None and path not in COMPOUND:
+        return
+    for value in values:
+        if not isinstance(value, int | float) or not low <= value <= high:
+            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=f"{low:g} to {high:g}")
+
+
+def _check_alone(scene: Scene, axis: Axis) -> None:
+    """One step at least works with the scene as it is; another may need what a second axis sets, or fails as a case."""
+    problem: LightfieldError | None = None
+    for step in range(axis.size):
+        try:
+            apply(scene, axis.at(step))
+            return
+        except LightfieldError as error:
+            problem = problem or error
+    if problem is not None:
+        raise problem
+
+
+def _as_declared(scene: Scene, path: str, value: Any) -> Any:
+    """Floats for numbers, whole numbers where the parameter is one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    current = None if path in COMPOUND else scene.get(path)
+    if isinstance(current, int) and not isinstance(current, bool) and float(value).is_integer():
+        return int(value)
+    return float(value)
+
+
+def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Scene:
+    """The scene with these values, compound ones included.
+
+    Raises
+    ------
+    SceneError, UsageError
+        As `Scene.with_values`; or an impossible single-scattering albedo.
+    """
+    values = dict(values)
+    if ATTENUATION in values or ALBEDO in values:
+        a, b = (float(scene.get(path)) for path in COMPOUND_SETS)
+        c = float(values.pop(ATTENUATION, a + b))
+        albedo = float(values.pop(ALBEDO, b / (a + b) if a + b else 0.0))
+        if not 0 <= albedo <= 1 or c < 0:
+            raise UsageError("impossible water", where=f"{ATTENUATION}, {ALBEDO}", found=(c, albedo),
+                             rule="attenuation from 0, albedo 0 to 1")  # fmt: skip
+        values |= {COMPOUND_SETS[0]: c * (1 - albedo), COMPOUND_SETS[1]: c * albedo}
+    return scene.with_values(values, validate=validate)

@@ -1,0 +1,60 @@
+"""The cases of a sweep: every combination of its axes, as scenes, by one running number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lightfield.scene import Scene
+from lightfield.sweep.axes import Axis, apply
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Every combination of the axes, numbered with the last axis running fastest.
+
+    Parameters
+    ----------
+    scene : Scene
+        Holds whatever is not varied.
+    axes : tuple of Axis
+    """
+
+    scene: Scene
+    axes: tuple[Axis, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Steps along every axis."""
+        return tuple(axis.size for axis in self.axes)
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return int(np.prod(self.shape))
+
+    def values(self, number: int) -> dict[str, Any]:
+        """What case `number` sets, by path."""
+        steps = np.unravel_index(number, self.shape)
+        return {p: v for axis, step in zip(self.axes, steps, strict=True) for p, v in axis.at(int(step)).items()}
+
+    def build(self, number: int, validate: bool = True) -> Scene:
+        """Scene of case `number`.
+
+        Raises
+        ------
+        SceneError, UsageError
+            Values that do not go together.
+        """
+        return apply(self.scene, self.values(number), validate)
+
+    def subset(self, axes: list[int]) -> Iterator[tuple[tuple[int, ...], Scene]]:
+        """Scenes of all combinations of some axes, the others at their first step: (steps, scene)."""
+        for steps in np.ndindex(*(self.axes[i].size for i in axes)):
+            at = [0] * len(self.axes)
+            for i, step in zip(axes, steps, strict=True):
+                at[i] = step
+            yield tuple(map(int, steps)), self.build(int(np.ravel_multi_index(at, self.shape)), validate=False)

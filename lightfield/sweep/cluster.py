@@ -1,0 +1,120 @@
+"""Dask: in this process, as a cluster of local processes, or an existing scheduler."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lightfield import __version__
+from lightfield.errors import BackendError, UsageError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CONNECT_SECONDS = 15
+
+
+@contextmanager
+def connected(
+    store: Path, workers: int = 0, scheduler: str | None = None, memory_gb: float | None = None
+) -> Iterator[Client]:
+    """A Dask client whose workers have their backend ready and see the store.
+
+    Parameters
+    ----------
+    store : Path
+        Folder that every worker must reach under the same path.
+    workers : int
+        Local processes; 0 computes in this process.
+    scheduler : str, optional
+        Address of a running scheduler, such as tcp://10.0.0.1:8786.
+    memory_gb : float, optional
+        Limit of a local worker; Dask restarts one that goes beyond. Default: an equal share of the machine.
+
+    Raises
+    ------
+    UsageError
+        Both workers and a scheduler, or nobody answers at that address.
+    BackendError
+        A worker cannot compute.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+
+    if workers and scheduler:
+        raise UsageError("--workers and --scheduler exclude each other", remedy="an existing scheduler has its workers")
+    if not 0 <= workers <= 1024:
+        raise UsageError("impossible number of workers", found=workers, rule="0 (this process) to 1024")
+    if memory_gb is not None and not memory_gb > 0:
+        raise UsageError("impossible memory limit", found=memory_gb, rule="gigabytes, above 0")
+    # A trace holds the interpreter for seconds: that is no reason to warn, or to give a worker up.
+    quiet = {
+        "distributed.admin.tick.limit": "1h", "distributed.scheduler.allowed-failures": 2,
+        "distributed.scheduler.worker-ttl": "30 minutes", "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
+    }  # fmt: skip
+    for name in ("distributed", "distributed.nanny", "distributed.worker", "distributed.scheduler", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(quiet))
+        if scheduler is not None:
+            try:
+                client = stack.enter_context(Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False))
+            except (OSError, TimeoutError, ValueError) as error:
+                raise UsageError("no Dask scheduler answers", where=f"--scheduler {scheduler}", found=str(error),
+                                 remedy="start one with `dask scheduler`") from error  # fmt: skip
+            if not client.scheduler_info()["workers"]:
+                client.wait_for_workers(1, timeout=10 * CONNECT_SECONDS)
+        else:
+            limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=max(1, workers), threads_per_worker=1, processes=workers > 0, memory_limit=limit,
+                    dashboard_address=None, silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+        client.register_plugin(_plugin(store.resolve()))
+        yield client
+
+
+def prepare_worker(store: str, version: str) -> None:
+    """Make a worker ready: same version, sees the store, backend started once.
+
+    Raises
+    ------
+    BackendError
+        Something of that is missing.
+    """
+    where = f"worker {os.uname().nodename}:{os.getpid()}"
+    if version != __version__:
+        raise BackendError("the worker has another version of lightfield", where=where, found=__version__,
+                           rule=version)  # fmt: skip
+    if not Path(store, ".lightfield").is_dir():
+        raise BackendError("the worker does not see the store", where=where, found=store,
+                           rule="a folder that all machines share", remedy="put the store on a shared disk")  # fmt: skip
+    os.environ.setdefault("LIGHTFIELD_THREADS", "1")
+    from lightfield.render.backend import use_backend
+
+    use_backend()
+
+
+def _plugin(store: Path) -> Any:
+    from distributed import WorkerPlugin
+
+    class Ready(WorkerPlugin):
+        """Prepares every worker, also one that joins or is restarted later."""
+
+        name = f"lightfield {store}"
+
+        def __init__(self, *told: str) -> None:
+            self.told = told
+
+        def setup(self, worker: Any) -> None:
+            prepare_worker(*self.told)
+
+    return Ready(str(store), __version__)

@@ -1,0 +1,275 @@
+"""The plan of a sweep: which cases share a trace, and in which blocks they are evaluated and written."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from lightfield.errors import LightfieldError, UsageError
+from lightfield.render.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.rendering import transport_key
+from lightfield.render.response import Reference
+from lightfield.render.store import digest_of
+from lightfield.scene import Scene
+from lightfield.sweep.axes import Axis, checked_axes
+from lightfield.sweep.cases import Cases
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
+BLOCK_CASES = 256
+MOST_CASES = 2_000_000
+# Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the variance of
+# that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (b0 L scatterings on average, Poisson). Beyond 3 single
+# photons carry so much that the stated error is no longer to be trusted: such waters get a trace of their own.
+MOST_SPREAD = 3.0
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """How a sweep is computed.
+
+    Parameters
+    ----------
+    rel_error : float
+        Relative standard error asked of every trace, in its reference water.
+    max_photons : float
+        Photon budget of every trace.
+    seed : int
+    maps : bool
+        Keep the maps, not the derived quantities alone.
+    """
+
+    rel_error: float = 0.05
+    max_photons: float = 2e6
+    seed: int = 0
+    maps: bool = True
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One trace: a scene in its reference water, and the seed.
+
+    Parameters
+    ----------
+    number : int
+    scene : Scene
+    reference : Reference
+    seed : int
+    cases : int
+        How many cases are evaluated from it.
+    """
+
+    number: int
+    scene: Scene
+    reference: Reference
+    seed: int
+    cases: int
+
+
+@dataclass(frozen=True)
+class Block:
+    """Cases that are written together: one chunk of the store.
+
+    Parameters
+    ----------
+    number : int
+    index : tuple of int
+        Chunk index along the case dimensions.
+    cases : array of int
+        Case numbers, in the order of the chunk.
+    traces : tuple of int
+        Numbers of the traces that its cases need.
+    """
+
+    number: int
+    index: tuple[int, ...]
+    cases: np.ndarray
+    traces: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that is decided before the first photon.
+
+    Parameters
+    ----------
+    cases : Cases
+    settings : SweepSettings
+    chunks : tuple of int
+        Cases of a block along every axis.
+    traces : tuple of Trace
+    blocks : tuple of Block
+    trace_of_case : array of int, shape (n_cases,)
+        -1 where the case has no scene.
+    problems : dict of int to str
+        Cases that have no scene, and why.
+    grids : list of Grid
+        Detector grid of every combination of `grid_axes`, the last running fastest.
+    grid_axes : tuple of int
+        Axes along which the trace changes.
+    """
+
+    cases: Cases
+    settings: SweepSettings
+    chunks: tuple[int, ...]
+    traces: tuple[Trace, ...]
+    blocks: tuple[Block, ...]
+    trace_of_case: np.ndarray
+    problems: dict[int, str]
+    grids: list[Grid]
+    grid_axes: tuple[int, ...]
+
+    @property
+    def cells(self) -> int:
+        """Values of one map, all planes together."""
+        return int(np.prod(self.grids[0].shape))
+
+    @property
+    def bands(self) -> int:
+        """Wavelength bands."""
+        return len(self.cases.scene.detector.bands_nm)
+
+
+def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
+    """Decide what is traced and what is evaluated.
+
+    Parameters
+    ----------
+    scene : Scene
+    axes : list of Axis
+    settings : SweepSettings
+
+    Raises
+    ------
+    UsageError
+        Nothing or too much is varied, or maps of different shapes would have to share a store.
+    SceneError
+        An unknown path or an impossible value.
+    """
+    cases = Cases(scene, tuple(checked_axes(axes, scene)))
+    if cases.count > MOST_CASES:
+        raise UsageError("too many cases", found=cases.count, rule=f"at most {MOST_CASES}", remedy="coarser ranges")
+    if scene.detector.positions_m is not None:
+        raise UsageError("a sweep needs detector planes", found="detector.positions_m",
+                         remedy="give detector.planes_m instead")  # fmt: skip
+    transport, keys, grids = _transport_axes(cases)
+    if len({grid.shape for grid in grids}) > 1:
+        raise UsageError("maps of different shapes cannot share a store", found=sorted({g.shape for g in grids}),
+                         rule="planes, rows and columns", remedy="one sweep for each")  # fmt: skip
+    waters, problems = _waters(cases)
+    traces, trace_of_case = _traces(cases, settings, transport, keys, waters, problems)
+    bands = len(scene.detector.bands_nm)
+    limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
+    chunks = _chunks(cases.shape, transport, limit)
+    blocks = _blocks(cases.shape, chunks, trace_of_case)
+    return Plan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, tuple(transport))
+
+
+def _transport_axes(cases: Cases) -> tuple[list[int], list[str], list[Grid]]:
+    """Axes along which light must be traced anew, and key and grid of every combination of their steps."""
+    transport = []
+    for i in range(len(cases.axes)):
+        if len({_key(scene) for _, scene in cases.subset([i])}) > 1:
+            transport.append(i)
+    scenes = [scene for _, scene in cases.subset(transport)]
+    return transport, [_key(scene) for scene in scenes], [scene_grid(scene) for scene in scenes]
+
+
+def _key(scene: Scene) -> str:
+    """What a trace depends on beside the reference; light off the surface is told apart afterwards."""
+    if scene.tank is not None:
+        scene = scene.with_values({"tank.surface": "none", "tank.surface_reflectance": 0.0}, validate=False)
+    try:
+        return digest_of(transport_key(scene, scene_grid(scene), Reference(0.0, 0.0, 0.0)))
+    except (OSError, ValueError, TypeError) as error:  # an impossible value: its cases fail, with their own message
+        return f"impossible: {error}"
+
+
+def _waters(cases: Cases) -> tuple[np.ndarray, dict[int, str]]:
+    """Least absorption, most scattering, wall albedo and surface reflectance of every case, shape (n_cases, 4)."""
+    table, problems = np.zeros((cases.count, 4)), {}
+    for number in range(cases.count):
+        try:
+            scene = cases.build(number, validate=False)
+            at = band_wavelengths(scene).ravel()
+            tank = scene.tank
+            walls = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+            table[number] = (
+                absorption_per_m(scene.water, at).min(), scattering_per_m(scene.water, at).max(), *walls
+            )  # fmt: skip
+        except (LightfieldError, ValueError, TypeError) as error:
+            problems[number] = str(error)
+    return table, problems
+
+
+def _traces(
+    cases: Cases, settings: SweepSettings, transport: list[int], keys: list[str], waters: np.ndarray,
+    problems: dict[int, str],
+) -> tuple[tuple[Trace, ...], np.ndarray]:  # fmt: skip
+    """Traces, and the number of the trace that each case is evaluated from."""
+    steps = np.array(np.unravel_index(np.arange(cases.count), cases.shape))
+    sizes = [cases.axes[i].size for i in transport]
+    combination = np.ravel_multi_index(steps[transport], sizes) if transport else np.zeros(cases.count, int)
+    unique = {key: n for n, key in enumerate(dict.fromkeys(keys))}
+    key_of_case = np.array([unique[key] for key in keys])[combination]
+    usable = np.ones(cases.count, bool)
+    usable[list(problems)] = False
+    trace_of_case = np.full(cases.count, -1)
+    traces: list[Trace] = []
+    for key, which in unique.items():
+        left = np.flatnonzero(usable & (key_of_case == which))
+        far = max(float(g.z_m.max()) for g in [scene_grid(cases.build(int(c), False)) for c in left[:1]]) if len(left) else 0
+        while len(left):
+            members = left[_spread(waters[left, 1], far) <= MOST_SPREAD]
+            trace_of_case[members] = len(traces)
+            traces.append(_trace(cases, settings, key, members, waters[members], len(traces)))
+            left = np.setdiff1d(left, members)
+    return tuple(traces), trace_of_case
+
+
+def _spread(scattering_per_m: np.ndarray, far_m: float) -> np.ndarray:
+    most = scattering_per_m.max()
+    return (most - scattering_per_m) ** 2 * far_m / most if most > 0 else np.zeros_like(scattering_per_m)
+
+
+def _trace(
+    cases: Cases, settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int
+) -> Trace:
+    a, b, rho, surface = waters[:, 0].min(), *(float(column.max()) for column in waters[:, 1:].T)
+    reference = Reference(float(a), b, rho)
+    scene = cases.build(int(members[0]), validate=False)
+    plain: dict[str, Any] = {
+        "water.base": "none", "water.table": None, "water.chlorophyll_mg_per_m3": 0.0, "water.cdom_440_per_m": 0.0,
+        "water.sediment_g_per_m3": 0.0, "water.absorption_per_m": reference.absorption_per_m,
+        "water.scattering_per_m": b, "water.hardening_per_m": 0.0,
+    }  # fmt: skip
+    if scene.tank is not None:
+        plain |= {"tank.wall_albedo": rho, "tank.surface_reflectance": surface}
+        plain["tank.surface"] = "flat" if surface > 0 else "none"
+    text = f"{settings.seed} {key} {reference} {surface > 0}"
+    seed = int(hashlib.sha256(text.encode()).hexdigest()[:12], 16) % 4_000_000
+    return Trace(number, scene.with_values(plain, validate=False), reference, seed, len(members))
+
+
+def _chunks(shape: tuple[int, ...], transport: list[int], limit: int) -> tuple[int, ...]:
+    """Block size along every axis: one along axes that need their own trace, then as many cases as fit."""
+    chunks = [1] * len(shape)
+    for i in reversed(range(len(shape))):
+        if i not in transport:
+            chunks[i] = max(1, min(shape[i], limit // int(np.prod(chunks))))
+    return tuple(chunks)
+
+
+def _blocks(shape: tuple[int, ...], chunks: tuple[int, ...], trace_of_case: np.ndarray) -> tuple[Block, ...]:
+    numbers = np.arange(int(np.prod(shape))).reshape(shape)
+    blocks = []
+    for index in product(*(range(-(-size // chunk)) for size, chunk in zip(shape, chunks, strict=True))):
+        where = tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, chunks, strict=True))
+        members = numbers[where].ravel()
+        traces = tuple(sorted({int(t) for t in trace_of_case[members] if t >= 0}))
+        blocks.append(Block(len(blocks), index, members, traces))
+    return tuple(blocks)

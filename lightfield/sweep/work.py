@@ -1,0 +1,284 @@
+"""What one worker does: trace a reference water, or evaluate a block of cases and write it. Runs anywhere."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from lightfield.errors import LightfieldError, OutputError
+from lightfield.files import atomic_path
+from lightfield.render.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.rendering import render_scene
+from lightfield.render.response import Reference, TransportResponse
+from lightfield.render.settings import Progress
+from lightfield.scene import Scene
+from lightfield.sweep import zarrfile
+from lightfield.sweep.cases import Cases
+from lightfield.sweep.derived import Formula, derive, intensity_of
+from lightfield.sweep.plan import Block, SweepSettings, Trace
+from lightfield.sweep.store import derived_variables, trace_file
+from lightfield.sweep.zarrfile import Variable
+from lightfield.water.iop import absorption_per_m, is_grey, scattering_per_m
+
+EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
+# One thread at a time computes: Dr.Jit keeps state per process, and two responses would need twice the memory.
+_busy = threading.Lock()
+
+
+@dataclass(frozen=True)
+class TraceDone:
+    """Report of a trace."""
+
+    number: int
+    photons: int
+    reached: float
+    seconds: float
+    worker: str
+    peak_bytes: int
+
+
+@dataclass(frozen=True)
+class BlockDone:
+    """Report of a block: what failed and why, by case."""
+
+    number: int
+    failed: dict[int, str]
+    seconds: float
+    worker: str
+    peak_bytes: int
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where and how blocks are written.
+
+    Parameters
+    ----------
+    path : Path
+        The store.
+    variables : dict of Variable
+        Its layout.
+    quantity, units, area_units : str
+    bands : int
+    """
+
+    path: Path
+    variables: dict[str, Variable]
+    quantity: str
+    units: str
+    area_units: str
+    bands: int
+
+
+def do_trace(trace: Trace, settings: SweepSettings, path: Path, progress: Progress | None = None) -> TraceDone:
+    """Trace, and leave the response beside the store; one that is there already is not traced again.
+
+    Raises
+    ------
+    LightfieldError
+        The scene cannot be traced.
+    """
+    with _busy:
+        started, file = time.perf_counter(), trace_file(path, trace.number)
+        stored = _read(file)
+        if stored is None:
+            # One thread, or sums would be taken in another order each time and repeat to six digits only.
+            os.environ.setdefault("LIGHTFIELD_THREADS", "1")
+            rendering = render_scene(
+                trace.scene, rel_error=settings.rel_error, max_photons=settings.max_photons, seed=trace.seed,
+                reference=trace.reference, progress=progress, cache=False,
+            )  # fmt: skip
+            _save(file, rendering.response, rendering.reached)
+            stored = rendering.response, rendering.reached
+        response, reached = stored
+        return TraceDone(
+            trace.number, response.photons, reached, time.perf_counter() - started, worker_name(), peak_bytes()
+        )
+
+
+def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: Target) -> BlockDone:
+    """Evaluate the cases of a block and write its chunks; a case that cannot be evaluated is reported.
+
+    Parameters
+    ----------
+    block : Block
+    cases : Cases
+    trace_of_case : sequence of int
+        Trace of every case of the block; negative: none.
+    target : Target
+    """
+    with _busy, threadpool_limits(1, "blas"):  # more threads of BLAS would round differently
+        started = time.perf_counter()
+        failed: dict[int, str] = {}
+        shapes = {name: v.shape[len(cases.shape) :] for name, v in target.variables.items() if _is_result(name, target)}
+        results = {name: np.full((len(block.cases), *shape), np.nan) for name, shape in shapes.items()}
+        names = derived_variables(target.quantity, target.units, target.area_units)
+        for number in sorted(set(trace_of_case)):
+            mine = [i for i, t in enumerate(trace_of_case) if t == number]
+            scenes = _scenes(cases, block, mine, failed)
+            if number < 0 or not scenes:
+                continue
+            response = _response(trace_file(target.path, number))
+            for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
+                grid = scene_grid(scene)
+                formula = _formula(scene, grid)
+                found = derive(mean, stderr, None if formula is None else formula.bands(scene), grid)
+                if target.quantity in results:
+                    results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
+                for name, key, _, _ in names:
+                    if key in found:
+                        results[name][i] = found[key]
+        for name, values in results.items():
+            variable = target.variables[name]
+            edge = tuple(min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False))
+            index = (*block.index, *(0,) * len(shapes[name]))
+            zarrfile.write_chunk(target.path, name, variable, index, values.reshape(*edge, *shapes[name]))
+        return BlockDone(block.number, failed, time.perf_counter() - started, worker_name(), peak_bytes())
+
+
+def evaluated(
+    response: TransportResponse, scenes: list[tuple[int, Scene]], failed: dict[int, str], block: Block
+) -> Iterator[tuple[int, Scene, np.ndarray, np.ndarray]]:
+    """Maps of many waters from one response, many at a time: (place in the block, scene, mean, stderr).
+
+    mean and stderr have shape (n_bands, n_planes, n_y, n_x) and absolute units.
+    """
+    most = max(1, int(EVALUATE_BYTES / (8 * response.tally.shape[0] * response.tally.shape[2])))
+    for _, alike in groupby(scenes, key=lambda pair: (pair[1].water.hardening_per_m, _nodes(pair[1]).shape)):
+        members = list(alike)
+        per_case = _nodes(members[0][1]).size
+        step = max(1, most // per_case)
+        for first in range(0, len(members), step):
+            part = members[first : first + step]
+            try:
+                means, errors = _evaluate(response, [scene for _, scene in part])
+            except LightfieldError as error:
+                failed |= {int(block.cases[i]): str(error)[:240] for i, _ in part}
+                continue
+            for (i, scene), mean, stderr in zip(part, means, errors, strict=True):
+                if not np.isfinite(mean).all() or np.isnan(stderr).any():
+                    failed[int(block.cases[i])] = "the evaluated map has values that are not numbers"
+                    continue
+                yield i, scene, mean, stderr
+
+
+def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndarray, np.ndarray]:
+    """Maps of cases with equal hardening and equally many wavelengths, shape (n, n_bands, n_planes, n_y, n_x)."""
+    columns, weights = [], []
+    for scene in scenes:
+        at, tank = _nodes(scene), scene.tank
+        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
+        columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
+        intensity = intensity_of(scene)
+        # Grey water: one map serves all bands.
+        weights.append(intensity.mean(axis=1)[:, None] if at.size == 1 else intensity / intensity.shape[1])
+    shape = (len(scenes), *_nodes(scenes[0]).shape, *response.shape)
+    hardening = scenes[0].water.hardening_per_m
+    mean, stderr = response.evaluate(*np.concatenate(columns, axis=1), hardening=hardening)
+    factor = np.array(weights)[..., None, None, None]
+    with np.errstate(invalid="ignore"):
+        # Wavelengths of a band share their photons: errors add up, they do not average out.
+        return (mean.reshape(shape) * factor).sum(axis=2), (stderr.reshape(shape) * factor).sum(axis=2)
+
+
+def _nodes(scene: Scene) -> np.ndarray:
+    """Wavelengths to evaluate at, shape (n_bands, n_samples); (1, 1) in grey water."""
+    at = band_wavelengths(scene)
+    return at[:1, :1] if is_grey(scene.water) else at
+
+
+def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str]) -> list[tuple[int, Scene]]:
+    scenes = []
+    for i in places:
+        try:
+            scenes.append((i, cases.build(int(block.cases[i]))))
+        except (LightfieldError, ValueError, TypeError) as error:
+            failed[int(block.cases[i])] = " ".join(str(error).split())[:240]
+    return scenes
+
+
+def _is_result(name: str, target: Target) -> bool:
+    derived = {entry[0] for entry in derived_variables(target.quantity, target.units, target.area_units)}
+    return name in derived or name in (target.quantity, f"{target.quantity}_stderr")
+
+
+_formulas: dict[str, Formula | None] = {}
+
+
+def _formula(scene: Scene, grid: Grid) -> Formula | None:
+    """Geometry of the formula for a scene's lamp and detector, remembered for the next case."""
+    key = f"{scene.lamp!r}{scene.detector!r}"
+    if key not in _formulas:
+        if len(_formulas) > 4:
+            _formulas.clear()
+        _formulas[key] = Formula.of(scene, grid)
+    return _formulas[key]
+
+
+# -- responses on disk -------------------------------------------------------------------------------
+
+
+def _response(file: Path) -> TransportResponse:
+    """The response that was used last, or another one in its place."""
+    return _loaded(str(file), file.stat().st_mtime_ns if file.exists() else 0)
+
+
+@lru_cache(maxsize=1)
+def _loaded(file: str, _modified: int) -> TransportResponse:
+    stored = _read(Path(file))
+    if stored is None:
+        raise OutputError("the trace is gone or damaged", where=file, remedy="run the same command again")
+    return stored[0]
+
+
+def _save(file: Path, response: TransportResponse, reached: float) -> None:
+    reference = response.reference
+    water = (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo)
+    with atomic_path(file) as temporary, temporary.open("wb") as out:
+        np.savez(
+            out, tally=response.tally, histories=response.histories, excess_m=response.excess_m,
+            straight_m=response.straight_m, reference=np.array(water), photons=response.photons, reached=reached,
+        )  # fmt: skip
+
+
+def _read(file: Path) -> tuple[TransportResponse, float] | None:
+    """A response and the error it reached; None when it is missing or damaged (zip archives carry checksums)."""
+    try:
+        with np.load(file, allow_pickle=False) as d:
+            reference = Reference(*map(float, d["reference"]))
+            response = TransportResponse(
+                d["tally"], d["histories"], d["excess_m"], d["straight_m"], reference, int(d["photons"])
+            )
+            return response, float(d["reached"])
+    except FileNotFoundError:
+        return None
+    except Exception:  # whatever a damaged file makes NumPy or zipfile raise
+        file.unlink(missing_ok=True)
+        return None
+
+
+# -- this process ------------------------------------------------------------------------------------
+
+
+def worker_name() -> str:
+    """Host and process that computes."""
+    return f"{os.uname().nodename}:{os.getpid()}"
+
+
+def peak_bytes() -> int:
+    """Most memory that this process has held, in bytes."""
+    import resource
+    import sys
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
