@@ -268,7 +268,7 @@ RENDERED = {"scattering", "wall_reflection", "surface_reflection"}
 def test_independent_simulator(reference: Path) -> None:
     """Readings of another code with known truth: there, with a fitted gain, chi-square is what noise gives.
 
-    Its absorbed path behind an apparent source is defined otherwise, so absorption is fitted there as well. Cases
+    Its absorbed path behind an apparent source is another: absorption is fitted there as well. Cases
     with scattered or reflected light, and unknown effects, are for the renderer and the diagnosis.
     """
     seen = set()
