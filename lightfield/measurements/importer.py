@@ -18,6 +18,7 @@ from lightfield.measurements.readings import ErrorBudget, LoadWarning, Readings
 from lightfield.measurements.reduction import Shot
 from lightfield.measurements.replicates import Point, join
 from lightfield.measurements.request import Bands, settle_request
+from lightfield.measurements.units import is_absolute
 
 
 def import_index(
@@ -58,6 +59,8 @@ def import_index(
     unit = settle_request(quantity, units, bands_nm, saturation_level)
     problems = Problems(where)
     shots = _settle(_read_files(read_index(path, problems), problems), unit == "counts", problems)
+    if not is_absolute(unit):
+        _check_one_instrument(shots, problems)
     problems.raise_any("not a usable index")
     shots, time_note = _times(shots)
     notes: list[LoadWarning] = [] if time_note is None else [time_note]
@@ -84,8 +87,17 @@ def _read_files(entries: Sequence[Entry], problems: Problems) -> list[Shot]:
         try:
             spectrum = read_spectrum(entry.path)
         except MeasurementError as error:
-            for what in error.problems or [error.what]:
-                problems.add(f"{entry.file}: {what}", place=entry.line)
+            if error.problems:
+                for what in error.problems:
+                    problems.add(f"{entry.file}: {what}", place=entry.line)
+            else:
+                problems.add(
+                    f"{entry.file}: {error.what}",
+                    place=entry.line,
+                    found=error.found,
+                    rule=error.rule,
+                    remedy=error.remedy,
+                )
             continue
         shots.append(Shot(entry, spectrum, spectrum.integration_time_s, entry.time_s))
     return shots
@@ -102,18 +114,37 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
             and abs(stated - header) > reduction.SAME_EXPOSURE * header
         ):
             problems.add(
-                f"{shot.entry.file}: the index and the file state different exposures", place=shot.entry.line,
-                found=f"{stated:g} s and {header:g} s", remedy="remove integration_time_s from this line",
-            )  # fmt: skip
+                f"{shot.entry.file}: the index and the file state different exposures",
+                place=shot.entry.line,
+                found=f"{stated:g} s and {header:g} s",
+                remedy="remove integration_time_s from this line",
+            )
         exposure = header if np.isfinite(header) else stated
         if needed and not np.isfinite(exposure):
             reason = next((f" ({note})" for note in shot.spectrum.notes if "exposure" in note), "")
             problems.add(
-                f"{shot.entry.file}: the exposure is not known{reason}", place=shot.entry.line,
-                rule="counts are divided by it", remedy="give integration_time_s in the index",
-            )  # fmt: skip
+                f"{shot.entry.file}: the exposure is not known{reason}",
+                place=shot.entry.line,
+                rule="counts are divided by it",
+                remedy="give integration_time_s in the index",
+            )
         out.append(replace(shot, exposure_s=exposure))
     return out
+
+
+def _check_one_instrument(shots: Sequence[Shot], problems: Problems) -> None:
+    """Uncalibrated numbers of two spectrometers have two unknown gains; a relative table has one."""
+    first = next((shot for shot in shots if shot.spectrum.spectrometer), None)
+    for shot in shots:
+        name = shot.spectrum.spectrometer
+        if first is not None and name and name != first.spectrum.spectrometer:
+            problems.add(
+                f"{shot.entry.file}: another spectrometer than in line {first.entry.line}",
+                place=shot.entry.line,
+                found=name,
+                rule=f"{first.spectrum.spectrometer!r} throughout, as the numbers are not calibrated",
+                remedy="one table for each spectrometer",
+            )
 
 
 def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
@@ -141,9 +172,16 @@ def _in_order(shots: Sequence[Shot]) -> list[Shot]:
 
 
 def _reduce(
-    k: int, shot: Shot, darks: Sequence[Shot], unit: str, bands: Bands, level: float | None,
-    points: dict[tuple[int, int], Point], flat: dict[str, float], problems: Problems,
-) -> None:  # fmt: skip
+    k: int,
+    shot: Shot,
+    darks: Sequence[Shot],
+    unit: str,
+    bands: Bands,
+    level: float | None,
+    points: dict[tuple[int, int], Point],
+    flat: dict[str, float],
+    problems: Problems,
+) -> None:
     counts = unit == "counts"
     mask, top = saturation.saturated_pixels(shot.spectrum, level)
     if top is not None:
@@ -171,9 +209,15 @@ def _reduce(
 
 
 def _table(
-    rows: Sequence[dict[str, Any]], where: str, quantity: str, unit: str, bands: Bands, budget: ErrorBudget,
-    metadata: dict[str, Any], notes: Sequence[LoadWarning],
-) -> Readings:  # fmt: skip
+    rows: Sequence[dict[str, Any]],
+    where: str,
+    quantity: str,
+    unit: str,
+    bands: Bands,
+    budget: ErrorBudget,
+    metadata: dict[str, Any],
+    notes: Sequence[LoadWarning],
+) -> Readings:
     numbers = (
         "x_m",
         "y_m",

@@ -365,6 +365,13 @@ def test_all_problems_of_index_and_files_come_at_once(campaign):
         assert any(text.startswith(f"line {line}: ") and word in text for text in found), (word, found)
 
 
+def test_two_spectrometers_in_one_table_are_refused_unless_calibrated(campaign):
+    content = (campaign / "b.txt").read_text()
+    (campaign / "b.txt").write_text(content.replace("TEST1", "TEST2"))
+    assert "line 3: b.txt: another spectrometer than in line 2" in problems(campaign, ROWS)[0]
+    assert "mixed_settings" in codes(run(campaign, ROWS[:2], units="uW/cm^2/nm"))
+
+
 def test_coordinates_need_their_unit(campaign):
     found = problems(campaign, ["a.txt,4.5"], "file,z")
     assert "name it z_m" in found[0]
@@ -443,3 +450,36 @@ def test_any_bytes_as_index(data, tmp_path_factory):
     except MeasurementError:
         return
     assert entries or noted
+
+
+# --- real files, where they are at hand
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "raw", "exposure_s"),
+    [
+        ("OOusb4000.txt", "counts", ["value"], 0.02),
+        ("OO_comma.txt", "counts", ["value"], 0.07),
+        ("OceanView_halogen_HR.txt", "counts", ["value"], 0.0273),
+        ("OceanView.txt", "relative", ["value"], 1.0),
+        ("jazspec.jaz", "counts", ["signal", "dark"], 0.024),
+        ("irrad.JazIrrad", "counts", ["signal", "dark"], 0.495),
+        ("irrad.JazIrrad", "uW/cm^2/nm", ["processed"], 1.0),
+    ],
+)
+def test_real_files_become_readings(reference, tmp_path, name, units, raw, exposure_s):
+    from lightfield.measurements.formats import read_spectrum
+
+    path = reference / "reference" / "spectrometer" / name
+    path = path if path.exists() else reference / "spectrometer" / name
+    if not path.exists():
+        pytest.skip(f"no real spectrometer files at {path}")
+    readings = run(tmp_path, [f"{path},4.5"], "file,z_m", units=units)
+    spectrum = read_spectrum(path)
+    fine = np.linspace(500, 550, 500_001)
+    means = [np.interp(fine, spectrum.wavelength_nm, spectrum.columns[column]).mean() for column in raw]
+    expected = (means[0] - sum(means[1:])) / exposure_s
+    # A mean on a grid of 1e-4 nm against the exact integral: 140 kinks, each good to 1e-4 nm of 50 nm.
+    scale = max(np.abs(spectrum.columns[column]).max() for column in raw) / exposure_s
+    assert readings.value[0] == pytest.approx(expected, abs=scale * 140 * 1e-4 / 50)
+    assert not readings.saturated.any()
