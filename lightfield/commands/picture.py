@@ -1,0 +1,99 @@
+"""`lightfield picture`: a camera view of the lit tank as PNG and EXR."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.errors import OutputError, UsageError
+from lightfield.files import atomic_path
+from lightfield.scene import Scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("picture.png"), metavar="PNG",
+        help="PNG file; the linear light goes beside it as .exr (default: picture.png)",
+    )  # fmt: skip
+    parser.add_argument("--size", default="720x405", metavar="WxH", help="pixels (default %(default)s)")
+    parser.add_argument(
+        "--samples", type=int, default=64, help="paths per pixel and colour (default %(default)d)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="same seed, same picture")
+    parser.add_argument(
+        "--as-is", action="store_true", help="lend nothing: black walls stay black, clear water stays clear"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Take the picture, write it, say what was lent."""
+    width, height = size_of(args.size)
+    if not 2 <= args.samples <= 100_000:
+        raise UsageError(
+            "impossible number of samples", where="--samples", found=args.samples, rule="2 to 100000"
+        )
+    if args.seed < 0:
+        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
+    if args.output.suffix.lower() != ".png":
+        raise UsageError(
+            "the picture is a PNG file", where="--output", found=str(args.output), remedy="end it in .png"
+        )
+    scene = Scene.load(args.scene)
+    from lightfield.render.picture import take_picture, tone_mapped
+
+    taken = take_picture(
+        scene, width=width, height=height, samples=args.samples, seed=args.seed, lend=not args.as_is
+    )
+    for note in taken.notes:
+        print(f"note: {note}")
+    for path in (
+        write_png(tone_mapped(taken.rgb), args.output),
+        write_rgb_exr(taken.rgb, args.output, taken.notes),
+    ):
+        print(path)
+    return 0
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Width and height from `720x405`.
+
+    Raises
+    ------
+    UsageError
+        Not two numbers, or not 16 to 8192.
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and 16 <= int(part) <= 8192 for part in parts):
+        raise UsageError("not a size", where="--size", found=text, rule="WIDTHxHEIGHT, each 16 to 8192")
+    return int(parts[0]), int(parts[1])
+
+
+def write_png(pixels: np.ndarray, path: Path) -> Path:
+    """Write sRGB bytes, shape (height, width, 3)."""
+    from matplotlib.image import imsave
+
+    with atomic_path(path) as temporary:
+        imsave(temporary, pixels, format="png")
+    return path
+
+
+def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path:
+    """Write linear light next to the PNG, as 32-bit R, G, B."""
+    import OpenEXR
+
+    path = beside.with_suffix(".exr")
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "comments": "; ".join(notes),
+    }
+    try:
+        with atomic_path(path) as temporary:
+            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb, np.float32)}).write(str(temporary))
+    except RuntimeError as error:
+        raise OutputError("cannot write the EXR image", where=str(path), found=str(error)) from error
+    return path

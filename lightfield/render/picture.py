@@ -1,0 +1,243 @@
+"""A camera view of the lit tank with Mitsuba's own volumetric path tracer: people look first.
+
+Not a measurement: three wavelengths stand for red, green and blue, exposure is chosen for the eye, noise is
+smoothed, and where a scene has nothing that a camera could see (black walls, clear water) a little of it is
+lent, and said so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, atan, degrees, hypot, radians, tan
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from lightfield.lamps.profile import relative_intensity
+from lightfield.lamps.spectrum import spectral_power
+from lightfield.render.backend import use_backend
+from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+RGB_NM = np.array([610.0, 545.0, 460.0])
+LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
+BEAM_PIXELS = 256
+MAX_DEPTH = 10
+SPARK, SMOOTHING_PIXELS, CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Camera view.
+
+    Parameters
+    ----------
+    rgb : array, shape (height, width, 3)
+        Linear light, relative: row 0 is the top.
+    notes : tuple of str
+        What was lent to the scene so that there is something to see.
+    """
+
+    rgb: np.ndarray
+    notes: tuple[str, ...]
+
+
+def take_picture(
+    scene: Scene, *, width: int = 960, height: int = 540, samples: int = 64, seed: int = 0, lend: bool = True
+) -> Picture:
+    """Look along the tank from behind the lamp, above one side.
+
+    Parameters
+    ----------
+    scene : Scene
+    width, height : int
+        Pixels.
+    samples : int
+        Paths per pixel and colour.
+    seed : int
+    lend : bool
+        Give black walls and clear water a little albedo and scattering, for else there is nothing to see.
+    """
+    use_backend()
+    import mitsuba as mi
+
+    albedo = scene.tank.wall_albedo if scene.tank else 0.0
+    scattering = scattering_per_m(scene.water, RGB_NM)
+    notes = []
+    if lend and scene.tank and albedo < LENT_ALBEDO:
+        notes.append(f"walls shown with albedo {LENT_ALBEDO:g} instead of {albedo:g}")
+        albedo = LENT_ALBEDO
+    if lend and float(scattering.max()) < LENT_SCATTERING:
+        notes.append(f"scattering shown as {LENT_SCATTERING:g} 1/m instead of {scattering.max():.2g} 1/m")
+        scattering = np.full(3, LENT_SCATTERING)
+    absorption, power = absorption_per_m(scene.water, RGB_NM), spectral_power(scene.lamp, RGB_NM)
+    planes = []
+    for k in range(3):
+        described = picture_dict(scene, float(absorption[k]), float(scattering[k]), albedo, width, height)
+        loaded = mi.load_dict(described)
+        # The same seed for all colours: what noise is left is grey, not speckled.
+        halves = [
+            np.array(mi.render(loaded, spp=max(1, samples // 2), seed=2 * seed + half))[..., 0]
+            for half in (0, 1)
+        ]
+        image = calm(*halves)
+        planes.append(image * power[k] / power.max())
+    return Picture(np.stack(planes, axis=-1), tuple(notes))
+
+
+def picture_dict(
+    scene: Scene, absorption: float, scattering: float, albedo: float, width: int, height: int
+) -> dict[str, Any]:
+    """Stock Mitsuba description of the tank, the lamp and a camera, at one wavelength."""
+    import mitsuba as mi
+
+    from lightfield.render.build import phase_dict, surfaces
+    from lightfield.render.response import Reference
+
+    attenuation = max(absorption + scattering, 1e-6)
+    water = {
+        "type": "homogeneous",
+        "id": "water",
+        "sigma_t": {"type": "uniform", "value": attenuation},
+        "albedo": {"type": "uniform", "value": scattering / attenuation},
+        "phase": phase_dict(scene),
+    }
+    inside = {"type": "ref", "id": "water"}
+    far = max(scene.detector.planes_m, default=8.5)
+    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    box = surfaces(scene, Reference(absorption, scattering, albedo), reflects, float(far))
+    if reflects:
+        box["surface"]["interior"] = inside
+    eye, target, view_deg = camera_pose(scene)
+    return {
+        "type": "scene",
+        "integrator": {"type": "volpath", "max_depth": MAX_DEPTH, "rr_depth": 5},
+        "water": water,
+        **box,
+        **_lamp(scene, mi),
+        "sensor": {
+            "type": "perspective",
+            "fov": view_deg,
+            "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=target, up=[0, 1, 0]),
+            "medium": inside,
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "luminance",
+                "component_format": "float32",
+                "rfilter": {"type": "box"},
+            },
+            "sampler": {"type": "independent"},
+        },
+    }
+
+
+def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
+    """Eye, point looked at, horizontal angle of view: behind and above the lamp, which is in the picture."""
+    far = float(max(scene.detector.planes_m, default=8.5))
+    lamp = np.array([scene.lamp.offset_x_m, scene.lamp.offset_y_m, 0.0])
+    if scene.tank is None:
+        eye = lamp + far * np.array([-0.3, 0.22, -0.12])
+    else:
+        tank = scene.tank
+        back = -min(0.9 * tank.behind_lamp_m, 0.6 * tank.width_m)
+        eye = np.array([-0.44 * tank.width_m, 0.7 * tank.lamp_depth_m, back])
+    to_lamp, to_end = lamp - eye, lamp + np.array([0, 0, far]) - eye
+    to_lamp, to_end = to_lamp / np.linalg.norm(to_lamp), to_end / np.linalg.norm(to_end)
+    between = degrees(acos(float(np.clip(to_lamp @ to_end, -1, 1))))
+    return list(eye), list(eye + to_lamp + to_end), float(np.clip(between + 26, 40, 115))
+
+
+def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
+    """The beam as an image thrown by a projector, and a small dark housing behind it."""
+    lamp = scene.lamp
+    skirt = lamp.skirt_hwhm_deg if lamp.skirt_fraction > 0 else 0.0
+    half_deg = min(max(3.2 * lamp.hwhm_deg * max(1.0, lamp.ellipticity), 2.5 * skirt, 4.0), 70.0)
+    reach = tan(radians(half_deg))
+    u = (np.arange(BEAM_PIXELS) + 0.5) / BEAM_PIXELS * 2 - 1
+    # Row 0 of the projected image is up, column 0 is on the left of someone looking along the beam: +x.
+    x, y = np.meshgrid(-u * reach, -u * reach)
+    across = np.hypot(x, y)
+    theta = np.arctan(across)
+    scale = theta / np.maximum(across, 1e-12)
+    beam = np.asarray(relative_intensity(lamp, x * scale, y * scale), float) / np.cos(theta) ** 3
+    axis = [tan(radians(lamp.tilt_x_deg)), tan(radians(lamp.tilt_y_deg)), 1.0]
+    origin = [lamp.offset_x_m, lamp.offset_y_m, 0.0]
+    pose = mi.ScalarTransform4f().look_at(
+        origin=origin, target=[o + a for o, a in zip(origin, axis, strict=True)], up=[0, 1, 0]
+    )
+    dark = {
+        "type": "twosided",
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.05}},
+    }
+    size = max(lamp.radius_m, 0.05)
+    behind = [o - 1e-3 * a / hypot(*axis) for o, a in zip(origin, axis, strict=True)]
+    rear = [o - 0.25 * a / hypot(*axis) for o, a in zip(origin, axis, strict=True)]
+    return {
+        "lamp": {
+            "type": "projector",
+            "to_world": pose,
+            "fov": 2 * degrees(atan(reach)),
+            "irradiance": {
+                "type": "bitmap",
+                "bitmap": mi.Bitmap(beam[..., None].astype(np.float32)),
+                "raw": True,
+                "wrap_mode": "clamp",
+            },
+        },
+        "housing": {"type": "cylinder", "p0": rear, "p1": behind, "radius": size, "bsdf": dark},
+    }
+
+
+def calm(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Mean of two independent images, smoothed in every place only as much as its noise asks for.
+
+    Parameters
+    ----------
+    first, second : arrays, shape (height, width)
+
+    Returns
+    -------
+    array, shape (height, width)
+        Gaussian means of the smallest width whose relative noise is below `CALM`.
+    """
+    # One lucky path makes a spark; the other image does not have it.
+    first, second = (
+        np.minimum(one, SPARK * gaussian_filter(other, 2.5, mode="nearest"))
+        for one, other in ((first, second), (second, first))
+    )
+    mean, variance = 0.5 * (first + second), 0.25 * (first - second) ** 2
+    result, undecided = mean.copy(), np.ones(mean.shape)
+    for width in SMOOTHING_PIXELS:
+        smooth = gaussian_filter(mean, width, mode="nearest")
+        # Variance of a Gaussian mean of independent pixels, itself smoothed over the neighbourhood.
+        noise = np.sqrt(gaussian_filter(variance, max(width, 3.0), mode="nearest") / (4 * np.pi * width**2))
+        result += undecided * (smooth - result)
+        enough = np.clip(1.5 - 0.5 * noise / (CALM * smooth + 1e-30), 0, 1)
+        undecided = undecided * (1 - gaussian_filter(enough, 1.0, mode="nearest"))
+    return result
+
+
+def tone_mapped(rgb: np.ndarray) -> np.ndarray:
+    """Linear light to sRGB bytes: exposure from the brightness of the lit part, highlights rolled off.
+
+    Parameters
+    ----------
+    rgb : array, shape (height, width, 3)
+
+    Returns
+    -------
+    array of uint8, shape (height, width, 3)
+    """
+    luminance = rgb @ np.array([0.2126, 0.7152, 0.0722])
+    lit = luminance[luminance > 0]
+    if lit.size == 0:
+        return np.zeros(rgb.shape, np.uint8)
+    exposed = rgb * (0.25 / np.quantile(lit, 0.8))
+    bright = exposed.max(axis=-1, keepdims=True)
+    rolled = exposed / (1 + bright) * (1 + bright / 25)
+    linear = np.clip(rolled, 0, 1)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.asarray(np.round(255 * curve), np.uint8)
