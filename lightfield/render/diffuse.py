@@ -240,7 +240,6 @@ def response_for(
     key = {
         "kind": "diffuse",
         **transport_key(traced, grid, reference),
-        "occupied": grid.occupied,
         "g": nodes,
         "photons": photons,
         "seed": seed,

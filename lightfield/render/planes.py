@@ -139,6 +139,10 @@ class Planes:
             response *= dr.exp(-log(2) * ratio * ratio)
         return response
 
+    def point_response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
+        """Reading of a point receiver in light of unit normal irradiance from `direction`."""
+        return self._response(direction, to_lamp) * dr.abs(direction.z)
+
     def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
         """Past the last plane and leaving it: such light comes back only by turning round twice."""
         return (position.z > self.last) & (direction.z > 0)

@@ -183,7 +183,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
         irrelevant |= {"tank.wall_albedo": 0.0, "tank.surface_reflectance": reflects}
     return {
         "scene": scene.with_values(irrelevant, validate=False).digest(),
-        "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m],
+        "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
         "reference": asdict(reference),
         "software": [version("mitsuba"), version("drjit")],
     }
