@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield import analytic
+from lightfield import analytic, effects
 from lightfield.scene import Scene
 
 Array = NDArray[np.float64]
@@ -25,10 +25,50 @@ _REMEMBERED = 24
 class Diffuse(Protocol):
     """Scattered and reflected light at the readings' places."""
 
-    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]: ...
+    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
 
 
 DiffuseSource = Callable[..., Diffuse]
+
+
+def has_diffuse_light(scene: Scene) -> bool:
+    """Does the scene scatter or reflect any light?"""
+    water, tank = scene.water, scene.tank
+    return bool(
+        water.scattering_per_m > 0
+        or water.base != "none"
+        or water.sediment_g_per_m3 > 0
+        or water.chlorophyll_mg_per_m3 > 0
+        or (tank is not None and (tank.wall_albedo > 0 or tank.surface_reflectance > 0))
+    )
+
+
+def needs_diffuse(scene: Scene, names: Sequence[str]) -> bool:
+    """Does the scene, or one of the named effects, scatter or reflect light?"""
+    table = effects.table()
+    named = [table[name.partition(":")[0]] for name in names if name.partition(":")[0] in table]
+    return has_diffuse_light(scene) or any(effect.diffuse for effect in named)
+
+
+def beam_width_deg(scene: Scene, readings: Any) -> float:
+    """Half width of the beam, roughly, from the readings alone; the scene's value where they do not show it.
+
+    Regression of ln(value r^2) on theta^2 over the brighter half of every plane, a level per plane.
+    """
+    x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
+    value = np.asarray(readings.value, float)
+    theta2 = np.arctan2(np.hypot(x, y), z) ** 2
+    top = np.array([value[np.abs(z - at) < 1e-3].max() for at in z])
+    lit = (value > 0.4 * top) & (value > 0)
+    left, right = 0.0, 0.0
+    for at in np.unique(z[lit]):
+        mine = lit & (np.abs(z - at) < 1e-3)
+        t = theta2[mine] - theta2[mine].mean()
+        left += float(t @ t)
+        right -= float(t @ np.log(value[mine] * (x[mine] ** 2 + y[mine] ** 2 + z[mine] ** 2)))
+    if left <= 0 or right <= 0:
+        return float(scene.lamp.hwhm_deg)
+    return float(np.clip(np.degrees(np.sqrt(np.log(2) * left / right)), 0.5, 60.0))
 
 
 class SceneForward:
@@ -45,13 +85,21 @@ class SceneForward:
     """
 
     def __init__(
-        self, scene: Scene, readings: Any, diffuse: DiffuseSource | None = None, full: float | None = None
+        self,
+        scene: Scene,
+        readings: Any,
+        diffuse: DiffuseSource | None = None,
+        full: float | None = None,
+        width_deg: float | None = None,
     ) -> None:
         self.scene, self.readings, self._source = scene, readings, diffuse
         self._response: Diffuse | None = None
+        self._correction: Array | float = 1.0
+        self._more_error: Array | float = 0.0
         self._air = np.asarray(readings.medium) == "air"
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
+        self._width = beam_width_deg(scene, readings) if width_deg is None else width_deg
         wavelength = np.asarray(readings.wavelength_nm, float)
         self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
         self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array]] = OrderedDict()
@@ -76,7 +124,22 @@ class SceneForward:
         """The same scene at other places: arrays of one length, medium and time like them."""
         n = len(next(iter(places.values())))
         first = self.readings.subset(np.zeros(n, int))
-        return SceneForward(self.scene, replace(first, **places), self._source, self._full)
+        return SceneForward(self.scene, replace(first, **places), self._source, self._full, self._width)
+
+    def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
+        """A copy whose light is scaled, reading by reading, so that at `values` it equals a full render.
+
+        Parameters
+        ----------
+        light, stderr : array, shape (n,)
+            The render, for unit on-axis intensity.
+        """
+        out = SceneForward(self.scene, self.readings, self._source, self._full, self._width)
+        out._response = self._response
+        field, _ = out._field(values)
+        out._fields.clear()
+        out._correction, out._more_error = light / np.maximum(field, 1e-300), stderr
+        return out
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""
@@ -117,31 +180,25 @@ class SceneForward:
         scene = self.scene.with_values(dict(key), validate=False)
         light = self._direct(scene, self.readings)
         error = np.zeros(self.size)
-        if self._has_diffuse_light(scene):
+        if has_diffuse_light(scene):
             more, error = self._diffuse(scene)
             light = light + more
+        light, error = light * self._correction, np.hypot(error, self._more_error)
         self._fields[key] = (light, error)
         if len(self._fields) > _REMEMBERED:
             self._fields.popitem(last=False)
         return light, error
-
-    @staticmethod
-    def _has_diffuse_light(scene: Scene) -> bool:
-        water, tank = scene.water, scene.tank
-        return bool(
-            water.scattering_per_m > 0
-            or water.base != "none"
-            or water.sediment_g_per_m3 > 0
-            or water.chlorophyll_mg_per_m3 > 0
-            or (tank is not None and (tank.wall_albedo > 0 or tank.surface_reflectance > 0))
-        )
 
     def _diffuse(self, scene: Scene) -> tuple[Array, Array]:
         if self._source is None:
             return np.zeros(self.size), np.zeros(self.size)
         if self._response is None:
             r = self.readings
-            self._response = self._source(self.scene, r.x_m, r.y_m, r.z_m)
+            # The width that photons are sent with comes from the readings, not from the scene's guess: every
+            # scene fitted to these readings then shares one response, and a stored rung gives the same
+            # numbers again.
+            traced = self.scene.with_values({"lamp.hwhm_deg": self._width}, validate=False)
+            self._response = self._source(traced, r.x_m, r.y_m, r.z_m)
         value, error = np.zeros(self.size), np.zeros(self.size)
         for k, wavelength in enumerate(self._wavelengths):
             mine = self._channel == k
@@ -171,7 +228,7 @@ class SceneForward:
         return analytic.time_factor(lamp, self._time)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
-        """Readings from light for unit on-axis intensity, shape (n,): gain, lamp power, background, saturation."""
+        """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
         scene = self.scene.with_values({k: v for k, v in values.items() if k in _READOUT}, validate=False)
         signal = self._gain(values) * field * self._power(values)
         return analytic.readout(scene, signal, self._full)

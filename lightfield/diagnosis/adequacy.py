@@ -130,6 +130,12 @@ class AdequacyTest:
         self.problem, self.whiten, self.unknowns = problem, whiten, unknowns
         self.replicates, self.errors_stated, self.scale = replicates, errors_stated, scale
 
+    def on(self, problem: Problem) -> AdequacyTest:
+        """The same test of a problem whose forward model has changed a little."""
+        return AdequacyTest(
+            problem, self.whiten, self.unknowns, self.replicates, self.errors_stated, self.scale
+        )
+
     def __call__(self, fit: Fit) -> Adequacy:
         """Test one fit."""
         n_kept = int(self.problem.keep.sum())

@@ -147,6 +147,14 @@ def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Gene
     return Prepared(problem, noise, serial, reference, explanation, stated)
 
 
+def whitened_test(
+    problem: Problem, whiten: Whitener, rng: np.random.Generator, replicates: int = REPLICATES
+) -> AdequacyTest:
+    """The adequacy test under a given noise, for readings that are planned rather than measured."""
+    noise = whiten.replicates(rng, replicates, 0.0)
+    return AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), noise, False)
+
+
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho

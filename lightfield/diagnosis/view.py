@@ -29,7 +29,9 @@ def _separations(found: Diagnosis) -> Separation | None:
     for tried in sorted(finding.tried, key=lambda t: t.bic):
         if len(chosen) >= _COMPARED:
             break
-        if len(tried.explanation) == len(chosen[0].explanation) and all(tried.names != c.names for c in chosen):
+        if len(tried.explanation) == len(chosen[0].explanation) and all(
+            tried.names != c.names for c in chosen
+        ):
             chosen.append(tried)
     whiten, phi = finding.level.bench.whiten, finding.level.phi
     sigma = np.array(

@@ -1,0 +1,59 @@
+"""`lightfield compare DATA --scene SCENE`: refit the model to readings, and say where it fails."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.errors import UsageError
+from lightfield.files import atomic_path
+
+
+def add_arguments(group: argparse._ArgumentGroup) -> None:
+    """Declare the options."""
+    group.add_argument(
+        "--with",
+        dest="with_effects",
+        metavar="A,B",
+        help="set these effects free too, e.g. scattering,lamp_drift:warm-up (`diagnose --list` names them)",
+    )
+    group.add_argument(
+        "--solver",
+        choices=("analytic", "render"),
+        default="analytic",
+        help="render: correct the fast model by fresh traces of the fitted scene",
+    )
+    group.add_argument("--fit-json", type=Path, metavar="OUT", help="write fit and residuals as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, print, store the rung."""
+    from lightfield.fitreport import fit_readings
+    from lightfield.fittext import as_data, as_text
+    from lightfield.forward import needs_diffuse
+    from lightfield.measurements.readings import Readings
+    from lightfield.scene import Scene
+
+    if args.scene is None:
+        raise UsageError(
+            "readings need a scene to be compared with", where=str(args.what), remedy="add --scene SCENE"
+        )
+    scene = Scene.load(args.scene)
+    names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
+    diffuse = None
+    if needs_diffuse(scene, names):
+        from lightfield.render.diffuse import response_for
+
+        diffuse = response_for
+    report = fit_readings(Readings.load(args.what), scene, names, solver=args.solver, diffuse=diffuse)
+    print(as_text(report))
+    if args.output:
+        command = f"compare {args.what.name} --scene {args.scene.name}"
+        if names:
+            command += f" --with {','.join(names)}"
+        print(f"stored: {report.save(args.output, command)}")
+    if args.fit_json:
+        with atomic_path(args.fit_json) as temporary:
+            temporary.write_text(json.dumps(as_data(report), indent=2) + "\n", encoding="utf-8")
+    return 0

@@ -1,0 +1,127 @@
+"""`lightfield plan`: what a measurement layout can detect and tell apart, before measuring."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightfield.files import atomic_path
+
+if TYPE_CHECKING:
+    from lightfield.diagnosis.plan import Plan
+
+_SHOWN = 6
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "layout",
+        type=Path,
+        metavar="LAYOUT",
+        help="reading table; values may be missing",
+    )
+    parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument(
+        "--no-trace",
+        action="store_true",
+        help="leave out scattering, walls, surface (needs no trace)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan and print."""
+    from lightfield.diagnosis.layout_file import load_layout
+    from lightfield.diagnosis.plan import plan
+    from lightfield.scene import Scene
+
+    diffuse = None
+    if not args.no_trace:
+        from lightfield.render.diffuse import response_for
+
+        diffuse = response_for
+    made = plan(load_layout(args.layout), Scene.load(args.scene), diffuse)
+    print(_text(made))
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(json.dumps(_data(made), indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+def _unit(made: Plan, path: str) -> str:
+    unit = made.units.get(path, "1")
+    return "" if unit == "1" else f" {unit}"
+
+
+def _text(made: Plan) -> str:
+    lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
+    for name, limit in sorted(made.limits.items()):
+        size = f"{limit.value:.3g}{_unit(made, limit.path)}" if limit.reachable else "out of range"
+        lines.append(f"  {name:<20} {limit.path:<32} {size}")
+    for name, reason in made.untestable.items():
+        lines.append(f"  {name:<20} not testable: {reason}")
+    iso = made.isolability
+    lines += ["", "Distance D in sigma between effects (row true, column fitted); below 3 they look alike:"]
+    width = 7
+    lines.append(" " * 22 + "".join(f"{i + 1:>{width}}" for i in range(len(iso.names))))
+    for j, name in enumerate(iso.names):
+        row = "".join(f"{'-' if j == k else f'{iso.D[j, k]:.1f}':>{width}}" for k in range(len(iso.names)))
+        lines.append(f"{j + 1:>2} {name:<19}{row}")
+    classes = iso.classes()
+    lines.append("")
+    if classes:
+        lines += ["Seen but not told apart: " + ", ".join(group) for group in classes]
+    else:
+        lines.append("Every effect that would be seen would also be told from the others.")
+    for extra in made.helpful[:_SHOWN]:
+        spots = "; ".join(
+            f"x = {x:.2f}, y = {y:.2f}, z = {z:.2f} m"
+            for x, y, z in zip(extra.places.x_m, extra.places.y_m, extra.places.z_m, strict=True)
+        )
+        lines.append(
+            f"Add {extra.repeats} readings each at {spots}: {' and '.join(extra.between)} would part by "
+            f"{extra.predicted_sigma:.1f} sigma (now {extra.now_sigma:.1f})."
+        )
+    lines += [f"assumed: {a}" for a in made.assumed]
+    return "\n".join(lines)
+
+
+def _data(made: Plan) -> dict[str, Any]:
+    iso = made.isolability
+    return {
+        "readings": made.readings,
+        "detection_limits": {
+            name: {
+                "parameter": limit.path,
+                "value": limit.value,
+                "unit": made.units.get(limit.path, "1"),
+                "within_range": limit.reachable,
+            }
+            for name, limit in made.limits.items()
+        },
+        "untestable": made.untestable,
+        "effects": list(iso.names),
+        "sizes": [float(s) for s in iso.sizes],
+        "delta_sigma": [float(d) for d in iso.delta],
+        "D_sigma": np.round(iso.D, 4).tolist(),
+        "classes": [list(group) for group in iso.classes()],
+        "add": [
+            {
+                "between": list(extra.between),
+                "repeats": extra.repeats,
+                "now_sigma": extra.now_sigma,
+                "predicted_sigma": extra.predicted_sigma,
+                "places_m": [
+                    [float(v) for v in place]
+                    for place in zip(extra.places.x_m, extra.places.y_m, extra.places.z_m, strict=True)
+                ],
+            }
+            for extra in made.helpful
+        ],
+        "assumed": list(made.assumed),
+    }

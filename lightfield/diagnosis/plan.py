@@ -1,0 +1,227 @@
+"""Before any measurement: what a layout can detect and tell apart, and which readings would help.
+
+Everything is linear about the scene: an effect is its template, the base model its tangent space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lightfield import effects
+from lightfield.diagnosis.adequacy import Adequacy
+from lightfield.diagnosis.advice import READINGS, SPOTS, Places, possible_places
+from lightfield.diagnosis.compose import units_of
+from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
+from lightfield.diagnosis.preparation import whitened_test
+from lightfield.diagnosis.problem import Problem
+from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, Isolability, Limit, detection_limits, isolability
+from lightfield.diagnosis.setup import budget_of, problem_of
+from lightfield.diagnosis.subspace import beside, orthonormal
+from lightfield.fit import Array, Fit
+from lightfield.forward import DiffuseSource, SceneForward
+from lightfield.scene import Scene
+
+_ABSORBED = "absorbed by gain, beam width and absorption in this layout"
+
+
+@dataclass(frozen=True)
+class Helpful:
+    """Readings that would part two effects which the layout cannot."""
+
+    between: tuple[str, str]
+    places: Places
+    repeats: int
+    now_sigma: float
+    predicted_sigma: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a layout can do.
+
+    Parameters
+    ----------
+    limits : dict of Limit
+        Smallest size of each effect that is found with 95 % probability.
+    isolability : Isolability
+        Distances between effects, each at twice its detection limit or its typical size, whichever is larger.
+    """
+
+    limits: dict[str, Limit]
+    untestable: dict[str, str]
+    isolability: Isolability
+    helpful: list[Helpful]
+    units: dict[str, str]
+    readings: int
+    assumed: tuple[str, ...]
+
+
+def planned(readings: Any, scene: Scene) -> Any:
+    """A layout with the scene's prediction as values (largest 1) and assumed errors where there are none."""
+    forward = SceneForward(scene, readings)
+    light = forward.predict({})
+    value = light / float(light.max())
+    stderr = np.asarray(readings.stderr, float)
+    guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR)
+    return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
+
+
+def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
+    """Detectability, isolability and advice for a layout.
+
+    Parameters
+    ----------
+    readings : Readings
+        Positions, times, media, wavelengths and, if known, standard errors (largest reading = 1); values are
+        not used.
+    scene : Scene
+        Its lamp, water and tank are taken to be true.
+    diffuse : callable, optional
+        Source of scattered and reflected light; without it those effects are not planned for.
+    """
+    layout_table = planned(readings.check_against(scene), scene)
+    forward = SceneForward(scene, layout_table, diffuse)
+    reason = None if diffuse is not None else "scattered and reflected light was not traced"
+    problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
+    budget = budget_of(layout_table)
+    base = problem.fit((), _identity, [problem.model().start])
+    zero = np.zeros(problem.layout.size)
+    slope = forward.position_slope(base.values) if budget.position_m > 0 else zero
+    noise = Noise(problem.layout, layout_table.stderr, base.prediction, budget, slope, zero)
+    whiten = Whitener(noise, 0.0, 1.0, 0.0)
+    base = problem.fit((), whiten, [base.u])
+    adequacy = whitened_test(problem, whiten, np.random.default_rng(0), 20)(base)
+    seen = {s.template.candidate.name for s in adequacy.scores if s.testable}
+    for score in adequacy.scores:
+        if score.template.candidate.name not in seen:
+            untestable[score.template.candidate.name] = _ABSORBED
+    limits = detection_limits(adequacy, 1.0)
+    found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
+    helpful = _helpful(problem, base, adequacy, found, noise)
+    return Plan(limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed)
+
+
+def _identity(columns: Array) -> Array:
+    return columns
+
+
+def _sizes(adequacy: Adequacy) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for score in adequacy.scores:
+        candidate = score.template.candidate
+        if score.testable and candidate.name not in out:
+            room = max(
+                candidate.amplitudes[0].high - candidate.amplitudes[0].start,
+                candidate.amplitudes[0].start - candidate.amplitudes[0].low,
+            )
+            out[candidate.name] = float(min(max(candidate.typical[0], 2 * 4.8 / score.length), room))
+    return out
+
+
+def _columns(
+    problem: Problem, base: Fit, names: tuple[str, ...], forward: Any
+) -> tuple[Array, dict[str, Array]]:
+    """Derivatives of readings elsewhere: base parameters (n, k), first amplitude of each effect (n,)."""
+    at = forward.predict(base.values)
+    model = replace(problem, forward=forward).model()
+    slopes = model.jacobian(base.u, at)
+    out: dict[str, Array] = {}
+    for candidate in problem.candidates:
+        if candidate.name in names and candidate.name not in out:
+            shape = candidate.grid[0]
+            values = base.values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
+            first = candidate.amplitudes[0]
+            step = first.step if first.start + first.step <= first.high else -first.step
+            moved = forward.predict(values | {first.path: first.value(first.start + step)})
+            out[candidate.name] = (moved - at) / step
+    return slopes, out
+
+
+def _helpful(
+    problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
+) -> list[Helpful]:
+    """For each pair that is not told apart: the best extra readings, best improvement first."""
+    scene, layout = problem.forward.scene, problem.layout  # type: ignore[attr-defined]  # a SceneForward here
+    tank = scene.tank
+    box = None
+    if tank is not None:
+        box = (
+            tank.width_m / 2,
+            tank.lamp_depth_m - tank.depth_m,
+            tank.lamp_depth_m,
+            tank.length_m - tank.behind_lamp_m,
+        )
+    places = possible_places(problem, box)
+    n = len(places.x_m)
+    last = float(layout.time_s.max()) if layout.has_time else np.nan
+    medium = np.where(places.air > 0, "air", "water")
+    there = problem.forward.at(  # type: ignore[attr-defined]
+        x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=np.full(n, last)
+    )
+    slopes, away = _columns(problem, base, found.names, there)
+    sigma = np.hypot(np.hypot(ASSUMED_RELATIVE * there.predict(base.values), ASSUMED_FLOOR), 0.0)
+    here = {
+        s.template.candidate.name: s.template.columns[:, 0] for s in reversed(adequacy.scores) if s.testable
+    }
+    out = []
+    for j, one in enumerate(found.names):
+        for k in range(j + 1, len(found.names)):
+            two = found.names[k]
+            if min(found.D[j, k], found.D[k, j]) >= SAME_CLASS_SIGMA or one not in away or two not in away:
+                continue
+            ways = [
+                _way(base, here[a], here[b], size, slopes, away[a], away[b], sigma)
+                for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
+            ]
+            best = _greedy(ways, places)
+            if best is not None and best.predicted_sigma > max(SAME_CLASS_SIGMA, 1.5 * best.now_sigma):
+                out.append(replace(best, between=(one, two)))
+    return sorted(out, key=lambda h: h.now_sigma - h.predicted_sigma)
+
+
+def _way(
+    base: Fit,
+    truth: Array,
+    rival: Array,
+    size: float,
+    slopes: Array,
+    truth_there: Array,
+    rival_there: Array,
+    sigma: Array,
+) -> tuple[float, Array, Array, Array]:
+    """D^2 now; difference, slopes and information of the rival at every place, all whitened."""
+    tangent = np.column_stack([base.jacobian, rival])
+    scale = np.linalg.norm(tangent, axis=0)
+    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=1e-9)[0] / scale
+    rest = beside(orthonormal(tangent, 1e-9), (size * truth)[:, None])[:, 0]
+    there = np.column_stack([slopes, rival_there])
+    difference = (size * truth_there - there @ step) / sigma
+    information = tangent.T @ tangent
+    information += np.diag(1e-9 * np.diag(information))
+    return float(rest @ rest), difference, there / sigma[:, None], information
+
+
+def _greedy(ways: list[tuple[float, Array, Array, Array]], places: Places) -> Helpful | None:
+    repeats = READINGS // SPOTS
+    total = np.array([w[0] for w in ways])
+    now = float(np.sqrt(total.min()))
+    information = [w[3].copy() for w in ways]
+    chosen: list[int] = []
+    for _ in range(SPOTS):
+        gains = []
+        for (_, difference, slopes, _), known in zip(ways, information, strict=True):
+            leverage = np.einsum("ij,ij->i", slopes, np.linalg.solve(known, slopes.T).T)
+            gains.append(repeats * difference**2 / (1 + repeats * leverage))
+        worst = (total[:, None] + np.array(gains)).min(0)
+        worst[chosen] = 0.0
+        best = int(worst.argmax())
+        chosen.append(best)
+        total = total + np.array([g[best] for g in gains])
+        for (_, _, slopes, _), known in zip(ways, information, strict=True):
+            known += repeats * np.outer(slopes[best], slopes[best])
+    i = np.array(chosen)
+    spots = Places(places.x_m[i], places.y_m[i], places.z_m[i], places.air[i])
+    return Helpful(("", ""), spots, repeats, now, float(np.sqrt(total.min())))
