@@ -163,8 +163,12 @@ def trace(
         active = weight > 0
 
         # ---------------------------------------------------------- the next surface and the next scattering
+        # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
         hit = scene.ray_intersect(
-            mi.Ray3f(position, direction), mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame, True, active
+            mi.Ray3f(position, direction),
+            ray_flags=mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame,
+            coherent=False,
+            active=active,
         )
         to_surface = dr.select(hit.is_valid(), hit.t, 1e7)
         free = -dr.log(1 - rng.next_float32()) / dr.maximum(b0, 1e-9)
