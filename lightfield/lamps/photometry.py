@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import warnings
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from lightfield.errors import SceneError
+from lightfield.lamps.luminaire_files import read_eulumdat, read_ies
 from lightfield.tables import Array, read_columns
 
 
@@ -58,26 +58,15 @@ def _load(path: str, _modified: int, _size: int) -> tuple[Array, Array]:
 
 
 def _photometric(path: str) -> tuple[Array, Array]:
-    """Vertical angles in degrees, and intensity averaged over the half planes."""
+    """Vertical angles in degrees up to 90, and intensity averaged over the half planes."""
+    is_ldt = path.lower().endswith(".ldt")
     try:
-        import photompy
-        from photompy.ldt import LDTFile
-    except ImportError as error:  # pragma: no cover - a declared dependency
-        raise SceneError("photompy is not installed", where=path, remedy="pip install photompy") from error
-    reader = LDTFile if path.lower().endswith(".ldt") else photompy.IESFile
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            full = reader.read(path).photometry.expanded()
-            theta, phi = np.asarray(full.thetas, dtype=float), np.asarray(full.phis, dtype=float)
-            values = np.asarray(full.values, dtype=float)
-    except Exception as error:  # the library raises whatever its parsing runs into
-        kind = "EULUMDAT" if reader is LDTFile else "IES LM-63"
+        text = Path(path).read_bytes().decode("latin-1")
+        theta, values = (read_eulumdat if is_ldt else read_ies)(text)
+    except (ValueError, KeyError, IndexError) as error:
         raise SceneError(
-            f"not readable as {kind}", where=path, found=f"{type(error).__name__}: {error}",
+            f"not readable as {'EULUMDAT' if is_ldt else 'IES LM-63'}", where=path, found=str(error),
             rule="a complete type C file", remedy="export it again, or as CSV with angle_deg, intensity",
         ) from error  # fmt: skip
-    if len(phi) > 1 and np.isclose(phi[-1] - phi[0], 360.0):
-        values = values[:-1]  # 0 and 360 degrees are the same half plane
     keep = theta <= 90.0
-    return theta[keep], values.mean(axis=0)[keep]
+    return theta[keep], values[keep]

@@ -112,6 +112,29 @@ def test_eulumdat(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.interp(np.radians([0, 5, 10, 45]), angle, intensity), [1, 0.8, 0.3, 0.01])
 
 
+def test_eulumdat_without_symmetry(tmp_path: Path) -> None:
+    """Four planes all around (Isym = 0), C360 left out as usual: the plain mean; Isym = 4: half weight at C0
+    and C90.
+    """
+    angles = ["0", "5", "10", "45", "90"]
+    values = [["1000", str(v), "300", "10", "0"] for v in (800, 600, 400, 200)]
+    head = LDT_HEAD.format(symmetry=0, planes=4, step=90)
+    rows = ["0", "90", "180", "270", *angles, *(v for plane in values for v in plane), ""]
+    angle, intensity = intensity_table(write(tmp_path / "free.ldt", head + "\n".join(rows)))
+    assert np.interp(math.radians(5), angle, intensity) == pytest.approx(0.5)
+    head = LDT_HEAD.format(symmetry=4, planes=8, step=45)
+    rows = [*(str(45 * k) for k in range(8)), *angles, *(v for plane in values[:3] for v in plane), ""]
+    angle, intensity = intensity_table(write(tmp_path / "quadrant.ldt", head + "\n".join(rows)))
+    assert np.interp(math.radians(5), angle, intensity) == pytest.approx((0.5 * 0.8 + 0.6 + 0.5 * 0.4) / 2)
+
+
+def test_cut_ies_file(tmp_path: Path) -> None:
+    """One value missing at the end is not filled up."""
+    file = write(tmp_path / "cut.ies", IES.format(planes=1, angles="0", values="1000 800 300 10"))
+    with pytest.raises(SceneError, match="cut short: 5 numbers expected, 4 left"):
+        intensity_table(file)
+
+
 @pytest.mark.parametrize("suffix", [".ies", ".ldt"])
 @pytest.mark.parametrize("content", ["", "IESNA:LM-63-2002\nTILT=NONE\n1 2 3\n", "a\nb\nc\n"])
 def test_broken_photometric_files(tmp_path: Path, suffix: str, content: str) -> None:
