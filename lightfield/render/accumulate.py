@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import ceil
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from lightfield.render.build import Setup, prepare
 from lightfield.render.grid import Grid, band_wavelengths
 from lightfield.render.response import CLASSES, Bookkeeping, Reference, TransportResponse, light_classes
 from lightfield.render.settings import Progress, Settings
-from lightfield.render.walk import trace
+from lightfield.render.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
@@ -36,7 +37,7 @@ def trace_until(
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)
-    launches, launch, spent = 0, FIRST_LAUNCH, 0
+    launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
     first = 0
@@ -56,7 +57,6 @@ def trace_until(
             sums[batch] += counts * launch
             books.append(book)
             shares.append(launch)
-        launches += 1
         first += launch
         spent = first * batches
         response = response_from(sums, first, setup)
@@ -67,7 +67,12 @@ def trace_until(
             return response, average(books, shares), reached
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
-        launch = int(np.clip(wanted / batches, 1 << 12, min(4 * launch, LARGEST_LAUNCH)))
+        launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, LARGEST_LAUNCH)))
+
+
+def _whole_lanes(photons: float) -> int:
+    """Next number of photons that fills every lane, so that no low-discrepancy point is used twice."""
+    return PHOTONS_PER_LANE * ceil(photons / PHOTONS_PER_LANE)
 
 
 def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
@@ -93,7 +98,7 @@ def worst_error(scene: Scene, response: TransportResponse) -> float:
         tank.wall_albedo if tank else 0.0,
         tank.surface_reflectance if tank else 0.0,
     )
-    lit = mean > 1e-4 * mean.max(axis=(1, 2), keepdims=True)
+    lit = mean > 1e-4 * mean.max(axis=tuple(range(1, mean.ndim)), keepdims=True)
     if not lit.any():
         return float("inf")
     return float(np.quantile(stderr[lit] / mean[lit], 0.95))

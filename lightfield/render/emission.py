@@ -58,13 +58,15 @@ class Emission:
         edges = np.linspace(0, np.sin(0.5 * reach), BINS + 1) ** 2
         theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
         omega = 4 * pi * np.diff(edges)
-        envelope = np.ones_like(theta) if isotropic else self._envelope(theta)
+        shapeless = lamp.profile in ("isotropic", "pencil")
+        envelope = np.ones_like(theta) if shapeless else self._envelope(theta)
         beam = envelope * omega
         cone = np.where(theta <= max(cone_rad, theta[2]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
-        cdf = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
+        # Rounded as the sampler sees it, so that the weights undo exactly what is drawn.
+        cdf = (np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()).astype(np.float32).astype(float)
         self.edges, self.cdf = mi.Float(edges), mi.Float(cdf)
-        self.weight_of_bin = mi.Float(omega / np.maximum(mass / mass.sum(), 1e-30))
+        self.weight_of_bin = mi.Float(omega / np.maximum(np.diff(cdf), 1e-30))
         if lamp.profile == "table":
             fine = np.linspace(0, 0.5 * pi, TABLE)
             self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
@@ -134,6 +136,9 @@ class Emission:
 
     def draw(self, u1: mi.Float, u2: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Beam-frame direction, its weight in sr, and its angle from the axis, for two uniform numbers."""
+        if self.lamp.profile == "pencil":
+            # Power 1 on average: equal deposits in one cell would all be rounded to the same side.
+            return mi.Vector3f(0 * u1, 0, 1), u1 + 0.5, 0 * u1
         bin_ = dr.binary_search(0, BINS - 1, lambda i: dr.gather(mi.Float, self.cdf, i + 1) <= u1)
         low, high = dr.gather(mi.Float, self.cdf, bin_), dr.gather(mi.Float, self.cdf, bin_ + 1)
         inside = dr.clip((u1 - low) / dr.maximum(high - low, 1e-20), 0, 1)
@@ -141,8 +146,6 @@ class Emission:
         theta = 2 * dr.asin(dr.sqrt(dr.clip(s, 0, 1)))
         sin_phi, cos_phi = dr.sincos(2 * pi * u2)
         sin_theta = 2 * dr.sqrt(dr.maximum(s * (1 - s), 0))
-        if self.lamp.profile == "pencil":
-            return mi.Vector3f(0 * u1, 0, 1), 0 * u1 + 1, 0 * u1
         weight = dr.gather(mi.Float, self.weight_of_bin, bin_)
         if self.nodes is None:
             weight *= self.intensity(theta * cos_phi, theta * sin_phi)

@@ -1,0 +1,37 @@
+"""How Monte Carlo results are compared in the tests: against the error that they state, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import stats
+
+from lightfield.render.grid import Grid
+
+
+def normal_scores(mean: np.ndarray, truth: np.ndarray, stderr: np.ndarray, batches: int) -> np.ndarray:
+    """Deviation in units of the stated error, as a standard normal number.
+
+    An error that comes from a few batches makes the ratio follow Student's t with batches - 1 degrees of
+    freedom; equal probabilities turn that into normal scores.
+    """
+    t = np.asarray((mean - truth) / stderr)
+    upper = stats.norm.isf(stats.t.sf(np.abs(t), batches - 1))
+    return np.sign(t) * np.minimum(upper, 30.0)
+
+
+def chi_square_p(scores: np.ndarray) -> float:
+    """Probability of a larger sum of squares of so many independent standard normal numbers."""
+    return float(stats.chi2.sf((scores**2).sum(), scores.size))
+
+
+def cell_average(grid: Grid, field: Callable[..., np.ndarray], order: int = 6) -> np.ndarray:
+    """Average of field(x, y, z) over every cell by Gauss-Legendre quadrature, shape (n_planes, n_y, n_x)."""
+    node, weight = np.polynomial.legendre.leggauss(order)
+    x = grid.x_m[:, None] + 0.5 * grid.pitch_x_m * node
+    y = grid.y_m[:, None] + 0.5 * grid.pitch_y_m * node
+    value = field(*np.broadcast_arrays(
+        x[None, None, :, None, :], y[None, :, None, :, None], grid.z_m[:, None, None, None, None]
+    ))  # fmt: skip
+    return np.einsum("zyxji,j,i->zyx", value, 0.5 * weight, 0.5 * weight)

@@ -1,0 +1,112 @@
+"""Without scattering and walls, the traced map is the closed-form model: source, inverse square, attenuation,
+receiver. The two share the table of beam profiles and nothing else.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from montecarlo import cell_average, chi_square_p, normal_scores
+
+from lightfield.analytic import direct_field
+from lightfield.render.rendering import Rendering, render_scene
+from lightfield.scene import Scene
+
+BAND = np.array([525.0])
+
+
+def scores(scene: Scene, rendering: Rendering) -> np.ndarray:
+    """Normal scores of every lit cell."""
+    mean, stderr = rendering.relative_maps(BAND)
+    truth = cell_average(rendering.grid, partial(direct_field, scene))
+    lit = truth > 0
+    return normal_scores(mean[0][lit], truth[lit], stderr[0][lit], len(rendering.response.tally))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_map_equals_the_model_in_every_pixel(seed: int) -> None:
+    """The paper's set-up: 3.81 deg beam, a = 0.1 per m, five planes of 65 x 65 cells, 21125 z-scores."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}})
+    rendering = render_scene(scene, rel_error=1e-4, max_photons=2e6, seed=seed, cache=False)
+    z = scores(scene, rendering)
+    assert z.size == 5 * 65 * 65
+    assert 0.001 < chi_square_p(z) < 0.999
+    assert np.abs(z).max() < 5.5  # of 21125 normal numbers, one in a thousand such sets goes beyond
+
+
+def test_planes_are_as_good_as_independent() -> None:
+    """Each plane's chi-square alone is right too: no error common to all cells hides in the sum."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}, "detector": {"pixels": 41}})
+    p = []
+    for seed in range(10, 16):
+        rendering = render_scene(scene, rel_error=1e-4, max_photons=1e6, seed=seed, cache=False)
+        p += [chi_square_p(plane) for plane in scores(scene, rendering).reshape(5, -1)]
+    p = np.array(p)
+    assert p.min() > 0.0005 and p.max() < 0.9995
+    # 30 uniform numbers have mean 0.5 +- 0.053.
+    assert abs(p.mean() - 0.5) < 3 * 0.053
+
+
+SMALL = {"planes_m": [4.5, 8.5], "width_m": 1.6, "pixels": 16}
+CASES: dict[str, dict[str, Any]] = {
+    "super-gaussian": {"lamp": {"profile": "super-gaussian", "shape_exponent": 5.0}},
+    "core and skirt": {"lamp": {"profile": "two-component", "skirt_fraction": 0.2, "skirt_hwhm_deg": 12.0}},
+    "isotropic": {"lamp": {"profile": "isotropic"}},
+    "moved and tilted": {"lamp": {"offset_x_m": 0.1, "offset_y_m": -0.05, "tilt_x_deg": 2, "tilt_y_deg": -1}},
+    "elliptic and tilted": {"lamp": {"ellipticity": 1.5, "tilt_x_deg": 2.0}},
+    "apparent source": {"lamp": {"apparent_distance_m": 1.5, "tilt_x_deg": 1.0}},
+    "finite window": {"lamp": {"radius_m": 0.06}},
+    "gradient": {"water": {"absorption_per_m": 0.2, "gradient_per_m2": 0.02}},
+    "layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 6.5, "layer_width_m": 1.0}},
+    "plane inside a layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 4.5}},
+    "hardening": {"water": {"absorption_per_m": 0.2, "hardening_per_m": 0.06}},
+    "scalar irradiance": {"detector": {"quantity": "scalar_irradiance"}},
+    "acceptance": {"detector": {"acceptance_hwhm_deg": 4.0}},
+    "tilted receiver": {"detector": {"tilt_x_deg": 20.0}},
+    "tilted receiver, acceptance": {"detector": {"tilt_x_deg": 5.0, "acceptance_hwhm_deg": 4.0}},
+    "aimed at the lamp": {"detector": {"aim": "lamp"}, "lamp": {"offset_x_m": 0.2}},
+    "collimator, aimed": {"detector": {"aim": "lamp", "quantity": "radiance", "full_angle_deg": 4.0}},
+    "collimator along the axis": {"detector": {"quantity": "radiance", "full_angle_deg": 40.0}},
+}  # fmt: skip
+
+
+def small_scene(case: dict[str, Any]) -> Scene:
+    water = {"absorption_per_m": 0.1} | case.get("water", {})
+    return Scene.from_dict(
+        {"lamp": case.get("lamp", {}), "water": water, "detector": SMALL | case.get("detector", {})}
+    )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_effects_equal_the_model(name: str) -> None:
+    """Every effect on source, path and receiver acts on traced light as the formulas say."""
+    scene = small_scene(CASES[name])
+    rendering = render_scene(scene, rel_error=1e-4, max_photons=6e5, seed=3, cache=False)
+    z = scores(scene, rendering)
+    assert z.size == 2 * 16 * 16
+    assert 0.001 < chi_square_p(z) < 0.999
+
+
+def test_measured_beam_equals_the_model(tmp_path: Path) -> None:
+    """A beam from a table: flat to 2 degrees, then falling linearly to nothing at 9 degrees."""
+    table = tmp_path / "beam.csv"
+    table.write_text("angle_deg,intensity\n0,1\n2,1\n9,0\n")
+    scene = small_scene(
+        {"lamp": {"profile": "table", "intensity_table": str(table)}, "detector": {"width_m": 1.0}}
+    )
+    rendering = render_scene(scene, rel_error=1e-4, max_photons=6e5, seed=5, cache=False)
+    z = scores(scene, rendering)
+    assert 0.001 < chi_square_p(z) < 0.999
+
+
+def test_collimator_parallel_to_the_axis_is_blind_to_a_lamp_aside() -> None:
+    """At x = 0.8 m, z = 4.5 m the lamp stands 10 degrees off the axis of a 2 degree collimator."""
+    scene = small_scene({"detector": {"quantity": "radiance", "full_angle_deg": 2.0}})
+    rendering = render_scene(scene, rel_error=1e-4, max_photons=2e5, cache=False)
+    mean, stderr = rendering.relative_maps(BAND)
+    assert mean[0, 0, :, 0].max() == 0.0
+    assert np.isinf(stderr[0, 0, :, 0]).all()
