@@ -225,6 +225,7 @@ EFFECTS: tuple[Effect, ...] = (
         "Too dark off the axis; nearly the same as a narrower beam.",
         "Turn the detector on the axis and record its response against the angle.",
         needs=("off_axis",),
+        direct_only=True,
     ),
     Effect(
         "detector_tilt",
@@ -234,6 +235,7 @@ EFFECTS: tuple[Effect, ...] = (
         "A slope across the beam that depends on the direction of arrival.",
         "Turn the detector by 180 degrees about its axis and repeat: the slope changes sign.",
         needs=("vary_x", "off_axis"),
+        direct_only=True,
     ),
     Effect(
         "window_refraction",

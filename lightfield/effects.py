@@ -88,6 +88,8 @@ class Effect:
         Conditions on readings and scene without which it cannot be tested.
     diffuse : bool
         It acts through scattered or reflected light, which comes from the transport response.
+    direct_only : bool
+        It acts by the direction of arrival, known for direct light only: never combined with diffuse light.
     """
 
     name: str
@@ -98,6 +100,12 @@ class Effect:
     laboratory: str
     needs: tuple[Need, ...] = ()
     diffuse: bool = False
+    direct_only: bool = False
+
+    def combines_with(self, other: Effect) -> bool:
+        """Can both be in one explanation?"""
+        clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
+        return self.name != other.name and not clash
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -155,7 +155,7 @@ class SceneForward:
     def stderr(self, values: Mapping[str, float]) -> Array:
         """Monte Carlo standard error of the predicted readings, shape (n,)."""
         _, error = self._field(values)
-        return np.asarray(error * self._gain(values) * self._power(values))
+        return np.asarray(error * self._gain(values) * self.power(values))
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
@@ -222,7 +222,7 @@ class SceneForward:
         gains = np.array([values.get(name, 1.0) for name in self.gain_names])
         return np.asarray(gains[self._channel] if len(gains) > 1 else np.full(self.size, gains[0]))
 
-    def _power(self, values: Mapping[str, float]) -> Array:
+    def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""
         lamp = self.scene.with_values({k: v for k, v in values.items() if k in _TIME}, validate=False)
         return analytic.time_factor(lamp, self._time)
@@ -230,5 +230,5 @@ class SceneForward:
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
         scene = self.scene.with_values({k: v for k, v in values.items() if k in _READOUT}, validate=False)
-        signal = self._gain(values) * field * self._power(values)
+        signal = self._gain(values) * field * self.power(values)
         return analytic.readout(scene, signal, self._full)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lightfield.diagnosis.layout import Layout
 from lightfield.effects import Effect, Form, Free
 from lightfield.fit import Parameter
+from lightfield.forward import has_diffuse_light
 
 Array = NDArray[np.float64]
 
@@ -173,6 +174,8 @@ def candidates(
         missing = [REASONS[need] for need in effect.needs if not setting.met(need)]
         if effect.diffuse and without_diffuse:
             missing.append(without_diffuse)
+        if effect.direct_only and has_diffuse_light(setting.scene):
+            missing.append("the scene has diffuse light, whose direction of arrival is not known")
         if missing:
             untestable[effect.name] = "; ".join(missing)
             continue

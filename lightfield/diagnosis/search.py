@@ -103,7 +103,7 @@ def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[flo
     (held,) = single.explanation
     for score, amplitude in zip(at.scores, at.amplitudes, strict=True):
         candidate = score.template.candidate
-        if not score.testable or candidate.name == held.name:
+        if not score.testable or not candidate.effect.combines_with(held.effect):
             continue
         if candidate.one_sided and amplitude[0] <= 0:
             continue
@@ -122,7 +122,7 @@ def _pairs_at_base(base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Ar
     found: dict[tuple[tuple[str, str], tuple[str, str]], tuple[float, Explanation, Array]] = {}
     for (one, _), (two, _) in combinations(scores, 2):
         first, second = one.template.candidate, two.template.candidate
-        if first.name == second.name:
+        if not first.effect.combines_with(second.effect):
             continue
         columns = np.hstack([one.direction, two.direction])
         gram = columns.T @ columns

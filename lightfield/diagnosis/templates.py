@@ -36,11 +36,14 @@ class Template:
 def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
     """Templates of every candidate form whose parameters the fit does not move."""
     moved = set(fit.paths)
+    there = [c.effect for c in problem.candidates if moved & {p.path for p in c.amplitudes}]
     values, at = fit.values, fit.prediction
     raw: list[Array] = []
     labels: list[tuple[Candidate, tuple[float, ...], int]] = []
     for candidate in problem.candidates:
         if moved & {p.path for p in candidate.parameters}:
+            continue
+        if not all(candidate.effect.combines_with(e) or candidate.effect is e for e in there):
             continue
         for shape in candidate.grid:
             with_shape = values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}

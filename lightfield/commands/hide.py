@@ -1,0 +1,64 @@
+"""`lightfield hide`: make readings with an effect hidden in them, to test a diagnosis (or a person)."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.errors import UsageError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add = parser.add_argument
+    add("scene", type=Path, metavar="SCENE", help="scene file (TOML): what the experimenter believes")
+    add(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="effect to hide, or unknown:ripple|flicker|shadow|kink; repeatable; none: nothing is hidden",
+    )
+    add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
+    add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
+    add("--seed", type=int, default=0, help="same seed, same measurement (default 0)")
+    add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
+    add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
+    add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
+    add("--max-photons", type=float, metavar="N", help="photon budget of the trace")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="scene.toml, data.csv, truth.json")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Hide, and write scene.toml, data.csv, truth.json."""
+    from lightfield.hide import hide
+    from lightfield.scene import Scene
+
+    if not 1e-5 <= args.noise <= 0.5:
+        raise UsageError("--noise is not a usable relative noise", found=args.noise, rule="0.00001 to 0.5")
+    if args.strength is not None and not args.strength > 0:
+        raise UsageError("--strength must be positive", found=args.strength)
+    made = hide(
+        Scene.load(args.scene),
+        args.effect,
+        args.seed,
+        layout=args.layout,
+        order="plane" if args.plane_order else "random",
+        noise=args.noise,
+        strength=args.strength,
+        values=dict(_assignment(text) for text in args.size),
+        photons=args.max_photons,
+    )
+    folder = made.save(args.output)
+    print(
+        f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}; do not look: {folder / 'truth.json'}"
+    )
+    return 0
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    path, _, value = text.partition("=")
+    try:
+        return path.strip(), float(value)
+    except ValueError:
+        raise UsageError("not a number", where="--size", found=text, rule="PATH=VALUE") from None

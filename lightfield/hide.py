@@ -1,0 +1,302 @@
+"""Readings with an effect hidden in them, made by the full renderer, to test a diagnosis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from lightfield import effects, unknowns
+from lightfield.diagnosis.candidates import Candidate, Setting, candidates
+from lightfield.diagnosis.layout import layout_of
+from lightfield.errors import UsageError
+from lightfield.files import atomic_path
+from lightfield.fit import Array
+from lightfield.forward import SceneForward
+from lightfield.measurements.readings import Readings
+from lightfield.scene import Scene
+
+Order = Literal["random", "plane"]
+LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
+
+SECONDS_PER_READING = 20.0
+#: Samples that a standard error is estimated from.
+SAMPLES = 40
+#: Read noise over the largest reading.
+FLOOR = 0.0008
+#: A hidden effect is this many times its typical size, log-uniform.
+STRENGTH = (2.0, 20.0)
+#: The scene's half width and absorption are wrong by this much.
+GUESS = (0.10, 0.25)
+#: Radius of the lamp's window in the truth, unless the scene has one.
+WINDOW_M = 0.02
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A measurement with a secret.
+
+    Parameters
+    ----------
+    readings : Readings
+    believed : Scene
+        What the experimenter knows.
+    truth : mapping
+        What was hidden, with all parameters.
+    noise_free : array, shape (n,)
+        Readings without noise.
+    """
+
+    readings: Any
+    believed: Scene
+    truth: Mapping[str, Any]
+    noise_free: Array
+
+    def save(self, folder: str | Path) -> Path:
+        """Write scene.toml and data.csv, and truth.json beside them."""
+        target = Path(folder)
+        self.believed.save(target / "scene.toml")
+        self.readings.save(target / "data.csv")
+        with atomic_path(target / "truth.json") as temporary:
+            temporary.write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
+        return target
+
+
+def positions(scene: Scene, kind: str) -> dict[str, Array]:
+    """Positions of a layout on the scene's planes.
+
+    Parameters
+    ----------
+    kind : str
+        "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up to
+        the surface; "air": "line" in water and again in air.
+
+    Raises
+    ------
+    UsageError
+        No such layout.
+    """
+    if kind not in LAYOUTS:
+        raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
+    planes = np.array(scene.detector.planes_m)
+    reach = scene.detector.width_m / 2
+    x, y = np.linspace(-reach, reach, 21), np.zeros(1)
+    if kind == "half":
+        x = np.linspace(0, reach, 11)
+    elif kind == "grid":
+        x = y = np.linspace(-0.9 * reach, 0.9 * reach, 7)
+    elif kind == "fine":
+        planes = np.unique(
+            np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), planes[:1] - 1.0, planes[-1:] + 1.0])
+        )
+        planes = planes[planes > 0.5]
+    elif kind == "column":
+        x = np.linspace(-0.3, 0.3, 3)
+        top = scene.tank.lamp_depth_m - 0.1 if scene.tank is not None else reach
+        y = np.linspace(-0.9 * reach, min(top, reach), 12)
+    gz, gy, gx = (a.ravel() for a in np.meshgrid(planes, y, x, indexing="ij"))
+    media = np.full(len(gx), "water")
+    if kind == "air":
+        gx, gy, gz = (np.tile(a, 2) for a in (gx, gy, gz))
+        media = np.repeat(["air", "water"], len(media))
+    return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": media}
+
+
+def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Any:
+    """A layout with times, and no values yet."""
+    places = positions(scene, kind)
+    n = len(places["x_m"])
+    sequence = rng.permutation(n) if order == "random" else np.arange(n)
+    time = SECONDS_PER_READING * sequence
+    empty = np.full(n, np.nan)
+    bare = Readings.from_arrays(
+        **places, value=np.ones(n), stderr=empty, time_s=time, quantity=scene.detector.quantity
+    )
+    return bare.check_against(scene)
+
+
+def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator) -> dict[str, float]:
+    """Values of one effect: amplitudes of a given strength with random signs, shapes anywhere plausible."""
+    out = {}
+    for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
+        sign = 1.0 if parameter.start <= parameter.low or rng.random() < 0.5 else -1.0
+        room = abs((parameter.high if sign > 0 else parameter.low) - parameter.start)
+        out[parameter.path] = parameter.value(parameter.start + sign * min(strength * typical, 0.5 * room))
+    for k, parameter in enumerate(candidate.shapes):
+        grid = np.array([point[k] for point in candidate.grid])
+        low, high = float(grid.min()), float(grid.max())
+        out[parameter.path] = parameter.value(rng.uniform(low, high) if high > low else low)
+    return out
+
+
+def draw_effect(
+    scene: Scene,
+    readings: Any,
+    name: str,
+    rng: np.random.Generator,
+    strength: float | None = None,
+    form: int = 0,
+) -> dict[str, float]:
+    """Parameter values of a hidden effect.
+
+    Parameters
+    ----------
+    strength : float, optional
+        Size over the typical size; drawn when absent.
+    form : int
+        Which functional form of the effect.
+
+    Raises
+    ------
+    UsageError
+        The effect cannot act on these readings.
+    """
+    setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])))
+    found, untestable = candidates(setting, [effects.get(name)], ())
+    if name in untestable:
+        raise UsageError(
+            "this effect cannot act here",
+            found=f"{name}: {untestable[name]}",
+            remedy="change the layout or scene",
+        )
+    size = float(np.exp(rng.uniform(*np.log(STRENGTH)))) if strength is None else strength
+    return _amplitudes(found[min(form, len(found) - 1)], size, rng)
+
+
+def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator) -> Scene:
+    """The scene as it is: guesses wrong by 10 to 25 %, a finite window, and the hidden values."""
+    wrong = 1 + rng.choice([-1, 1], 2) * rng.uniform(*GUESS, 2)
+    changed: dict[str, Any] = {
+        "lamp.hwhm_deg": scene.lamp.hwhm_deg * float(wrong[0]),
+        "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
+    }
+    if scene.lamp.radius_m == 0:
+        changed["lamp.radius_m"] = WINDOW_M
+    return scene.with_values({**changed, **values})
+
+
+def measure(
+    believed: Scene,
+    truth: Scene,
+    table: Any,
+    rng: np.random.Generator,
+    *,
+    noise: float = 0.01,
+    light: Array | None = None,
+    factor: Array | float = 1.0,
+    serial: float = 0.0,
+    outliers: float = 0.0,
+    plane_gain: float = 0.0,
+    photons: float | None = None,
+) -> tuple[Any, Array, Array]:
+    """Take the readings of a scene.
+
+    Parameters
+    ----------
+    table : Readings
+        Positions and times.
+    noise : float
+        Relative noise of a bright reading.
+    light : array, shape (n,), optional
+        Light from an earlier render of the same scene; absent: rendered now.
+    factor : array, shape (n,)
+        Unknown influences on the light.
+    serial : float
+        Correlation of successive errors.
+    outliers : float
+        Part of the readings that are grossly wrong.
+    plane_gain : float
+        Relative error of each visit to a plane.
+
+    Returns
+    -------
+    readings : Readings
+    noise_free : array, shape (n,)
+    light : array, shape (n,)
+        For unit on-axis intensity.
+    """
+    if light is None:
+        from lightfield.rendered import PHOTONS, rendered_light  # loads Mitsuba
+
+        seed = int(rng.integers(1, 1_000_000))
+        light, _ = rendered_light(
+            truth, table, seed=seed, max_photons=PHOTONS if photons is None else photons
+        )
+    forward = SceneForward(truth, table, full=1.0)
+    bright = light * factor
+    gain = 1.0 / float((bright * forward.power({})).max())
+    clean = forward.read(bright, {"gain": gain})
+    layout = layout_of(table)
+    shown = clean * (1 + plane_gain * rng.standard_normal(int(layout.visit.max()) + 1)[layout.visit])
+    sigma = np.hypot(noise * shown, FLOOR)
+    error = rng.standard_normal(len(clean))
+    for previous, now in zip(layout.order[:-1], layout.order[1:], strict=True):
+        error[now] = serial * error[previous] + np.sqrt(1 - serial**2) * error[now]
+    gross = rng.random(len(clean)) < outliers
+    error = error + gross * rng.choice([-1, 1], len(clean)) * rng.uniform(6, 30, len(clean))
+    quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, len(clean)) / (SAMPLES - 1))
+    return replace(table, value=shown + sigma * error, stderr=quoted), clean, light
+
+
+def hide(
+    scene: Scene,
+    names: Sequence[str],
+    seed: int,
+    *,
+    layout: str = "line",
+    order: Order = "random",
+    noise: float = 0.01,
+    strength: float | None = None,
+    values: Mapping[str, float] | None = None,
+    photons: float | None = None,
+) -> Hidden:
+    """A measurement of the scene with effects hidden in it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the experimenter believes.
+    names : sequence of str
+        Effects of the table, or "unknown:ripple", "unknown:flicker", "unknown:shadow".
+    seed : int
+    strength : float, optional
+        Size of each effect over its typical size.
+    values : mapping, optional
+        Values of parameters that shall not be drawn.
+
+    Raises
+    ------
+    UsageError
+        Unknown effect, unknown layout, or an effect that cannot act here.
+    """
+    rng = np.random.default_rng(seed)
+    table = scan(scene, layout, order, rng)
+    hidden: dict[str, float] = {}
+    known = [name for name in names if not name.startswith(unknowns.PREFIX)]
+    for name in known:
+        hidden |= draw_effect(scene, table, name, rng, strength)
+    hidden |= dict(values or {})
+    truth = true_scene(scene, hidden, rng)
+    factor: Array | float = 1.0
+    drawn: dict[str, Any] = {}
+    for name in names:
+        if name not in known:
+            one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
+            factor = factor * one
+    readings, clean, _ = measure(scene, truth, table, rng, noise=noise, factor=factor, photons=photons)
+    secret = {
+        "hidden": list(names),
+        "parameters": hidden,
+        "unknown": drawn,
+        "lamp.hwhm_deg": truth.lamp.hwhm_deg,
+        "water.absorption_per_m": truth.water.absorption_per_m,
+        "layout": layout,
+        "order": order,
+        "noise": noise,
+        "seed": seed,
+    }
+    return Hidden(readings, scene, secret, clean)
