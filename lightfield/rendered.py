@@ -13,7 +13,7 @@ from lightfield.render.shift import Shift
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-PHOTONS = 6e6
+PHOTONS = 3e6
 REL_ERROR = 0.01
 
 

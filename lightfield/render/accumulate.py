@@ -129,7 +129,7 @@ def trace_by_direction(
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
-    own = beam_nodes.values(scene.lamp)
+    own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi)  # the traced beam is round
     total = np.zeros(0)
     parts = []
     for batch in range(DIRECTION_BATCHES):

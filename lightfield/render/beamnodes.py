@@ -44,17 +44,21 @@ class BeamNodes:
         self.damping = np.sinc(np.arange(nodes.n_phi // 2 + 1) / nodes.n_phi) ** 2
 
     def values(self, lamp: Lamp) -> np.ndarray:
-        """Coefficients of a beam's relative intensity, shape (nodes.size,)."""
+        """Coefficients of a beam's relative intensity, shape (nodes.size,); one per ring for a round beam."""
         n_phi = self.nodes.n_phi
-        if lamp.tilt_x_deg == 0 and lamp.tilt_y_deg == 0 and lamp.ellipticity == 1:
+        if is_round(lamp):
             theta = self.theta_grid[:, 0]
-            round_beam = self.fit @ relative_intensity(lamp, theta, np.zeros_like(theta))
-            return np.repeat(round_beam, n_phi)
+            return np.asarray(self.fit @ relative_intensity(lamp, theta, np.zeros_like(theta)))
         beam = relative_intensity(lamp, *beam_angles(lamp, self.theta_grid, self.phi_grid))
         # Harmonics that the sectors cannot hold are dropped here, not aliased.
         harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
         beam = np.fft.irfft(harmonics, n_phi, axis=1)
         return np.asarray(self.fit @ beam).ravel()
+
+
+def is_round(lamp: Lamp) -> bool:
+    """Is the beam the same all round the axis of the tank?"""
+    return lamp.tilt_x_deg == 0 and lamp.tilt_y_deg == 0 and lamp.ellipticity == 1
 
 
 def ring_weights(t: np.ndarray, n_theta: int) -> np.ndarray:

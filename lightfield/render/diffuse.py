@@ -23,7 +23,7 @@ import numpy as np
 from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
-from lightfield.render.beamnodes import BeamNodes
+from lightfield.render.beamnodes import BeamNodes, is_round
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.rendering import transport_key
 from lightfield.render.response import (
@@ -42,7 +42,7 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 2_500_000
-KEPT_BEAMS = 64
+KEPT_BEAMS = 256
 BEAM = (
     "profile",
     "hwhm_deg",
@@ -81,6 +81,7 @@ class DiffuseResponse:
     beam_nodes: BeamNodes
     shift: Shift
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
         """Scattered and reflected part for unit on-axis intensity.
@@ -118,10 +119,10 @@ class DiffuseResponse:
             average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
             shares = self._g_shares(scene)
             for kind in np.unique(self.classes[used]):
-                rows = used & (self.classes == kind)
+                rows = self.classes == kind
                 # Light that was never scattered knows no g: its tally is the same at every node.
                 for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                    beam = self._beam(index, scene)[rows]
+                    beam = self._beam(index, int(kind), scene)
                     part = share * (average @ ((weights[:, rows] @ beam) * along))
                     value += part
                     variance += (part * self.relative_stderr[index, kind]) ** 2
@@ -150,14 +151,14 @@ class DiffuseResponse:
         shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
         return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
-    def _beam(self, index: int, scene: Scene) -> Array:
-        """Tally of one g node, contracted with the scene's beam, shape (n_rows, n_cells)."""
+    def _beam(self, index: int, kind: int, scene: Scene) -> Array:
+        """Tally of one g node and class of light, contracted with the scene's beam, (n_rows, n_cells)."""
         lamp = scene.lamp
-        key = (index, *(getattr(lamp, name) for name in BEAM))
+        key = (index, kind, *(getattr(lamp, name) for name in BEAM))
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
-            tally = self.tallies[index]
+            tally = self._tally(index, kind, is_round(lamp))
             contracted = np.empty(tally.shape[1:], np.float32)
             for stretch, cells in self._stretches(lamp.apparent_distance_m):
                 values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
@@ -166,6 +167,17 @@ class DiffuseResponse:
                 contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
             self._beams[key] = contracted
         return np.asarray(self._beams[key])
+
+    def _tally(self, index: int, kind: int, rings: bool) -> Array:
+        """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
+        key = (index, kind, rings)
+        if key not in self._tallies:
+            tally = self.tallies[index][:, self.classes == kind]
+            if rings:
+                nodes = self.beam_nodes.nodes
+                tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
+            self._tallies[key] = np.ascontiguousarray(tally)
+        return np.asarray(self._tallies[key])
 
     def _stretches(self, apparent_distance_m: float) -> list[tuple[float, Array | None]]:
         """Factor on the beam's angles at each plane, and the cells of that plane.
