@@ -93,10 +93,11 @@ def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, 
     rows, columns = max(around, key=len).T
     x = np.interp(columns, np.arange(x_m.size), x_m)
     y = np.interp(rows, np.arange(y_m.size), y_m)
-    ellipse = EllipseModel.from_estimate(np.column_stack([x, y])[:-1])
+    with np.errstate(divide="ignore", invalid="ignore"):  # an exact circle has no direction
+        ellipse = EllipseModel.from_estimate(np.column_stack([x, y])[:-1])
     if not ellipse:
         return nothing, "no ellipse fits the contour at half maximum"
-    centre, (a, b), angle = ellipse.center, ellipse.axis_lengths, ellipse.theta
+    centre, (a, b), angle = ellipse.center, ellipse.axis_lengths, np.nan_to_num(ellipse.theta)
     c, s = np.cos(angle), np.sin(angle)
     hwhm_x, hwhm_y = 1 / np.hypot(c / a, s / b), 1 / np.hypot(s / a, c / b)
     return (peak, float(centre[0]), float(centre[1]), float(hwhm_x), float(hwhm_y)), ""
