@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from lightfield.errors import OutputError
 from lightfield.files import atomic_path
 
 FORMAT = 6  # raised whenever the walk, the tally or this file's layout changes
+LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
 log = logging.getLogger(__name__)
 
 
@@ -36,6 +38,7 @@ def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
         told = bytes(arrays.pop("checksum")).decode()
         if told != _checksum(arrays) or bytes(arrays.pop("key")).decode() != digest_of(key):
             raise ValueError("checksum or key does not match")
+        os.utime(path)
         return arrays
     except Exception as error:  # whatever a damaged file makes NumPy or zipfile raise
         log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
@@ -49,8 +52,19 @@ def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     try:
         with atomic_path(_path(key)) as temporary, temporary.open("wb") as file:
             np.savez(file, **kept, checksum=np.frombuffer(_checksum(kept).encode(), np.uint8))
+        _make_room(_path(key))
     except (OSError, OutputError) as error:
         log.warning("the transport response was not cached: %s", error)
+
+
+def _make_room(newest: Path) -> None:
+    entries = sorted(newest.parent.glob("*.npz"), key=lambda entry: entry.stat().st_mtime)
+    excess = sum(entry.stat().st_size for entry in entries) - LARGEST_BYTES
+    for entry in entries:
+        if excess <= 0 or entry == newest:
+            return
+        excess -= entry.stat().st_size
+        entry.unlink(missing_ok=True)
 
 
 def _path(key: Mapping[str, Any]) -> Path:
