@@ -36,7 +36,7 @@ class Axis:
     Parameters
     ----------
     name : str
-        Name of the dimension: the parameter's dotted path, or a name of one's own for several that go together.
+        Name of the dimension: the parameter's dotted path, or a name of its own for several together.
     values : mapping of str to tuple
         For every path it sets, one value per step; all of one length.
     """
@@ -94,7 +94,9 @@ def span(start: float, stop: float, count: int, scale: str = "linear", where: st
     if scale not in ("linear", "log"):
         raise UsageError("unknown scale", where=where, found=scale, rule="linear or log")
     if not 1 <= count <= 100_000 or (count == 1 and start != stop):
-        raise UsageError("impossible count", where=where, found=count, rule="2 to 100000 values between two ends")
+        raise UsageError(
+            "impossible count", where=where, found=count, rule="2 to 100000 values between two ends"
+        )
     if not (math.isfinite(start) and math.isfinite(stop)):
         raise UsageError("the ends must be finite", where=where, found=f"{start}:{stop}")
     if scale == "log" and not (start > 0 and stop > 0):
@@ -107,8 +109,9 @@ def span(start: float, stop: float, count: int, scale: str = "linear", where: st
 def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     """Axes and settings from a plan file (TOML).
 
-    Each `[[vary]]` has `path` and either `values` or `start`, `stop`, `count` (and `scale = "log"`); or `name` and
-    `together`, a table of paths with lists of equal length. `[settings]` may set rel_error, max_photons, seed, maps.
+    Each `[[vary]]` has `path` and either `values` or `start`, `stop`, `count` (and `scale = "log"`); or
+    `name` and `together`, a table of paths with lists of equal length. `[settings]` may set rel_error,
+    max_photons, seed, maps.
 
     Raises
     ------
@@ -119,13 +122,19 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError("cannot read the plan", where=where, found=str(error), remedy="check the path") from error
+        raise UsageError(
+            "cannot read the plan", where=where, found=str(error), remedy="check the path"
+        ) from error
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
     unknown = sorted(set(data) - {"vary", "settings"})
     if unknown or not isinstance(data.get("vary", []), list):
-        raise UsageError("not a plan", where=where, found=", ".join(unknown) or "vary", rule="[[vary]] and [settings]")
-    axes = [_planned(entry, f"{where}, [[vary]] number {n}") for n, entry in enumerate(data.get("vary", []), 1)]
+        raise UsageError(
+            "not a plan", where=where, found=", ".join(unknown) or "vary", rule="[[vary]] and [settings]"
+        )
+    axes = [
+        _planned(entry, f"{where}, [[vary]] number {n}") for n, entry in enumerate(data.get("vary", []), 1)
+    ]
     return axes, dict(data.get("settings", {}))
 
 
@@ -136,23 +145,29 @@ def _planned(entry: Mapping[str, Any], where: str) -> Axis:
     if {"path", "values"} == keys and isinstance(entry["values"], list):
         return _axis(str(entry["path"]), {entry["path"]: entry["values"]}, where)
     if {"path", "start", "stop", "count"} <= keys <= {"path", "start", "stop", "count", "scale"}:
-        numbers = (entry["start"], entry["stop"], entry["count"])
-        if all(isinstance(v, int | float) for v in numbers) and isinstance(entry["count"], int):
-            values = span(*map(float, numbers[:2]), entry["count"], str(entry.get("scale", "linear")), where)
+        start, stop, count = entry["start"], entry["stop"], entry["count"]
+        if all(isinstance(v, int | float) for v in (start, stop)) and isinstance(count, int):
+            values = span(float(start), float(stop), count, str(entry.get("scale", "linear")), where)
             return _axis(str(entry["path"]), {entry["path"]: values}, where)
     raise UsageError(
-        "not a range", where=where, found=", ".join(sorted(keys)),
+        "not a range",
+        where=where,
+        found=", ".join(sorted(keys)),
         rule="path with values; path with start, stop, count (and scale); or name with together",
-    )  # fmt: skip
+    )
 
 
 def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
     lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
     if len(lengths) != 1 or 0 in lengths:
-        raise UsageError("lists of unequal length, or none", where=where, rule="one value per step for every path")
+        raise UsageError(
+            "lists of unequal length, or none", where=where, rule="one value per step for every path"
+        )
     steps = list(zip(*values.values(), strict=True))
     if any(step in steps[:n] for n, step in enumerate(steps)):
-        raise UsageError("a value stands twice", where=where, rule="every value once", remedy="drop the double")
+        raise UsageError(
+            "a value stands twice", where=where, rule="every value once", remedy="drop the double"
+        )
     return Axis(name, {path: tuple(v) for path, v in values.items()})
 
 
@@ -183,11 +198,16 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
     compound = [path for path in paths if path in COMPOUND]
     for path in paths:
         if compound and path in COMPOUND_SETS:
-            raise UsageError("both set absorption and scattering", found=f"{path} and {compound[0]}",
-                             rule="vary one pair or the other")  # fmt: skip
+            raise UsageError(
+                "both set absorption and scattering",
+                found=f"{path} and {compound[0]}",
+                rule="vary one pair or the other",
+            )
     result = []
     for axis in axes:
-        values = {path: tuple(_as_declared(scene, path, v) for v in given) for path, given in axis.values.items()}
+        values = {
+            path: tuple(_as_declared(scene, path, v) for v in given) for path, given in axis.values.items()
+        }
         for path, given in values.items():
             _check_range(scene, path, given)
         result.append(Axis(axis.name, values))
@@ -202,11 +222,13 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
         return
     for value in values:
         if not isinstance(value, int | float) or not low <= value <= high:
-            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=f"{low:g} to {high:g}")
+            raise SceneError(
+                "impossible value", where=f"--vary {path}", found=value, rule=f"{low:g} to {high:g}"
+            )
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:
-    """One step at least works with the scene as it is; another may need what a second axis sets, or fails as a case."""
+    """One step at least must work with the scene as it is; another may need what a second axis sets."""
     problem: LightfieldError | None = None
     for step in range(axis.size):
         try:
@@ -242,7 +264,11 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
         c = float(values.pop(ATTENUATION, a + b))
         albedo = float(values.pop(ALBEDO, b / (a + b) if a + b else 0.0))
         if not 0 <= albedo <= 1 or c < 0:
-            raise UsageError("impossible water", where=f"{ATTENUATION}, {ALBEDO}", found=(c, albedo),
-                             rule="attenuation from 0, albedo 0 to 1")  # fmt: skip
+            raise UsageError(
+                "impossible water",
+                where=f"{ATTENUATION}, {ALBEDO}",
+                found=(c, albedo),
+                rule="attenuation from 0, albedo 0 to 1",
+            )
         values |= {COMPOUND_SETS[0]: c * (1 - albedo), COMPOUND_SETS[1]: c * albedo}
     return scene.with_values(values, validate=validate)

@@ -39,7 +39,9 @@ class Cases:
     def values(self, number: int) -> dict[str, Any]:
         """What case `number` sets, by path."""
         steps = np.unravel_index(number, self.shape)
-        return {p: v for axis, step in zip(self.axes, steps, strict=True) for p, v in axis.at(int(step)).items()}
+        return {
+            p: v for axis, step in zip(self.axes, steps, strict=True) for p, v in axis.at(int(step)).items()
+        }
 
     def build(self, number: int, validate: bool = True) -> Scene:
         """Scene of case `number`.
@@ -57,4 +59,7 @@ class Cases:
             at = [0] * len(self.axes)
             for i, step in zip(axes, steps, strict=True):
                 at[i] = step
-            yield tuple(map(int, steps)), self.build(int(np.ravel_multi_index(at, self.shape)), validate=False)
+            yield (
+                tuple(map(int, steps)),
+                self.build(int(np.ravel_multi_index(at, self.shape)), validate=False),
+            )

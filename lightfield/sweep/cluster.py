@@ -47,17 +47,27 @@ def connected(
     from distributed import Client, LocalCluster
 
     if workers and scheduler:
-        raise UsageError("--workers and --scheduler exclude each other", remedy="an existing scheduler has its workers")
+        raise UsageError(
+            "--workers and --scheduler exclude each other", remedy="an existing scheduler has its workers"
+        )
     if not 0 <= workers <= 1024:
         raise UsageError("impossible number of workers", found=workers, rule="0 (this process) to 1024")
     if memory_gb is not None and not memory_gb > 0:
         raise UsageError("impossible memory limit", found=memory_gb, rule="gigabytes, above 0")
     # A trace holds the interpreter for seconds: that is no reason to warn, or to give a worker up.
     quiet = {
-        "distributed.admin.tick.limit": "1h", "distributed.scheduler.allowed-failures": 2,
-        "distributed.scheduler.worker-ttl": "30 minutes", "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
-    }  # fmt: skip
-    for name in ("distributed", "distributed.nanny", "distributed.worker", "distributed.scheduler", "tornado"):
+        "distributed.admin.tick.limit": "1h",
+        "distributed.scheduler.allowed-failures": 2,
+        "distributed.scheduler.worker-ttl": "30 minutes",
+        "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
+    }
+    for name in (
+        "distributed",
+        "distributed.nanny",
+        "distributed.worker",
+        "distributed.scheduler",
+        "tornado",
+    ):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set(quiet))
@@ -65,18 +75,26 @@ def connected(
             try:
                 client = stack.enter_context(Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False))
             except (OSError, TimeoutError, ValueError) as error:
-                raise UsageError("no Dask scheduler answers", where=f"--scheduler {scheduler}", found=str(error),
-                                 remedy="start one with `dask scheduler`") from error  # fmt: skip
+                raise UsageError(
+                    "no Dask scheduler answers",
+                    where=f"--scheduler {scheduler}",
+                    found=str(error),
+                    remedy="start one with `dask scheduler`",
+                ) from error
             if not client.scheduler_info()["workers"]:
                 client.wait_for_workers(1, timeout=10 * CONNECT_SECONDS)
         else:
             limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
             cluster = stack.enter_context(
                 LocalCluster(
-                    n_workers=max(1, workers), threads_per_worker=1, processes=workers > 0, memory_limit=limit,
-                    dashboard_address=None, silence_logs=logging.CRITICAL,
+                    n_workers=max(1, workers),
+                    threads_per_worker=1,
+                    processes=workers > 0,
+                    memory_limit=limit,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
                 )
-            )  # fmt: skip
+            )
             client = stack.enter_context(Client(cluster, set_as_default=False))
         client.register_plugin(_plugin(store.resolve()))
         yield client
@@ -92,11 +110,17 @@ def prepare_worker(store: str, version: str) -> None:
     """
     where = f"worker {os.uname().nodename}:{os.getpid()}"
     if version != __version__:
-        raise BackendError("the worker has another version of lightfield", where=where, found=__version__,
-                           rule=version)  # fmt: skip
+        raise BackendError(
+            "the worker has another version of lightfield", where=where, found=__version__, rule=version
+        )
     if not Path(store, ".lightfield").is_dir():
-        raise BackendError("the worker does not see the store", where=where, found=store,
-                           rule="a folder that all machines share", remedy="put the store on a shared disk")  # fmt: skip
+        raise BackendError(
+            "the worker does not see the store",
+            where=where,
+            found=store,
+            rule="a folder that all machines share",
+            remedy="put the store on a shared disk",
+        )
     os.environ.setdefault("LIGHTFIELD_THREADS", "1")
     from lightfield.render.backend import use_backend
 

@@ -1,4 +1,4 @@
-"""Numbers read off the maps of a case: on the axis, width of the spot, power through the plane, error of the formula."""
+"""Numbers read off the maps of a case: on the axis, half width, power on the plane, error of the formula."""
 
 from __future__ import annotations
 
@@ -42,20 +42,28 @@ class Formula:
         """The formula of a scene's lamp and detector; None for a pencil beam, which has no formula."""
         clear = scene.with_values(
             {
-                "water.base": "none", "water.absorption_per_m": 0.0, "water.scattering_per_m": 0.0,
-                "water.chlorophyll_mg_per_m3": 0.0, "water.cdom_440_per_m": 0.0, "water.sediment_g_per_m3": 0.0,
-                "water.hardening_per_m": 0.0, "water.gradient_per_m2": 0.0, "water.layer_absorption_per_m": 0.0,
+                "water.base": "none",
+                "water.absorption_per_m": 0.0,
+                "water.scattering_per_m": 0.0,
+                "water.chlorophyll_mg_per_m3": 0.0,
+                "water.cdom_440_per_m": 0.0,
+                "water.sediment_g_per_m3": 0.0,
+                "water.hardening_per_m": 0.0,
+                "water.gradient_per_m2": 0.0,
+                "water.layer_absorption_per_m": 0.0,
             },
             validate=False,
-        )  # fmt: skip
+        )
         total = np.zeros(grid.shape)
         try:
             for u, wu in zip(_NODES, _WEIGHTS, strict=True):
                 for v, wv in zip(_NODES, _WEIGHTS, strict=True):
                     z, y, x = np.meshgrid(
-                        grid.z_m, grid.y_m + 0.5 * v * grid.pitch_y_m, grid.x_m + 0.5 * u * grid.pitch_x_m,
+                        grid.z_m,
+                        grid.y_m + 0.5 * v * grid.pitch_y_m,
+                        grid.x_m + 0.5 * u * grid.pitch_x_m,
                         indexing="ij",
-                    )  # fmt: skip
+                    )
                     total += 0.25 * wu * wv * direct_field(clear, x, y, z)
         except LightfieldError:
             return None
@@ -68,7 +76,11 @@ class Formula:
         ray = rays(scene.lamp, x, y, z)
         maps = [
             np.mean(
-                [i * np.exp(-optical_depth(scene.water, ray, z, w)) for w, i in zip(band, power, strict=True)], axis=0
+                [
+                    i * np.exp(-optical_depth(scene.water, ray, z, w))
+                    for w, i in zip(band, power, strict=True)
+                ],
+                axis=0,
             )
             for band, power in zip(band_wavelengths(scene), intensity_of(scene), strict=True)
         ]
@@ -108,9 +120,13 @@ def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dic
         if not spot.problem:
             width[at], width_error[at] = spot.hwhm_m, half_width_stderr(spot, mean[at], known[at], grid)
     result = {
-        "on_axis": axis, "on_axis_stderr": axis_error, "plane_power": power, "plane_power_stderr": power_error,
-        "half_width": width, "half_width_stderr": width_error,
-    }  # fmt: skip
+        "on_axis": axis,
+        "on_axis_stderr": axis_error,
+        "plane_power": power,
+        "plane_power_stderr": power_error,
+        "half_width": width,
+        "half_width_stderr": width_error,
+    }
     if formula is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             for name, model, render, error in (
@@ -124,7 +140,7 @@ def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dic
 
 
 def half_width_stderr(spot: Spot, value: Array, stderr: Array, grid: Grid) -> float:
-    """Standard error of the half width: noise on the contour and of the maximum over the slope of the spot's flank.
+    """Standard error of the half width: noise on the contour and of the maximum over the slope of the flank.
 
     Parameters
     ----------

@@ -22,9 +22,9 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
-# Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the variance of
-# that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (b0 L scatterings on average, Poisson). Beyond 3 single
-# photons carry so much that the stated error is no longer to be trusted: such waters get a trace of their own.
+# Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
+# variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson, b0 L scatterings on average).
+# Beyond 3 single photons carry so much that the stated error is no longer to be trusted: another trace then.
 MOST_SPREAD = 3.0
 
 
@@ -152,16 +152,25 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
     """
     cases = Cases(scene, tuple(checked_axes(axes, scene)))
     if cases.count > MOST_CASES:
-        raise UsageError("too many cases", found=cases.count, rule=f"at most {MOST_CASES}", remedy="coarser ranges")
+        raise UsageError(
+            "too many cases", found=cases.count, rule=f"at most {MOST_CASES}", remedy="coarser ranges"
+        )
     if scene.detector.positions_m is not None:
-        raise UsageError("a sweep needs detector planes", found="detector.positions_m",
-                         remedy="give detector.planes_m instead")  # fmt: skip
+        raise UsageError(
+            "a sweep needs detector planes",
+            found="detector.positions_m",
+            remedy="give detector.planes_m instead",
+        )
     transport, keys, grids = _transport_axes(cases)
     if len({grid.shape for grid in grids}) > 1:
-        raise UsageError("maps of different shapes cannot share a store", found=sorted({g.shape for g in grids}),
-                         rule="planes, rows and columns", remedy="one sweep for each")  # fmt: skip
+        raise UsageError(
+            "maps of different shapes cannot share a store",
+            found=sorted({g.shape for g in grids}),
+            rule="planes, rows and columns",
+            remedy="one sweep for each",
+        )
     waters, problems = _waters(cases)
-    traces, trace_of_case = _traces(cases, settings, transport, keys, waters, problems)
+    traces, trace_of_case = _traces(cases, settings, transport, keys, grids, waters, problems)
     bands = len(scene.detector.bands_nm)
     limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
     chunks = _chunks(cases.shape, transport, limit)
@@ -185,12 +194,16 @@ def _key(scene: Scene) -> str:
         scene = scene.with_values({"tank.surface": "none", "tank.surface_reflectance": 0.0}, validate=False)
     try:
         return digest_of(transport_key(scene, scene_grid(scene), Reference(0.0, 0.0, 0.0)))
-    except (OSError, ValueError, TypeError) as error:  # an impossible value: its cases fail, with their own message
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+    ) as error:  # an impossible value: its cases fail, with their own message
         return f"impossible: {error}"
 
 
 def _waters(cases: Cases) -> tuple[np.ndarray, dict[int, str]]:
-    """Least absorption, most scattering, wall albedo and surface reflectance of every case, shape (n_cases, 4)."""
+    """Least absorption, most scattering, wall albedo, surface reflectance of cases, shape (n_cases, 4)."""
     table, problems = np.zeros((cases.count, 4)), {}
     for number in range(cases.count):
         try:
@@ -199,17 +212,24 @@ def _waters(cases: Cases) -> tuple[np.ndarray, dict[int, str]]:
             tank = scene.tank
             walls = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
             table[number] = (
-                absorption_per_m(scene.water, at).min(), scattering_per_m(scene.water, at).max(), *walls
-            )  # fmt: skip
+                absorption_per_m(scene.water, at).min(),
+                scattering_per_m(scene.water, at).max(),
+                *walls,
+            )
         except (LightfieldError, ValueError, TypeError) as error:
             problems[number] = str(error)
     return table, problems
 
 
 def _traces(
-    cases: Cases, settings: SweepSettings, transport: list[int], keys: list[str], waters: np.ndarray,
+    cases: Cases,
+    settings: SweepSettings,
+    transport: list[int],
+    keys: list[str],
+    grids: list[Grid],
+    waters: np.ndarray,
     problems: dict[int, str],
-) -> tuple[tuple[Trace, ...], np.ndarray]:  # fmt: skip
+) -> tuple[tuple[Trace, ...], np.ndarray]:
     """Traces, and the number of the trace that each case is evaluated from."""
     steps = np.array(np.unravel_index(np.arange(cases.count), cases.shape))
     sizes = [cases.axes[i].size for i in transport]
@@ -222,7 +242,7 @@ def _traces(
     traces: list[Trace] = []
     for key, which in unique.items():
         left = np.flatnonzero(usable & (key_of_case == which))
-        far = max(float(g.z_m.max()) for g in [scene_grid(cases.build(int(c), False)) for c in left[:1]]) if len(left) else 0
+        far = float(grids[keys.index(key)].z_m.max())
         while len(left):
             members = left[_spread(waters[left, 1], far) <= MOST_SPREAD]
             trace_of_case[members] = len(traces)
@@ -243,10 +263,15 @@ def _trace(
     reference = Reference(float(a), b, rho)
     scene = cases.build(int(members[0]), validate=False)
     plain: dict[str, Any] = {
-        "water.base": "none", "water.table": None, "water.chlorophyll_mg_per_m3": 0.0, "water.cdom_440_per_m": 0.0,
-        "water.sediment_g_per_m3": 0.0, "water.absorption_per_m": reference.absorption_per_m,
-        "water.scattering_per_m": b, "water.hardening_per_m": 0.0,
-    }  # fmt: skip
+        "water.base": "none",
+        "water.table": None,
+        "water.chlorophyll_mg_per_m3": 0.0,
+        "water.cdom_440_per_m": 0.0,
+        "water.sediment_g_per_m3": 0.0,
+        "water.absorption_per_m": reference.absorption_per_m,
+        "water.scattering_per_m": b,
+        "water.hardening_per_m": 0.0,
+    }
     if scene.tank is not None:
         plain |= {"tank.wall_albedo": rho, "tank.surface_reflectance": surface}
         plain["tank.surface"] = "flat" if surface > 0 else "none"
@@ -266,7 +291,7 @@ def _chunks(shape: tuple[int, ...], transport: list[int], limit: int) -> tuple[i
 
 def _blocks(shape: tuple[int, ...], chunks: tuple[int, ...], trace_of_case: np.ndarray) -> tuple[Block, ...]:
     numbers = np.arange(int(np.prod(shape))).reshape(shape)
-    blocks = []
+    blocks: list[Block] = []
     for index in product(*(range(-(-size // chunk)) for size, chunk in zip(shape, chunks, strict=True))):
         where = tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, chunks, strict=True))
         members = numbers[where].ravel()

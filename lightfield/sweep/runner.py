@@ -1,4 +1,4 @@
-"""Run a sweep: give traces and blocks to Dask, follow them, and leave a store that can be continued at any moment."""
+"""Run a sweep: give traces and blocks to Dask, follow them, leave a store that can always be continued."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from typing import Any
 from lightfield.errors import LightfieldError, OutputError, RenderError
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import connected
+from lightfield.sweep.layout import quantity_of
 from lightfield.sweep.plan import Block, Plan
-from lightfield.sweep.store import SweepStore, quantity_of
+from lightfield.sweep.store import SweepStore
 from lightfield.sweep.work import BlockDone, Target, TraceDone, do_block, do_trace
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-TRACE, BLOCK = 0, 1  # priorities: a trace on disk is used up before the next one is made
 Report = Callable[["Progress"], None]
 
 
@@ -100,136 +100,152 @@ def run_sweep(
 
 
 def _run(
-    plan: Plan, store: SweepStore, workers: int, scheduler: str | None, memory_gb: float | None, report: Report | None
-) -> Progress:  # fmt: skip
+    plan: Plan,
+    store: SweepStore,
+    workers: int,
+    scheduler: str | None,
+    memory_gb: float | None,
+    report: Report | None,
+) -> Progress:
     done = store.done()
     left = [block for block in plan.blocks if block.number not in done]
-    before = sum(len(plan.blocks[number].cases) for number in done)
-    missing = {t for block in left for t in block.traces}
-    progress = Progress(plan.cases.count, len(missing), cases_before=before)
+    needed = {t for block in left for t in block.traces}
+    progress = Progress(
+        plan.cases.count, len(needed), cases_before=sum(len(plan.blocks[number].cases) for number in done)
+    )
     progress.failed = sum(len(entry["failed"]) for entry in store.journal if "block" in entry)
-    if not left:
-        store.finish()
-        return progress
-    for number in set(range(len(plan.traces))) - missing:
+    for number in set(range(len(plan.traces))) - needed:
         store.drop_trace(number)
     try:
-        with _full_disk(store.path), connected(store.path, workers, scheduler, memory_gb) as client:
-            for block in _without_traces(left):
-                _finished(_run_here(block, plan, store), store, progress, report)
-            _follow(client, plan, store, [block for block in left if block.traces], progress, report)
+        with _full_disk(store.path):
+            if left:
+                with connected(store.path, workers, scheduler, memory_gb) as client:
+                    _Dispatch(client, plan, store, progress, report).follow(left)
+            store.finish()
     except BaseException:
         with contextlib.suppress(OSError, LightfieldError):  # the disk may be full: the journal has it all
             store.summarise()
         raise
-    with _full_disk(store.path):
-        store.finish()
     return progress
 
 
-def _without_traces(blocks: list[Block]) -> list[Block]:
-    return [block for block in blocks if not block.traces]
+class _Dispatch:
+    """Submits what can be done next and notes what is done."""
 
+    def __init__(
+        self, client: Any, plan: Plan, store: SweepStore, progress: Progress, report: Report | None
+    ) -> None:
+        from distributed import as_completed
 
-def _run_here(block: Block, plan: Plan, store: SweepStore) -> BlockDone:
-    return do_block(block, plan.cases, _traces_of(block, plan), _target(plan, store))
+        self.client, self.plan, self.store = client, plan, store
+        self.progress, self.report = progress, report
+        quantity, units, _, area_units = quantity_of(plan)
+        self.target = Target(store.path, store.variables, quantity, units, area_units)
+        self.completed = as_completed([], loop=client.loop)
+        self.running: dict[str, tuple[bool, int]] = {}  # is it a trace, and its number
+        self.users: dict[int, set[int]] = {}  # blocks that still need a trace
+        self.pending: dict[int, set[int]] = {}  # traces that a block still waits for
+        self.broken: dict[int, str] = {}
+        self.queue: list[int] = []
 
+    def follow(self, left: list[Block]) -> None:
+        """Work until no block is left."""
+        self.queue = sorted({t for block in left for t in block.traces})
+        self.users = {t: {b.number for b in left if t in b.traces} for t in self.queue}
+        self.pending = {block.number: set(block.traces) for block in left}
+        for block in left:
+            if not block.traces:
+                self._submit_block(block.number)
+        self._submit_traces()
+        while self.running:
+            job = next(self.completed)
+            is_trace, number = self.running.pop(job.key)
+            result = self._result(job, is_trace, number)
+            if isinstance(result, TraceDone):
+                self._traced(result)
+            elif is_trace:
+                self._release(number)
+            elif result is not None:
+                self._written(result)
+            self._submit_traces()
 
-def _traces_of(block: Block, plan: Plan) -> list[int]:
-    return [int(t) for t in plan.trace_of_case[block.cases]]
+    def _result(self, job: Any, is_trace: bool, number: int) -> TraceDone | BlockDone | None:
+        """Report of a job; one that failed is noted, unless it says that nothing can be written."""
+        from distributed import KilledWorker
 
-
-def _target(plan: Plan, store: SweepStore) -> Target:
-    quantity, units, _, area_units = quantity_of(plan)
-    return Target(store.path, store.variables, quantity, units, area_units, plan.bands)
-
-
-def _follow(
-    client: Any, plan: Plan, store: SweepStore, left: list[Block], progress: Progress, report: Report | None
-) -> None:
-    """Submit what can be done next, note what is done, until nothing is left."""
-    from distributed import KilledWorker, as_completed
-
-    target = _target(plan, store)
-    users = {number: {b.number for b in left if number in b.traces} for number in sorted({t for b in left for t in b.traces})}
-    pending = {block.number: set(block.traces) for block in left}
-    broken: dict[int, str] = {}
-    queue = list(users)
-    running: dict[str, tuple[int, int]] = {}
-    completed = as_completed([], loop=client.loop)
-
-    def submit(kind: int, number: int) -> None:
-        if kind == TRACE:
-            job = client.submit(do_trace, plan.traces[number], plan.settings, store.path, pure=False, priority=0)
-        else:
-            block = plan.blocks[number]
-            job = client.submit(
-                do_block, block, plan.cases, [-1 if t in broken else t for t in _traces_of(block, plan)], target,
-                pure=False, priority=10,
-            )  # fmt: skip
-        running[job.key] = (kind, number)
-        completed.add(job)
-
-    def more_traces() -> None:
-        # Traces on disk are large: no more of them at once than keep the workers busy.
-        most = max(1, len(client.scheduler_info()["workers"])) + 1
-        while queue and sum(1 for n in users if n not in queue) < most:
-            submit(TRACE, queue.pop(0))
-
-    def trace_ready(number: int) -> None:
-        for block in sorted(users[number]):
-            pending[block].discard(number)
-            if not pending[block]:
-                submit(BLOCK, block)
-
-    more_traces()
-    while running:
-        job = next(completed)
-        kind, number = running.pop(job.key)
         try:
-            result = job.result()
-        except (LightfieldError, KilledWorker, ValueError, RuntimeError, MemoryError) as error:
-            text = _reason(error)
-            if kind == BLOCK:
-                block = plan.blocks[number]
-                if isinstance(error, OutputError):
-                    raise
-                result = BlockDone(number, {int(c): text for c in block.cases}, 0.0, "", 0)
-            else:
-                broken[number] = text
-                trace_ready(number)
-                continue
-        except CancelledError as error:
-            raise RenderError("the cluster gave up the sweep", remedy="the same command continues it") from error
-        if isinstance(result, TraceDone):
-            progress.traced += 1
-            progress.photons += result.photons
-            progress.trace_seconds += result.seconds
-            store.record(trace=number, photons=result.photons, reached=result.reached, seconds=result.seconds)
-            _note(progress, result, report)
-            trace_ready(number)
-        else:
-            for t in plan.blocks[number].traces:
-                result.failed.update({int(c): broken[t] for c in plan.blocks[number].cases
-                                      if t in broken and plan.trace_of_case[c] == t})  # fmt: skip
-            _finished(result, store, progress, report)
-            for t in plan.blocks[number].traces:
-                users[t].discard(number)
-                if not users[t]:
-                    del users[t]
-                    store.drop_trace(t)
-            more_traces()
+            result: TraceDone | BlockDone = job.result()
+            return result
+        except (OSError, OutputError, CancelledError) as error:
+            if isinstance(error, CancelledError):
+                raise RenderError("the cluster gave up", remedy="the same command continues") from error
+            raise
+        except (LightfieldError, KilledWorker, ValueError, RuntimeError, TypeError, MemoryError) as error:
+            if is_trace:
+                self.broken[number] = _reason(error)
+                return None
+            return BlockDone(
+                number, {int(c): _reason(error) for c in self.plan.blocks[number].cases}, 0.0, "", 0
+            )
 
+    def _traced(self, result: TraceDone) -> None:
+        self.progress.traced += 1
+        self.progress.photons += result.photons
+        self.progress.trace_seconds += result.seconds
+        self.store.record(
+            trace=result.number, photons=result.photons, reached=result.reached, seconds=result.seconds
+        )
+        _note(self.progress, result, self.report)
+        self._release(result.number)
 
-def _finished(result: BlockDone, store: SweepStore, progress: Progress, report: Report | None) -> None:
-    problems = {int(c): store.plan.problems[int(c)] for c in store.plan.blocks[result.number].cases
-                if int(c) in store.plan.problems}  # fmt: skip
-    failed = {**problems, **result.failed}
-    store.record(block=result.number, failed={str(c): text for c, text in failed.items()}, seconds=result.seconds)
-    progress.cases_done += len(store.plan.blocks[result.number].cases)
-    progress.failed += len(failed)
-    progress.block_seconds += result.seconds
-    _note(progress, result, report)
+    def _release(self, trace: int) -> None:
+        """Submit the blocks that waited for a trace alone."""
+        for block in sorted(self.users[trace]):
+            self.pending[block].discard(trace)
+            if not self.pending[block]:
+                self._submit_block(block)
+
+    def _written(self, result: BlockDone) -> None:
+        block = self.plan.blocks[result.number]
+        for case in map(int, block.cases):
+            trace = int(self.plan.trace_of_case[case])
+            if trace in self.broken:
+                result.failed[case] = self.broken[trace]
+            elif case in self.plan.problems:
+                result.failed[case] = self.plan.problems[case]
+        self.store.record(
+            block=result.number,
+            failed={str(c): text for c, text in result.failed.items()},
+            seconds=result.seconds,
+        )
+        self.progress.cases_done += len(block.cases)
+        self.progress.failed += len(result.failed)
+        self.progress.block_seconds += result.seconds
+        _note(self.progress, result, self.report)
+        for trace in block.traces:
+            self.users[trace].discard(result.number)
+            if not self.users[trace]:
+                del self.users[trace]
+                self.store.drop_trace(trace)
+
+    def _submit_traces(self) -> None:
+        # Traces on disk are large: no more of them at once than keep the workers busy, or than a block needs.
+        most = max(1, len(self.client.scheduler_info()["workers"])) + 1
+        while self.queue and (len(self.users) - len(self.queue) < most or not self.running):
+            trace = self.plan.traces[self.queue.pop(0)]
+            self._submit(True, trace.number, do_trace, trace, self.plan.settings, self.store.path)
+
+    def _submit_block(self, number: int) -> None:
+        block = self.plan.blocks[number]
+        traces = [int(t) for t in self.plan.trace_of_case[block.cases]]
+        traces = [-1 if t in self.broken else t for t in traces]
+        self._submit(False, number, do_block, block, self.plan.cases, traces, self.target)
+
+    def _submit(self, is_trace: bool, number: int, work: Callable[..., Any], *args: Any) -> None:
+        # Blocks first: a trace on disk is used up before the next one is made.
+        job = self.client.submit(work, *args, pure=False, priority=0 if is_trace else 10)
+        self.running[job.key] = (is_trace, number)
+        self.completed.add(job)
 
 
 def _note(progress: Progress, result: TraceDone | BlockDone, report: Report | None) -> None:
@@ -256,7 +272,9 @@ def _full_disk(path: Path) -> Iterator[None]:
         cause = error.__cause__ if isinstance(error, OutputError) else error
         if isinstance(cause, OSError) and cause.errno in NO_ROOM:
             raise OutputError(
-                "the disk is full", where=str(path), found=f"{zarrfile.size_on_disk(path)} bytes in the store",
+                "the disk is full",
+                where=str(path),
+                found=f"{zarrfile.size_on_disk(path)} bytes in the store",
                 remedy="make room and give the same command again: it continues",
-            ) from error  # fmt: skip
+            ) from error
         raise

@@ -24,13 +24,14 @@ from lightfield.scene import Scene
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive, intensity_of
+from lightfield.sweep.layout import derived_variables
 from lightfield.sweep.plan import Block, SweepSettings, Trace
-from lightfield.sweep.store import derived_variables, trace_file
+from lightfield.sweep.store import trace_file
 from lightfield.sweep.zarrfile import Variable
 from lightfield.water.iop import absorption_per_m, is_grey, scattering_per_m
 
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
-# One thread at a time computes: Dr.Jit keeps state per process, and two responses would need twice the memory.
+# One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
 _busy = threading.Lock()
 
 
@@ -68,7 +69,6 @@ class Target:
     variables : dict of Variable
         Its layout.
     quantity, units, area_units : str
-    bands : int
     """
 
     path: Path
@@ -76,10 +76,11 @@ class Target:
     quantity: str
     units: str
     area_units: str
-    bands: int
 
 
-def do_trace(trace: Trace, settings: SweepSettings, path: Path, progress: Progress | None = None) -> TraceDone:
+def do_trace(
+    trace: Trace, settings: SweepSettings, path: Path, progress: Progress | None = None
+) -> TraceDone:
     """Trace, and leave the response beside the store; one that is there already is not traced again.
 
     Raises
@@ -91,17 +92,28 @@ def do_trace(trace: Trace, settings: SweepSettings, path: Path, progress: Progre
         started, file = time.perf_counter(), trace_file(path, trace.number)
         stored = _read(file)
         if stored is None:
+            _loaded.cache_clear()  # a trace needs the room of the response that was used last
             # One thread, or sums would be taken in another order each time and repeat to six digits only.
             os.environ.setdefault("LIGHTFIELD_THREADS", "1")
             rendering = render_scene(
-                trace.scene, rel_error=settings.rel_error, max_photons=settings.max_photons, seed=trace.seed,
-                reference=trace.reference, progress=progress, cache=False,
-            )  # fmt: skip
+                trace.scene,
+                rel_error=settings.rel_error,
+                max_photons=settings.max_photons,
+                seed=trace.seed,
+                reference=trace.reference,
+                progress=progress,
+                cache=False,
+            )
             _save(file, rendering.response, rendering.reached)
             stored = rendering.response, rendering.reached
         response, reached = stored
         return TraceDone(
-            trace.number, response.photons, reached, time.perf_counter() - started, worker_name(), peak_bytes()
+            trace.number,
+            response.photons,
+            reached,
+            time.perf_counter() - started,
+            worker_name(),
+            peak_bytes(),
         )
 
 
@@ -119,7 +131,11 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
     with _busy, threadpool_limits(1, "blas"):  # more threads of BLAS would round differently
         started = time.perf_counter()
         failed: dict[int, str] = {}
-        shapes = {name: v.shape[len(cases.shape) :] for name, v in target.variables.items() if _is_result(name, target)}
+        shapes = {
+            name: v.shape[len(cases.shape) :]
+            for name, v in target.variables.items()
+            if _is_result(name, target)
+        }
         results = {name: np.full((len(block.cases), *shape), np.nan) for name, shape in shapes.items()}
         names = derived_variables(target.quantity, target.units, target.area_units)
         for number in sorted(set(trace_of_case)):
@@ -139,7 +155,9 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
                         results[name][i] = found[key]
         for name, values in results.items():
             variable = target.variables[name]
-            edge = tuple(min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False))
+            edge = tuple(
+                min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False)
+            )
             index = (*block.index, *(0,) * len(shapes[name]))
             zarrfile.write_chunk(target.path, name, variable, index, values.reshape(*edge, *shapes[name]))
         return BlockDone(block.number, failed, time.perf_counter() - started, worker_name(), peak_bytes())
@@ -172,7 +190,7 @@ def evaluated(
 
 
 def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndarray, np.ndarray]:
-    """Maps of cases with equal hardening and equally many wavelengths, shape (n, n_bands, n_planes, n_y, n_x)."""
+    """Maps of cases alike in hardening and wavelengths, shape (n, n_bands, n_planes, n_y, n_x)."""
     columns, weights = [], []
     for scene in scenes:
         at, tank = _nodes(scene), scene.tank
@@ -246,13 +264,19 @@ def _save(file: Path, response: TransportResponse, reached: float) -> None:
     water = (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo)
     with atomic_path(file) as temporary, temporary.open("wb") as out:
         np.savez(
-            out, tally=response.tally, histories=response.histories, excess_m=response.excess_m,
-            straight_m=response.straight_m, reference=np.array(water), photons=response.photons, reached=reached,
-        )  # fmt: skip
+            out,
+            tally=response.tally,
+            histories=response.histories,
+            excess_m=response.excess_m,
+            straight_m=response.straight_m,
+            reference=np.array(water),
+            photons=response.photons,
+            reached=reached,
+        )
 
 
 def _read(file: Path) -> tuple[TransportResponse, float] | None:
-    """A response and the error it reached; None when it is missing or damaged (zip archives carry checksums)."""
+    """A response and the error it reached; None when it is missing or damaged (the archive has checksums)."""
     try:
         with np.load(file, allow_pickle=False) as d:
             reference = Reference(*map(float, d["reference"]))

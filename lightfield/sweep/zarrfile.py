@@ -1,7 +1,7 @@
 """Zarr stores written chunk by chunk, each chunk whole or not at all and on the disk before anybody says so.
 
-Version 2 of the format by its specification (zarr-specs.readthedocs.io, 2019), which every zarr library and xarray
-read. The library's own writer promises neither fsync nor, in older versions, a rename.
+Version 2 of the format by its specification (zarr-specs.readthedocs.io, 2019), which every zarr library and
+xarray read. The library's own writer promises neither fsync nor, in older versions, a rename.
 """
 
 from __future__ import annotations
@@ -45,10 +45,16 @@ class Variable:
         """Content of `.zarray`."""
         dtype = np.dtype(self.dtype)
         return {
-            "zarr_format": 2, "shape": list(self.shape), "chunks": [max(1, c) for c in self.chunks],
-            "dtype": dtype.str, "order": "C", "filters": None, "dimension_separator": ".",
-            "compressor": _codec(dtype).get_config(), "fill_value": "NaN" if dtype.kind == "f" else None,
-        }  # fmt: skip
+            "zarr_format": 2,
+            "shape": list(self.shape),
+            "chunks": [max(1, c) for c in self.chunks],
+            "dtype": dtype.str,
+            "order": "C",
+            "filters": None,
+            "dimension_separator": ".",
+            "compressor": _codec(dtype).get_config(),
+            "fill_value": "NaN" if dtype.kind == "f" else None,
+        }
 
 
 def create(path: Path, variables: Mapping[str, Variable], attrs: Mapping[str, Any]) -> None:

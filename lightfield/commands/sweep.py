@@ -1,0 +1,188 @@
+"""`lightfield sweep`: vary parameters of a scene over a grid, into one Zarr store."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
+from lightfield.sweep.estimate import describe, duration, size
+from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.runner import Progress, Report, run_sweep
+from lightfield.sweep.zarrfile import size_on_disk
+
+EPILOG = f"""\
+RANGE is {FORMS}; both ends are included. Any scene parameter can be varied (`lightfield
+scene SCENE` lists them), and two that set absorption and scattering together: {ATTENUATION} and
+{ALBEDO}. Example:
+
+  lightfield sweep scene.toml --vary water.scattering_per_m=0:0.5:11 --vary tank.wall_albedo=0,0.2 -o s.zarr
+
+The same command continues an interrupted sweep. `lightfield show s.zarr` draws it, `lightfield export` writes
+cases as EXR, and xarray.open_zarr("s.zarr") opens it.
+
+A plan file (TOML) holds `[[vary]]` tables: path with values = [...] or with start, stop, count and
+scale = "log"; or name and together = {{ path = [...], path = [...] }} for parameters that change together.
+`[settings]` may set rel_error, max_photons, seed and maps.
+
+On a cluster, with the store on a disk that all machines share, start a scheduler and workers of one thread:
+
+  dask scheduler                                             # says tcp://HOST:8786
+  dask worker tcp://HOST:8786 --nthreads 1 --nworkers 16     # on every machine
+  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://HOST:8786
+
+With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
+cluster.scheduler_address. All machines need the same version of lightfield.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    default = SweepSettings()
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="PATH=RANGE", help="one dimension; may be repeated"
+    )
+    parser.add_argument(
+        "--plan", type=Path, metavar="FILE", help="dimensions and settings from a file (TOML)"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="STORE.zarr", help="the store")
+    parser.add_argument("--dry-run", action="store_true", help="print the plan and what it costs, and stop")
+    group = parser.add_argument_group("tracing")
+    group.add_argument(
+        "--rel-error",
+        type=float,
+        metavar="E",
+        help=f"relative standard error asked of a trace (default {default.rel_error:g})",
+    )
+    group.add_argument(
+        "--max-photons",
+        type=float,
+        metavar="N",
+        help=f"photon budget of a trace (default {default.max_photons:g})",
+    )
+    group.add_argument(
+        "--seed", type=int, metavar="N", help=f"same seed, same result (default {default.seed})"
+    )
+    group.add_argument("--no-maps", action="store_true", help="keep the derived quantities alone")
+    group = parser.add_argument_group("workers")
+    group.add_argument(
+        "--workers", type=int, default=0, metavar="N", help="local processes (default: compute in this one)"
+    )
+    group.add_argument("--scheduler", metavar="ADDRESS", help="an existing Dask scheduler")
+    group.add_argument(
+        "--memory", type=float, metavar="GB", help="memory limit of a local worker (default: its share)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan, and run or continue; 1 when cases failed."""
+    scene = Scene.load(args.scene)
+    axes, settings = read_plan(args.plan) if args.plan else ([], {})
+    plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
+    if args.dry_run:
+        print("\n".join(describe(plan)))
+        return 0
+    if args.output is None:
+        raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
+    with progress_bar(plan) as report:
+        done = run_sweep(
+            plan,
+            args.output,
+            workers=args.workers,
+            scheduler=args.scheduler,
+            memory_gb=args.memory,
+            report=report,
+        )
+    print("\n".join(summary(plan, done, args.output)))
+    return 1 if done.failed else 0
+
+
+def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSettings:
+    known = {field.name: type(field.default) for field in fields(SweepSettings)}
+    for name, value in planned.items():
+        number = known.get(name) is float and isinstance(value, int | float) and not isinstance(value, bool)
+        if not number and type(value) is not known.get(name):
+            raise UsageError(
+                "not a setting",
+                where=f"{args.plan}, [settings]",
+                found=f"{name} = {value!r}",
+                rule=", ".join(f"{n} ({t.__name__})" for n, t in known.items()),
+            )
+    given = {
+        name: getattr(args, name)
+        for name in ("rel_error", "max_photons", "seed")
+        if getattr(args, name) is not None
+    }
+    settings = replace(SweepSettings(), **{**planned, **given}, **({"maps": False} if args.no_maps else {}))
+    for name, low, high in (("rel_error", 1e-4, 1.0), ("max_photons", 1e3, 1e12), ("seed", 0, 2**31)):
+        if not low <= getattr(settings, name) <= high:
+            raise UsageError(f"impossible {name}", found=getattr(settings, name), rule=f"{low:g} to {high:g}")
+    return settings
+
+
+def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
+    """What was done, and how much less that was than tracing each case."""
+    lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
+    if done.failed:
+        lines.append(f"{done.failed} cases failed: `message` in the store says why")
+    if not done.cases_done:
+        lines.append("nothing was left to do")
+        return lines
+    kept = f", {done.cases_before} were there already" if done.cases_before else ""
+    lines.append(
+        f"this run: {done.traced} traced ({done.photons:.3g} photons), {done.cases_done} evaluated in "
+        f"{duration(done.seconds)}{kept}"
+    )
+    if done.traced:
+        rate = done.photons / max(done.trace_seconds, 1e-9)
+        lines.append(
+            f"computing: tracing {duration(done.trace_seconds)} ({rate:.3g} photons/s per core), "
+            f"evaluating {duration(done.block_seconds)}; tracing each case would take "
+            f"{done.gain(plan):.3g} times as long"
+        )
+    if done.workers:
+        many = "process" if len(done.workers) == 1 else "processes"
+        lines.append(f"memory: {len(done.workers)} {many}, at most {size(max(done.workers.values()))} each")
+    return lines
+
+
+@contextmanager
+def progress_bar(plan: Plan) -> Iterator[Report | None]:
+    """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("cases"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=console) as bar:
+        task = bar.add_task("starting", total=plan.cases.count)
+
+        def report(progress: Progress) -> None:
+            rate = progress.photons / max(progress.seconds, 1e-9)
+            failed = f", {progress.failed} failed" if progress.failed else ""
+            bar.update(
+                task,
+                completed=progress.cases_before + progress.cases_done,
+                description=f"{progress.traced}/{progress.traces} traces, {rate:.3g} photons/s{failed}",
+            )
+
+        yield report

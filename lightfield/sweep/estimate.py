@@ -1,0 +1,89 @@
+"""What a plan will cost, said before it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+from lightfield.sweep.plan import Plan, Trace
+
+# Of one core of an ordinary machine; they serve the estimate alone.
+PHOTONS_PER_SECOND = 1.5e5
+SECONDS_PER_VALUE = 5e-7  # of a map: evaluated, measured, compressed
+BYTES_PER_VALUE = 3.3  # of a map on disk, after compression
+BATCHES, PATH_NODES, MOST_TALLY = 10, 28, 900e6
+PROGRAM_BYTES = 450e6
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Seconds on one core, bytes on disk, and bytes of memory per worker."""
+
+    trace_seconds: float
+    block_seconds: float
+    disk_bytes: float
+    memory_bytes: float
+
+
+def estimate(plan: Plan) -> Estimate:
+    """Cost of a plan, photon budgets spent in full."""
+    values = float(plan.cases.count) * plan.cells * plan.bands
+    maps = 2 * BYTES_PER_VALUE * values if plan.settings.maps else 0.0
+    derived = 10 * 8.0 * plan.cases.count * plan.bands * plan.grids[0].shape[0]
+    tally = max((_tally_bytes(plan, trace) for trace in plan.traces), default=0.0)
+    return Estimate(
+        len(plan.traces) * plan.settings.max_photons / PHOTONS_PER_SECOND,
+        values * SECONDS_PER_VALUE,
+        maps + derived,
+        # The sums, and twice the response while it is taken from them.
+        PROGRAM_BYTES + 3 * tally,
+    )
+
+
+def _tally_bytes(plan: Plan, trace: Trace) -> float:
+    mean = trace.reference.scattering_per_m * float(plan.grids[0].z_m.max()) * 1.2
+    channels = mean + 4 * sqrt(mean) + 2 + (18 if trace.reference.wall_albedo > 0 else 0)
+    return min(BATCHES * 4.0 * plan.cells * PATH_NODES * channels, MOST_TALLY)
+
+
+def describe(plan: Plan) -> list[str]:
+    """The plan in a few lines for people."""
+    cost, cases = estimate(plan), plan.cases
+    axes = " x ".join(f"{axis.name} ({axis.size})" for axis in cases.axes)
+    lines = [f"cases: {cases.count} = {axes}"]
+    if plan.problems:
+        lines.append(f"       {len(plan.problems)} of them are impossible and will be recorded as failed")
+    each = (cases.count - len(plan.problems)) / max(1, len(plan.traces))
+    lines.append(f"traces: {len(plan.traces)}, {each:.4g} cases evaluated from each")
+    for trace in plan.traces[:8]:
+        r = trace.reference
+        lines.append(
+            f"  {trace.number + 1:4d}  a = {r.absorption_per_m:.4g} /m, b = {r.scattering_per_m:.4g} /m, "
+            f"wall albedo {r.wall_albedo:.3g}: {trace.cases} cases"
+        )
+    if len(plan.traces) > 8:
+        lines.append(f"  ... and {len(plan.traces) - 8} more")
+    lines.append(f"blocks: {len(plan.blocks)} of up to {max(len(b.cases) for b in plan.blocks)} cases")
+    lines.append(
+        f"estimate for one core: tracing {duration(cost.trace_seconds)} "
+        f"({plan.settings.max_photons:.3g} photons each), "
+        f"evaluating {duration(cost.block_seconds)}; store {size(cost.disk_bytes)}; "
+        f"memory {size(cost.memory_bytes)} per worker"
+    )
+    return lines
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    if seconds < 90:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def size(count: float) -> str:
+    """A number of bytes in the unit that suits it."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
