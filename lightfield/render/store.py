@@ -7,6 +7,7 @@ import json
 import logging
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +39,13 @@ def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
         told = bytes(arrays.pop("checksum")).decode()
         if told != _checksum(arrays) or bytes(arrays.pop("key")).decode() != digest_of(key):
             raise ValueError("checksum or key does not match")
-        os.utime(path)
+        with suppress(OSError):  # a cache that may be read but not written
+            os.utime(path)
         return arrays
     except Exception as error:  # whatever a damaged file makes NumPy or zipfile raise
         log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
-        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
         return None
 
 
