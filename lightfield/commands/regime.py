@@ -1,0 +1,74 @@
+"""`lightfield regime`: where the closed-form model can be trusted."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.commands._tracing import output_folder
+from lightfield.errors import UsageError
+from lightfield.files import atomic_path
+from lightfield.scene import Scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "scene",
+        type=Path,
+        nargs="?",
+        metavar="SCENE",
+        help="lamp and phase function to use (default: the paper's lamp)",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("regime"),
+        metavar="DIR",
+        help="folder of the results (default: regime)",
+    )
+    parser.add_argument(
+        "--rel-error", type=float, default=0.01, metavar="E", help="of each trace (default 0.01)"
+    )
+    parser.add_argument(
+        "--max-photons", type=float, default=4e6, metavar="N", help="of each trace (default %(default)g)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="same seed, same result")
+    parser.add_argument("--no-cache", action="store_true", help="trace even if responses are on disk")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Trace the grid, write map, table and figure, print the table."""
+    if args.seed < 0:
+        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
+    scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
+    folder = output_folder(args.output)
+    from rich.console import Console
+    from rich.table import Table
+
+    from lightfield import regime
+    from lightfield.report.regime_figure import regime_figure
+    from lightfield.report.style import save_png
+
+    errors = Console(stderr=True)
+    with errors.status("tracing") as status:
+        points = regime.TracedPoints(
+            scene, args.rel_error, args.max_photons, args.seed, not args.no_cache,
+            progress=lambda count: status.update(f"{count} waters traced"),
+        )  # fmt: skip
+        dataset = regime.regime_map(points)
+    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
+    table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
+    for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
+        table.add_column(head, justify="left" if head == "receiver" else "right")
+    for row in regime.rows(dataset):
+        table.add_row(*row)
+    console = Console()
+    console.print(table)
+    console.print(regime.verdict(dataset), highlight=False)
+    with atomic_path(folder / "regime.nc") as temporary:
+        dataset.to_netcdf(temporary, engine="netcdf4")
+    for path in (folder / "regime.nc", save_png(regime_figure(dataset), folder / "regime.png")):
+        print(path)
+    return 0

@@ -1,0 +1,146 @@
+"""render, compare, picture and regime as a user runs them, on small scenes with the real renderer.
+
+Rationale: files, exit codes and messages are the contract with users; and in water without scattering,
+without walls, render and formula are the same light by construction, in absolute units.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from lightfield.cli import main
+from lightfield.dataset import read_netcdf
+from lightfield.exr import read_spectral_exr
+
+SCENE = """
+name = "small"
+[water]
+absorption_per_m = 0.1
+scattering_per_m = {scattering}
+[detector]
+planes_m = [3.0, 5.0]
+width_m = 1.0
+pixels = 9
+"""
+FAST = ("--rel-error", "0.2", "--max-photons", "2e5", "--no-cache")
+
+
+@pytest.fixture
+def scene(tmp_path):
+    def write(scattering=0.0, extra=""):
+        path = tmp_path / "scene.toml"
+        path.write_text(SCENE.format(scattering=scattering) + extra)
+        return str(path)
+
+    return write
+
+
+def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["render", scene(0.05), "-o", str(out), *FAST]) == 0
+    printed = capsys.readouterr().out
+    assert "closure" in printed
+    assert {p.name for p in out.iterdir()} == {
+        "maps.nc", "maps.png", "irradiance_z3.000m.exr", "irradiance_z5.000m.exr",
+    }  # fmt: skip
+    dataset = read_netcdf(out / "maps.nc")
+    image = read_spectral_exr(out / "irradiance_z5.000m.exr")
+    np.testing.assert_array_equal(image.value, dataset.irradiance.values[:, 1].astype(np.float32))
+    both = dataset.irradiance_direct + dataset.irradiance_diffuse
+    np.testing.assert_allclose(both, dataset.irradiance, rtol=1e-6)
+    emitted = dataset.attrs["energy_emitted"]
+    spent = sum(dataset.attrs[f"energy_{k}"] for k in ("absorbed", "walls", "escaped", "unfinished"))
+    assert spent - dataset.attrs["energy_roulette"] == pytest.approx(emitted, rel=1e-5)
+
+
+def test_wavelengths_of_the_command_line(scene, tmp_path):
+    out = tmp_path / "out"
+    args = [
+        "render",
+        scene(),
+        "-o",
+        str(out),
+        "--wavelengths",
+        "450:650:100",
+        "--no-exr",
+        "--no-figures",
+        *FAST,
+    ]
+    assert main(args) == 0
+    np.testing.assert_array_equal(read_netcdf(out / "maps.nc").wavelength_nm, [450, 550, 650])
+    assert [p.name for p in out.iterdir()] == ["maps.nc"]
+
+
+def test_formula_and_render_agree_where_they_must(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", scene(), "-o", str(out), *FAST]) == 0
+    assert "within 5 % on every plane" in " ".join(capsys.readouterr().out.split())
+    summary = json.loads((out / "compare.json").read_text())
+    for plane in summary["planes"]:
+        assert abs(plane["axis_error"]) < 4 * plane["axis_error_stderr"] + 1e-3  # 1e-3: binning of the path
+        assert abs(plane["lost"]) < 4 * plane["lost_stderr"] + 1e-3
+    assert (out / "index.html").is_file()
+
+
+def test_compare_finds_the_scattered_light_and_takes_maps_too(scene, tmp_path):
+    out = tmp_path / "out"
+    assert main(["render", scene(0.1), "-o", str(out), *FAST]) == 0
+    assert main(["compare", str(out / "maps.nc"), "-o", str(out)]) == 0
+    planes = json.loads((out / "compare.json").read_text())["planes"]
+    dataset = read_netcdf(out / "maps.nc")
+    diffuse, everything = (
+        dataset.irradiance_diffuse.sum(("x_m", "y_m")),
+        dataset.irradiance.sum(("x_m", "y_m")),
+    )
+    share = (diffuse / everything).values[0]
+    assert [p["lost"] for p in planes] == pytest.approx(list(share), abs=0.01)
+    assert planes[1]["lost"] > 0.1
+
+
+def test_picture_shows_the_beam(scene, tmp_path, capsys):
+    target = tmp_path / "view.png"
+    tank = "[tank]\nwidth_m = 3.0\ndepth_m = 2.0\nlength_m = 8.0\nlamp_depth_m = 1.0\n"
+    assert main(["picture", scene(0.1, tank), "-o", str(target), "--size", "64x36", "--samples", "16"]) == 0
+    assert "walls shown with albedo" in capsys.readouterr().out
+    pixels = imread(target)
+    assert pixels.shape[:2] == (36, 64)
+    assert pixels[..., :3].mean(axis=2).max() > 0.5
+    assert target.with_suffix(".exr").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["render", "missing.toml"], "missing.toml: cannot read the scene"),
+        (["render", "{scene}", "--wavelengths", "red"], "--wavelengths: not wavelengths"),
+        (["render", "{scene}", "--wavelengths", "600,500"], "--wavelengths: impossible wavelengths"),
+        (["render", "{scene}", "--rel-error", "0"], "impossible relative error"),
+        (["render", "{scene}", "--max-photons", "1"], "impossible photon budget"),
+        (["render", "{scene}", "--seed", "-1"], "--seed is negative"),
+        (["render", "{scene}", "-o", "{scene}"], "cannot write here"),
+        (["compare", "{scene}", "-o", "{scene}/deeper"], "cannot write here"),
+        (["compare", "readings.csv"], "readings need the scene"),
+        (["compare", "missing.nc"], "missing.nc: cannot read this as a data set"),
+        (["picture", "{scene}", "--size", "big"], "--size: not a size"),
+        (["picture", "{scene}", "--samples", "0"], "--samples: impossible number of samples"),
+        (["picture", "{scene}", "-o", "view.jpg"], "the picture is a PNG file"),
+        (["regime", "missing.toml"], "missing.toml: cannot read the scene"),
+        (["regime", "--seed", "-1"], "--seed is negative"),
+    ],
+)
+def test_wrong_commands_give_one_line_and_exit_code_2(
+    arguments, message, scene, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    path = scene()
+    before = sorted(tmp_path.iterdir())
+    assert main([word.format(scene=path) for word in arguments]) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert len(error.splitlines()) == 1
+    left = [
+        p for p in tmp_path.iterdir() if p not in before and p.name not in ("render", "compare", "regime")
+    ]
+    assert left == [], "nothing half-done stays"
