@@ -226,9 +226,14 @@ class Scene(Part):
         for path, value in values.items():
             *parents, leaf = path.split(".")
             self.get(path)
-            owner = data
+            owner: dict[str, Any] = data
+            part: Any = self
             for key in parents:
-                owner = owner.setdefault(key, {})
+                owner, part = owner.setdefault(key, {}), getattr(part, key)
+                if (
+                    "type" in type(part).model_fields
+                ):  # tells which phase function it is, also when left unsaid
+                    owner.setdefault("type", part.type)
             owner[leaf] = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
         try:
             return type(self).model_validate(data)

@@ -23,7 +23,7 @@ BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
 # Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
-# variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson, b0 L scatterings on average).
+# variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
 # Beyond 3 single photons carry so much that the stated error is no longer to be trusted: another trace then.
 MOST_SPREAD = 3.0
 
@@ -169,7 +169,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
             rule="planes, rows and columns",
             remedy="one sweep for each",
         )
-    waters, problems = _waters(cases)
+    waters, problems = _waters(cases, transport)
     traces, trace_of_case = _traces(cases, settings, transport, keys, grids, waters, problems)
     bands = len(scene.detector.bands_nm)
     limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
@@ -194,31 +194,43 @@ def _key(scene: Scene) -> str:
         scene = scene.with_values({"tank.surface": "none", "tank.surface_reflectance": 0.0}, validate=False)
     try:
         return digest_of(transport_key(scene, scene_grid(scene), Reference(0.0, 0.0, 0.0)))
-    except (
-        OSError,
-        ValueError,
-        TypeError,
-    ) as error:  # an impossible value: its cases fail, with their own message
+    except (OSError, ValueError, TypeError) as error:  # its cases fail with their own message
         return f"impossible: {error}"
 
 
-def _waters(cases: Cases) -> tuple[np.ndarray, dict[int, str]]:
+def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, str]]:
     """Least absorption, most scattering, wall albedo, surface reflectance of cases, shape (n_cases, 4)."""
     table, problems = np.zeros((cases.count, 4)), {}
-    for number in range(cases.count):
+    # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
+    suspicious = np.zeros(cases.shape, bool)
+    for steps, _ in cases.subset(transport):
+        at = [0] * len(cases.shape)
+        for i, step in zip(transport, steps, strict=True):
+            at[i] = step
+        if problem_of(cases, int(np.ravel_multi_index(at, cases.shape))):
+            suspicious[tuple(at[i] if i in transport else slice(None) for i in range(len(at)))] = True
+    for number, doubtful in enumerate(suspicious.ravel()):
+        if doubtful and (problem := problem_of(cases, number)):
+            problems[number] = problem
+            continue
         try:
             scene = cases.build(number, validate=False)
-            at = band_wavelengths(scene).ravel()
-            tank = scene.tank
+            wavelengths, tank = band_wavelengths(scene).ravel(), scene.tank
             walls = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
-            table[number] = (
-                absorption_per_m(scene.water, at).min(),
-                scattering_per_m(scene.water, at).max(),
-                *walls,
-            )
-        except (LightfieldError, ValueError, TypeError) as error:
-            problems[number] = str(error)
+            a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
+            table[number] = a.min(), b.max(), *walls
+        except (LightfieldError, ValueError, TypeError, OSError) as error:
+            problems[number] = " ".join(str(error).split())
     return table, problems
+
+
+def problem_of(cases: Cases, number: int) -> str:
+    """Why a case cannot be; empty when it can."""
+    try:
+        cases.build(number)
+    except (LightfieldError, ValueError, TypeError) as error:
+        return " ".join(str(error).split())
+    return ""
 
 
 def _traces(

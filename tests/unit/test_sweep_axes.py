@@ -1,0 +1,129 @@
+"""Ranges of a sweep: what the command line and a plan file may say, and one clear error for what they may not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lightfield.errors import LightfieldError, SceneError, UsageError
+from lightfield.scene import Scene
+from lightfield.sweep.axes import ALBEDO, ATTENUATION, apply, checked_axes, parse_axis, read_plan
+
+SCENE = Scene.from_toml("[water]\nabsorption_per_m = 0.1\nscattering_per_m = 0.3\n[tank]\n")
+
+
+def test_linear_log_and_list_ranges_include_both_ends() -> None:
+    assert parse_axis("water.scattering_per_m=0:0.5:6").at(5) == {"water.scattering_per_m": 0.5}
+    linear = parse_axis("water.scattering_per_m=0:0.3:4").values["water.scattering_per_m"]
+    assert linear == (0.0, 0.1, 0.2, 0.3)  # and not 0.30000000000000004
+    assert parse_axis("p=0.01:1:3:log").values["p"] == (0.01, 0.1, 1.0)
+    assert parse_axis("tank.wall_albedo=0,0.2,0.4").values["tank.wall_albedo"] == (0, 0.2, 0.4)
+    assert parse_axis("lamp.profile=gaussian,isotropic").values["lamp.profile"] == ("gaussian", "isotropic")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("water.scattering_per_m", "PATH=RANGE"),
+        ("=0:1:3", "PATH=RANGE"),
+        ("p=", "PATH=RANGE"),
+        ("p=0:1", "start:stop:count"),
+        ("p=0:1:2.5", "start:stop:count"),
+        ("p=0:1:3:log:5", "start:stop:count"),
+        ("p=a:b:3", "start:stop:count"),
+        ("p=0:1:1", "impossible count"),
+        ("p=0:1:-2", "impossible count"),
+        ("p=0:inf:3", "finite"),
+        ("p=0:1:3:log", "above 0"),
+        ("p=0:1:3:cubic", "linear or log"),
+        ("p=1,2,1", "stands twice"),
+    ],
+)
+def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> None:
+    with pytest.raises(UsageError, match=says) as error:
+        parse_axis(text)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "says"),
+    [
+        ([], "nothing is varied"),
+        (["water.scatering_per_m=0,1"], "no such parameter.*scattering_per_m"),
+        (["water.scattering_per_m=0,-1"], "impossible value.*0 to 100"),
+        (["tank.wall_albedo=0,1.5"], "impossible value.*0 to 1"),
+        (["water.scattering_per_m=0,1", "water.scattering_per_m=2,3"], "varied twice"),
+        ([f"{ALBEDO}=0,2"], "impossible value.*0 to 1"),
+        ([f"{ATTENUATION}=1,2", "water.absorption_per_m=0,1"], "both set absorption and scattering"),
+        (["lamp.profile=round,square"], "lamp.profile"),
+        (["detector.pixels=few"], "impossible value"),
+    ],
+)
+def test_wrong_axes_are_refused_before_any_work(ranges: list[str], says: str) -> None:
+    with pytest.raises(LightfieldError, match=says):
+        checked_axes([parse_axis(text) for text in ranges], SCENE)
+
+
+def test_a_scene_without_a_tank_has_no_walls_to_vary() -> None:
+    with pytest.raises(SceneError, match="has no tank"):
+        checked_axes([parse_axis("tank.wall_albedo=0,0.5")], Scene())
+
+
+def test_attenuation_and_single_scattering_albedo_set_absorption_and_scattering() -> None:
+    """c = a + b and omega = b / c, so a = c (1 - omega), b = c omega; what is not varied keeps its value."""
+    both = apply(SCENE, {ATTENUATION: 0.5, ALBEDO: 0.8})
+    assert both.water.absorption_per_m == pytest.approx(0.1)
+    assert both.water.scattering_per_m == pytest.approx(0.4)
+    one = apply(SCENE, {ATTENUATION: 0.8})  # the scene's own albedo is 0.75
+    assert (one.water.absorption_per_m, one.water.scattering_per_m) == pytest.approx((0.2, 0.6))
+
+
+def test_a_plan_file_holds_ranges_coupled_parameters_and_settings(tmp_path: Path) -> None:
+    file = tmp_path / "plan.toml"
+    file.write_text(
+        """
+        [settings]
+        rel_error = 0.1
+        [[vary]]
+        path = "water.scattering_per_m"
+        start = 0.01
+        stop = 1
+        count = 3
+        scale = "log"
+        [[vary]]
+        path = "detector.planes_m"
+        values = [[1.0, 2.0], [3.0, 4.0]]
+        [[vary]]
+        name = "tank size"
+        together = { "tank.width_m" = [2.0, 4.0], "tank.length_m" = [20.0, 40.0] }
+        """
+    )
+    axes, settings = read_plan(file)
+    assert [axis.size for axis in axes] == [3, 2, 2]
+    assert axes[2].at(1) == {"tank.width_m": 4.0, "tank.length_m": 40.0}
+    assert settings == {"rel_error": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[[vary]\n", "not TOML"),
+        ("[[vari]]\npath = 'a'\n", "not a plan.*vari"),
+        ("[[vary]]\npath = 'a'\n", "not a range"),
+        ("[[vary]]\npath = 'a'\nstart = 0\nstop = 'b'\ncount = 2\n", "not a range"),
+        ("[[vary]]\nname = 'n'\ntogether = { a = [1, 2], b = [1] }\n", "unequal length"),
+        ("[[vary]]\npath = 'a'\nvalues = []\n", "unequal length, or none"),
+    ],
+)
+def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says: str) -> None:
+    file = tmp_path / "plan.toml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=says) as error:
+        read_plan(file)
+    assert "plan.toml" in str(error.value)
+
+
+def test_a_missing_plan_file_is_an_error_of_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot read the plan"):
+        read_plan(tmp_path / "none.toml")

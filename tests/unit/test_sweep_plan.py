@@ -1,0 +1,129 @@
+"""The plan of a sweep: what shares a trace is decided by physics, and every case is computed exactly once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.sweep.axes import parse_axis
+from lightfield.sweep.estimate import describe
+from lightfield.sweep.plan import MOST_SPREAD, Plan, SweepSettings, make_plan
+
+SCENE = Scene.from_toml(
+    """
+    [water]
+    absorption_per_m = 0.1
+    scattering_per_m = 0.2
+    [tank]
+    [detector]
+    planes_m = [2.0, 4.0]
+    pixels = 8
+    """
+)
+
+
+def planned(*ranges: str, scene: Scene = SCENE) -> Plan:
+    return make_plan(scene, [parse_axis(text) for text in ranges], SweepSettings())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "water.absorption_per_m=0.01:1:10",
+        "water.scattering_per_m=0:0.4:10",
+        "tank.wall_albedo=0:0.9:4",
+        "tank.surface_reflectance=0,0.5,1",
+        "water.hardening_per_m=0,0.01",
+        "water.chlorophyll_mg_per_m3=0,0.1,0.2",
+        "lamp.temperature_k=2700,2900",
+        "lamp.power_w=10,50",
+    ],
+)
+def test_water_walls_and_spectrum_do_not_need_a_trace_of_their_own(text: str) -> None:
+    """E = sum R b^n rho^m s^k exp(-c L): none of these changes the tally R of one reference water."""
+    assert len(planned(text).traces) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["lamp.hwhm_deg=3,4,5", "water.phase.g=0.8,0.9,0.924", "tank.width_m=2,3,4", "detector.width_m=1,1.5,2",
+     "detector.quantity=irradiance,radiance,scalar_irradiance", "water.gradient_per_m2=0,0.01,0.02"],
+)  # fmt: skip
+def test_beam_phase_function_geometry_and_receiver_need_one(text: str) -> None:
+    assert len(planned(text).traces) == 3
+
+
+def test_the_reference_is_clearest_in_absorption_and_most_turbid_in_scattering() -> None:
+    plan = planned(
+        "water.absorption_per_m=0.05:0.5:4", "water.scattering_per_m=0:0.3:4", "tank.wall_albedo=0,0.6"
+    )
+    (trace,) = plan.traces
+    reference = trace.reference
+    assert (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo) == (0.05, 0.3, 0.6)
+
+
+def test_waters_too_far_apart_in_scattering_do_not_share_a_trace() -> None:
+    """The variance of the weights of reweighted scatterings is exp((b0 - b)^2 L / b0) - 1 (Poisson numbers)."""
+    plan = planned("water.scattering_per_m=0:3:31")
+    assert len(plan.traces) > 1
+    b = np.array(plan.cases.axes[0].values["water.scattering_per_m"])
+    for trace in plan.traces:
+        mine, b0 = b[plan.trace_of_case == trace.number], trace.reference.scattering_per_m
+        assert mine.max() == b0
+        if b0 > 0:
+            assert (b0 - mine.min()) ** 2 * 4.0 / b0 <= MOST_SPREAD
+
+
+@given(st.lists(st.integers(1, 12), min_size=1, max_size=3), st.booleans())
+def test_every_case_is_in_exactly_one_block_whatever_the_shape(sizes: list[int], transport: bool) -> None:
+    paths = ["water.absorption_per_m", "lamp.hwhm_deg" if transport else "lamp.power_w", "tank.wall_albedo"]
+    ranges = [
+        f"{path}=0.1:0.5:{n}" if n > 1 else f"{path}=0.1" for path, n in zip(paths, sizes, strict=False)
+    ]
+    plan = planned(*ranges)
+    together = np.concatenate([block.cases for block in plan.blocks])
+    assert sorted(together) == list(range(plan.cases.count))
+    for block in plan.blocks:
+        assert set(block.traces) == set(plan.trace_of_case[block.cases])
+        # A chunk of the store is the block: an index and a size along every dimension.
+        assert len(block.cases) <= np.prod(plan.chunks)
+
+
+def test_seeds_depend_on_the_trace_alone_and_not_on_what_else_is_in_the_sweep() -> None:
+    few, many = planned("lamp.hwhm_deg=3,4"), planned("lamp.hwhm_deg=2,3,4,5")
+    assert {t.seed for t in few.traces} < {t.seed for t in many.traces}
+    assert len({t.seed for t in many.traces}) == 4
+
+
+def test_an_impossible_case_is_known_beforehand_and_costs_no_trace() -> None:
+    """A lamp 3 m down in a tank of 2.44 m depth."""
+    plan = planned("tank.lamp_depth_m=0.5,1.22,3", "water.absorption_per_m=0.1,0.2")
+    assert len(plan.traces) == 2
+    assert sorted(plan.problems) == [4, 5]
+    assert "lamp_depth_m must be less than depth_m" in plan.problems[4]
+
+
+def test_maps_of_different_shapes_are_refused() -> None:
+    with pytest.raises(UsageError, match="maps of different shapes"):
+        planned("detector.pixels=8,16")
+
+
+def test_listed_positions_are_refused() -> None:
+    scene = SCENE.with_values({"detector.positions_m": ((0.0, 0.0, 2.0),)})
+    with pytest.raises(UsageError, match="needs detector planes"):
+        planned("water.absorption_per_m=0,1", scene=scene)
+
+
+def test_the_plan_says_what_it_will_do() -> None:
+    text = "\n".join(describe(planned("water.scattering_per_m=0:0.4:5", "tank.wall_albedo=0,0.5")))
+    for part in (
+        "cases: 10 = water.scattering_per_m (5) x tank.wall_albedo (2)",
+        "traces: 1",
+        "memory",
+        "store",
+    ):
+        assert part in text
