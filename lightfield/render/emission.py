@@ -19,7 +19,9 @@ from lightfield.render.grid import AngleNodes
 from lightfield.render.sobol import ScrambledSobol
 from lightfield.scene import Lamp
 
-BINS = 512
+FINE = 4096  # steps in which the wished density is integrated
+# Steps of the cumulative distribution: even ones, then ever smaller ones towards 1, where a tail is thin and wide.
+EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
 TABLE = 4096
 
 
@@ -55,18 +57,21 @@ class Emission:
         isotropic = lamp.profile == "isotropic"
         reach = pi if isotropic else 0.5 * pi
         # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) does not round off.
-        edges = np.linspace(0, np.sin(0.5 * reach), BINS + 1) ** 2
+        edges = np.linspace(0, np.sin(0.5 * reach), FINE + 1) ** 2
         theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
         omega = 4 * pi * np.diff(edges)
         shapeless = lamp.profile in ("isotropic", "pencil")
         envelope = np.ones_like(theta) if shapeless else self._envelope(theta)
         beam = envelope * omega
-        cone = np.where(theta <= max(cone_rad, theta[2]), omega, 0.0)
+        cone = np.where(theta <= max(cone_rad, theta[FINE // 256]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
-        # Rounded as the sampler sees it, so that the weights undo exactly what is drawn.
-        cdf = (np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()).astype(np.float32).astype(float)
-        self.edges, self.cdf = mi.Float(edges), mi.Float(cdf)
-        self.weight_of_bin = mi.Float(omega / np.maximum(np.diff(cdf), 1e-30))
+        cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
+        # Rounded as the sampler sees them, so that the weights undo exactly what is drawn.
+        steps = _steps().astype(np.float32)
+        corners = np.interp(steps, cumulative, edges).astype(np.float32)
+        self.steps, self.corners = mi.Float(steps), mi.Float(corners)
+        omega, share = 4 * pi * np.diff(corners.astype(float)), np.diff(steps.astype(float))
+        self.weight_of_bin = mi.Float(omega / share)
         if lamp.profile == "table":
             fine = np.linspace(0, 0.5 * pi, TABLE)
             self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
@@ -139,10 +144,14 @@ class Emission:
         if self.lamp.profile == "pencil":
             # Power 1 on average: equal deposits in one cell would all be rounded to the same side.
             return mi.Vector3f(0 * u1, 0, 1), u1 + 0.5, 0 * u1
-        bin_ = dr.binary_search(0, BINS - 1, lambda i: dr.gather(mi.Float, self.cdf, i + 1) <= u1)
-        low, high = dr.gather(mi.Float, self.cdf, bin_), dr.gather(mi.Float, self.cdf, bin_ + 1)
-        inside = dr.clip((u1 - low) / dr.maximum(high - low, 1e-20), 0, 1)
-        s = dr.lerp(dr.gather(mi.Float, self.edges, bin_), dr.gather(mi.Float, self.edges, bin_ + 1), inside)
+        # The steps are such that the bin follows from u1 without a search.
+        octave = -dr.log2(dr.maximum(1 - u1, 2.0**-LAST_OCTAVE)) - FIRST_OCTAVE
+        even, tail = EVEN - EVEN // 2**FIRST_OCTAVE, (LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE
+        bin_ = dr.select(octave < 0, mi.UInt32(u1 * EVEN), even + mi.UInt32(dr.maximum(octave, 0) * PER_OCTAVE))
+        bin_ = dr.minimum(bin_, even + tail)
+        low, high = dr.gather(mi.Float, self.steps, bin_), dr.gather(mi.Float, self.steps, bin_ + 1)
+        inside = dr.clip((u1 - low) / (high - low), 0, 1)
+        s = dr.lerp(dr.gather(mi.Float, self.corners, bin_), dr.gather(mi.Float, self.corners, bin_ + 1), inside)
         theta = 2 * dr.asin(dr.sqrt(dr.clip(s, 0, 1)))
         sin_phi, cos_phi = dr.sincos(2 * pi * u2)
         sin_theta = 2 * dr.sqrt(dr.maximum(s * (1 - s), 0))
@@ -179,3 +188,10 @@ def _axes(lamp: Lamp) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:
     rows = (right, np.cross(axis, right), axis)
     x, y, z = (mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in row)) for row in rows)
     return x, y, z
+
+
+def _steps() -> np.ndarray:
+    """Ascending values of the cumulative distribution between which the proposal is constant, 0 to 1."""
+    even = np.arange(EVEN - EVEN // 2**FIRST_OCTAVE) / EVEN
+    octaves = np.arange((LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE + 1) / PER_OCTAVE + FIRST_OCTAVE
+    return np.concatenate([even, 1 - 2.0**-octaves, [1.0]])
