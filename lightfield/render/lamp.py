@@ -38,8 +38,8 @@ class LightfieldLamp(mi.Emitter):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        values: dict[str, object] = {name: float(props[name]) for name in NUMBERS if props.has_property(name)}
-        values |= {name: str(props[name]) for name in WORDS if props.has_property(name)}
+        values: dict[str, object] = {name: float(props[name]) for name in NUMBERS if name in props}
+        values |= {name: str(props[name]) for name in WORDS if name in props}
         self.lamp = Lamp.model_validate(values)
         self.intensity = float(props.get("intensity", 1.0))
         self.m_flags = int(mi.EmitterFlags.DeltaPosition)

@@ -31,6 +31,8 @@ class LightfieldPhase(mi.PhaseFunction):
         u, psi = self.model.inverse_cdf_table()
         self.nodes = len(u)
         self.u, self.log_psi = mi.Float(u), mi.Float(np.log(psi))
+        # Not from differences of u, which have no digits left at large angles in single precision.
+        self.log_density = mi.Float(np.log(np.maximum(self.model.pdf(np.cos(psi)), 1e-30)))
         self.m_flags = int(mi.PhaseFunctionFlags.Anisotropic)
 
     def sample(
@@ -72,11 +74,9 @@ class LightfieldPhase(mi.PhaseFunction):
     def _density(self, psi: mi.Float) -> mi.Float:
         at = dr.log(dr.clip(psi, 1e-7, pi))
         low = dr.binary_search(0, self.nodes - 2, lambda i: dr.gather(mi.Float, self.log_psi, i + 1) <= at)
-        u0, u1 = dr.gather(mi.Float, self.u, low), dr.gather(mi.Float, self.u, low + 1)
         a, b = dr.gather(mi.Float, self.log_psi, low), dr.gather(mi.Float, self.log_psi, low + 1)
-        slope = (u1 - u0) / dr.maximum(b - a, 1e-9)
-        psi = dr.maximum(psi, 1e-6)
-        return slope / (2 * pi * dr.maximum(dr.sin(psi), 1e-6) * psi)
+        below, above = (dr.gather(mi.Float, self.log_density, low + i) for i in (0, 1))
+        return dr.exp(dr.lerp(below, above, dr.clip((at - a) / (b - a), 0, 1)))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
         """Nothing to differentiate."""

@@ -202,7 +202,7 @@ def test_semi_infinite_water_under_a_dielectric_surface() -> None:
     """
     surface = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
     slab = trace_slab(40.0, 0.9, 0.0, FluxThrough([39.0], [True], FULL), 1_000_000, top=surface)
-    agrees(np.array([0.04 + 0.96 * book.escaped / book.emitted for book in slab.books]), 0.2600, 0.001)
+    agrees(np.array([0.04 + 0.96 * book.escaped / book.emitted for book in slab.books]), 0.2600, 0.002)
 
 
 class AbsorptionMoments:
