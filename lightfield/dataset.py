@@ -64,32 +64,32 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
     Returns
     -------
     xarray.Dataset
-        Dimensions (wavelength_nm, z_m, y_m, x_m); variables named after the quantity: `irradiance`,
-        `irradiance_stderr`, and the same for the parts `irradiance_direct` and `irradiance_diffuse`.
+        Dimensions (wavelength_nm, z_m, y_m, x_m), or (wavelength_nm, position) where the scene lists single
+        positions; variables named after the quantity: `irradiance`, `irradiance_stderr`, and the same for the
+        parts `irradiance_direct` and `irradiance_diffuse`.
     """
-    scene, grid = rendering.scene, rendering.grid
-    quantity = str(scene.detector.quantity)
+    quantity = str(rendering.scene.detector.quantity)
     units, meaning = QUANTITIES[quantity]
-    bands = np.asarray(scene.detector.bands_nm, float)
+    bands = np.asarray(rendering.scene.detector.bands_nm, float)
     centres = bands.mean(axis=1) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)
-    coords: dict[str, Any] = {
-        "wavelength_nm": ("wavelength_nm", centres, {"units": "nm", "standard_name": "radiation_wavelength"}),
-        "z_m": ("z_m", np.asarray(grid.z_m, float), _length("distance of the plane from the lamp", "Z")),
-        "y_m": ("y_m", np.asarray(grid.y_m, float), _length("height above the lamp", "Y")),
-        "x_m": ("x_m", np.asarray(grid.x_m, float), _length("horizontal distance from the axis", "X")),
-    }
+    dims, coords = _places(rendering.grid)
+    coords["wavelength_nm"] = (
+        "wavelength_nm",
+        centres,
+        {"units": "nm", "standard_name": "radiation_wavelength"},
+    )
     data: dict[str, Any] = {}
     for part in ("all", *PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
         about = meaning if part == "all" else f"{meaning}, {part} part"
         data[name] = (
-            DIMS,
+            dims,
             mean,
             {"units": units, "long_name": about, "ancillary_variables": f"{name}_stderr"},
         )
         data[f"{name}_stderr"] = (
-            DIMS,
+            dims,
             stderr,
             {"units": units, "long_name": f"Monte Carlo standard error of {name}; infinite: no photon came"},
         )
@@ -98,8 +98,23 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
         dataset["wavelength_nm"].attrs["bounds"] = "wavelength_bounds_nm"
         dataset["wavelength_bounds_nm"] = (("wavelength_nm", "bound"), bands)
         for part in ("", "_direct", "_diffuse"):
-            dataset[quantity + part].attrs["cell_methods"] = "wavelength_nm: mean x_m: y_m: mean (cell)"
+            dataset[quantity + part].attrs["cell_methods"] = "wavelength_nm: mean area: mean (cell)"
     return dataset
+
+
+def _places(grid: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Dimensions and coordinates of the maps: planes, or single positions where the grid is not full."""
+    about = {
+        "z_m": _length("distance of the plane from the lamp", "Z"),
+        "y_m": _length("height above the lamp", "Y"),
+        "x_m": _length("horizontal distance from the axis", "X"),
+    }
+    occupied = getattr(grid, "occupied", None)
+    if occupied is None:
+        return DIMS, {name: (name, np.asarray(getattr(grid, name), float), about[name]) for name in about}
+    z, y, x = np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij")
+    places = {"z_m": z[occupied], "y_m": y[occupied], "x_m": x[occupied]}
+    return DIMS[:1] + ("position",), {name: ("position", places[name], about[name]) for name in about}
 
 
 def provenance(rendering: Rendered) -> dict[str, Attribute]:

@@ -1,7 +1,7 @@
 """Up to which range can the formula be trusted, in which water, with which receiver?
 
 On the axis of the lamp in unbounded water, Gaussian x inverse square x Beer-Lambert is compared with the
-render over optical thickness c z and single-scattering albedo b / c. Only ratios matter: z is the unit of length.
+render over optical thickness c z and single-scattering albedo b / c. Only ratios matter.
 """
 
 from __future__ import annotations

@@ -92,3 +92,24 @@ def test_a_failed_write_leaves_nothing(dataset, tmp_path):
     with pytest.raises(OutputError, match="cannot replace"):
         write_netcdf(dataset, blocked)
     assert [p.name for p in tmp_path.iterdir()] == ["maps.nc"]
+
+
+def test_single_positions_keep_their_coordinates(make, tmp_path):
+    """Maps of listed positions come as one value per occupied cell, in the order of the grid."""
+    rendering = make(pixels=3)
+    occupied = np.zeros((3, 3, 3), bool)
+    occupied[0, 1, 1] = occupied[2, 1, 2] = True
+    rendering.grid.occupied = occupied
+    full = rendering.maps
+
+    class AtPositions:
+        scene, grid = rendering.scene, rendering.grid
+
+        def maps(self, wavelengths_nm=None, part="all"):
+            return tuple(values[:, occupied] for values in full(wavelengths_nm, part))
+
+    dataset = to_dataset(AtPositions())
+    assert dataset.irradiance.dims == ("wavelength_nm", "position")
+    np.testing.assert_allclose(dataset.z_m, [4.5, 8.5])
+    np.testing.assert_allclose(dataset.x_m, [0, 2 / 3], atol=1e-12)
+    xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)

@@ -1,4 +1,4 @@
-"""The regime map finds the known limits of a made-up light field where exp(-c z) is wrong by a known factor."""
+"""The regime map finds the known limits of a made-up field where exp(-c z) is wrong by a known factor."""
 
 import numpy as np
 import pytest
