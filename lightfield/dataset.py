@@ -114,7 +114,7 @@ def _places(grid: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
         return DIMS, {name: (name, np.asarray(getattr(grid, name), float), about[name]) for name in about}
     z, y, x = np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij")
     places = {"z_m": z[occupied], "y_m": y[occupied], "x_m": x[occupied]}
-    return DIMS[:1] + ("position",), {name: ("position", places[name], about[name]) for name in about}
+    return (DIMS[0], "position"), {name: ("position", places[name], about[name]) for name in about}
 
 
 def provenance(rendering: Rendered) -> dict[str, Attribute]:
