@@ -53,6 +53,7 @@ def trace_until(
                 launch,
                 settings.seed * 1009 + batch,
                 first=first,
+                reflecting=setup.reflecting,
             )
             sums[batch] += counts * launch
             books.append(book)
@@ -143,6 +144,7 @@ def trace_by_direction(
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=symmetric,
+            reflecting=setup.reflecting,
         )
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         total = by_node if batch == 0 else total + by_node

@@ -35,6 +35,7 @@ class Setup:
     reference: Reference
     grid: Grid
     straight_m: np.ndarray
+    reflecting: bool
 
 
 def receiver_of(scene: Scene) -> Receiver:
@@ -101,7 +102,8 @@ def prepare(
         water.layer_centre_m - layer,
         water.layer_centre_m + layer,
     )
-    parts = surfaces(scene, reference, reflects, float(grid.z_m.max()))
+    # Open water has no geometry to search: the walk itself ends far out.
+    parts = surfaces(scene, reference, reflects, float(grid.z_m.max())) if scene.tank else {}
     loaded = mi.load_dict({"type": "scene", **parts})
     phase = mi.load_dict(phase_dict(scene))
     return Setup(
@@ -114,6 +116,7 @@ def prepare(
         reference,
         grid,
         straight_path(scene, grid),
+        reference.wall_albedo > 0 or reflects,
     )
 
 

@@ -20,7 +20,7 @@ from lightfield.render.sobol import ScrambledSobol
 from lightfield.scene import Lamp
 
 FINE = 4096  # steps in which the wished density is integrated
-# Steps of the cumulative distribution: even ones, then ever smaller ones towards 1, where a tail is thin and wide.
+# Steps of the cumulative distribution: even, then ever smaller towards 1, where a tail is thin and wide.
 EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
 TABLE = 4096
 
@@ -147,11 +147,15 @@ class Emission:
         # The steps are such that the bin follows from u1 without a search.
         octave = -dr.log2(dr.maximum(1 - u1, 2.0**-LAST_OCTAVE)) - FIRST_OCTAVE
         even, tail = EVEN - EVEN // 2**FIRST_OCTAVE, (LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE
-        bin_ = dr.select(octave < 0, mi.UInt32(u1 * EVEN), even + mi.UInt32(dr.maximum(octave, 0) * PER_OCTAVE))
+        bin_ = dr.select(
+            octave < 0, mi.UInt32(u1 * EVEN), even + mi.UInt32(dr.maximum(octave, 0) * PER_OCTAVE)
+        )
         bin_ = dr.minimum(bin_, even + tail)
         low, high = dr.gather(mi.Float, self.steps, bin_), dr.gather(mi.Float, self.steps, bin_ + 1)
         inside = dr.clip((u1 - low) / (high - low), 0, 1)
-        s = dr.lerp(dr.gather(mi.Float, self.corners, bin_), dr.gather(mi.Float, self.corners, bin_ + 1), inside)
+        s = dr.lerp(
+            dr.gather(mi.Float, self.corners, bin_), dr.gather(mi.Float, self.corners, bin_ + 1), inside
+        )
         theta = 2 * dr.asin(dr.sqrt(dr.clip(s, 0, 1)))
         sin_phi, cos_phi = dr.sincos(2 * pi * u2)
         sin_theta = 2 * dr.sqrt(dr.maximum(s * (1 - s), 0))

@@ -104,7 +104,8 @@ class Histories:
     ) -> None:
         """Add `value` to the two path nodes around `excess`."""
         last = self.path_nodes - 1
-        u = dr.cbrt(dr.minimum(excess / self.longest_excess_m, 1)) * last
+        # The cube root; its rounding may choose the next node over, which the clipping below forgives.
+        u = dr.exp2(dr.log2(dr.clip(excess / self.longest_excess_m, 1e-30, 1)) / 3) * last
         low = dr.minimum(mi.UInt32(u), last - 1)
         scale = self.longest_excess_m / last**3
         a = mi.Float(low)
@@ -112,5 +113,11 @@ class Histories:
         above = (a + 1) * (a + 1) * (a + 1) * scale
         share = dr.clip((excess - below) / (above - below), 0, 1)
         base = (channel * self.path_nodes + low) * self.emission_nodes + node
-        dr.scatter_add(tally, value * (1 - share), base * cells + cell, active)
-        dr.scatter_add(tally, value * share, (base + self.emission_nodes) * cells + cell, active)
+        dr.scatter_add(tally, value * (1 - share), base * cells + cell, active, mode=dr.ReduceMode.Direct)
+        dr.scatter_add(
+            tally,
+            value * share,
+            (base + self.emission_nodes) * cells + cell,
+            active,
+            mode=dr.ReduceMode.Direct,
+        )

@@ -12,6 +12,8 @@ import numpy as np
 
 from lightfield.render.grid import Grid
 
+OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest plane
+
 
 @dataclass(frozen=True)
 class Receiver:
@@ -82,6 +84,8 @@ class Planes:
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
         self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
         self.last = _opaque(grid.z_m.max())
+        widest = max(np.abs(grid.x_m).max(), np.abs(grid.y_m).max())
+        self.reach = _opaque(OPEN_WATER_REACH * max(grid.z_m.max(), widest))
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
         tilt = radians(receiver.tilt_x_deg)
@@ -142,6 +146,12 @@ class Planes:
     def point_response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
         """Reading of a point receiver in light of unit normal irradiance from `direction`."""
         return self._response(direction, to_lamp) * dr.abs(direction.z)
+
+    def way_out(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Distance after which a flight in open water is so far out that it is not followed any more, m."""
+        along = dr.dot(mi.Vector3f(position), direction)
+        left = self.reach * self.reach - dr.squared_norm(mi.Vector3f(position))
+        return dr.sqrt(dr.maximum(along * along + left, 0)) - along
 
     def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
         """Past the last plane and leaving it: such light comes back only by turning round twice."""

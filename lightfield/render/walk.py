@@ -29,6 +29,7 @@ from lightfield.render.sobol import ScrambledSobol
 ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
 MAX_FLIGHTS = 4000
+FAR = 1e7  # m, where nothing is hit
 PHOTONS_PER_LANE = 64
 
 
@@ -58,6 +59,7 @@ class Absorption:
     """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
     def __init__(self, water: Water) -> None:
+        self.is_uniform = water.gradient_per_m2 == 0 and water.layer_absorption_per_m == 0
         self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (
             dr.opaque(mi.Float, value)
             for value in (
@@ -72,6 +74,8 @@ class Absorption:
 
     def depth(self, z0: mi.Float, cos_z: mi.Float, t: mi.Float) -> mi.Float:
         """Optical depth of absorption along a flight of length t from z0 with direction cosine cos_z."""
+        if self.is_uniform:
+            return self.uniform * t
         z1 = z0 + cos_z * t
         low, high = dr.minimum(z0, z1), dr.maximum(z0, z1)
         crossed = dr.maximum(dr.minimum(high, self.high) - dr.maximum(low, self.low), 0)
@@ -93,13 +97,14 @@ def trace(
     seed: int,
     first: int = 0,
     mirror_x: bool = False,
+    reflecting: bool = True,
 ) -> tuple[np.ndarray, Bookkeeping]:
     """Trace one batch of photons.
 
     Parameters
     ----------
     scene : mi.Scene
-        Surfaces; a smooth dielectric surface reflects, what it transmits is lost.
+        Surfaces (none: open water); a smooth dielectric surface reflects, what it transmits is lost.
     phase : mi.PhaseFunction
     emission, planes, histories, water
         Lamp, detectors, cells of the tally, reference water.
@@ -111,6 +116,8 @@ def trace(
         Number of the first photon: a longer batch can be traced in parts.
     mirror_x : bool
         Also tally the mirror image at -x (only right in a scene that is symmetric in x).
+    reflecting : bool
+        False: every surface is black, and its BSDF is not asked.
 
     Returns
     -------
@@ -122,14 +129,17 @@ def trace(
     lanes = -(-photons // each)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
     lane = dr.arange(mi.UInt32, lanes)
-    rng = mi.PCG32(
-        size=lanes,
-        initstate=dr.opaque(mi.UInt64, seed) + 0x853C49E6748FEA9B,
-        initseq=mi.UInt64(lane) + dr.opaque(mi.UInt64, (seed << 32) + first),
+    number = lane + dr.opaque(mi.UInt32, first)
+    # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
+    low, high = mi.sample_tea_32(
+        dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
     )
+    rng = mi.PCG32(size=lanes, initstate=(mi.UInt64(high) << 32) + mi.UInt64(low), initseq=mi.UInt64(number))
     points = ScrambledSobol(seed)
     absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
-    lane += dr.opaque(mi.UInt32, first)
+
+    open_water = not scene.shapes()
+    reflecting = reflecting and not open_water
 
     # -------------------------------------------------------------- loop state
     started = mi.UInt32(0)  # photons that this lane has begun: a lane never waits for its neighbours
@@ -153,7 +163,7 @@ def trace(
     while alive | (started < each):
         # ---------------------------------------------------------- a new photon
         if ~alive:
-            start = emission.sample(started * lanes + lane, points, rng)
+            start = emission.sample(started * lanes + number, points, rng)
             position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
             weight, node = mi.Float(start.weight), mi.UInt32(start.node)
             survival, length = mi.Float(1), mi.Float(0)
@@ -163,14 +173,17 @@ def trace(
         active = weight > 0
 
         # ---------------------------------------------------------- the next surface and the next scattering
-        # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
-        hit = scene.ray_intersect(
-            mi.Ray3f(position, direction),
-            ray_flags=mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame,
-            coherent=False,
-            active=active,
-        )
-        to_surface = dr.select(hit.is_valid(), hit.t, 1e7)
+        if dr.hint(open_water, mode="scalar"):
+            to_surface, leaves = planes.way_out(position, direction), mi.Bool(True)
+        else:
+            # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
+            hit = scene.ray_intersect(
+                mi.Ray3f(position, direction),
+                ray_flags=mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame,
+                coherent=False,
+                active=active,
+            )
+            to_surface, leaves = dr.select(hit.is_valid(), hit.t, FAR), ~hit.is_valid()
         free = -dr.log(1 - rng.next_float32()) / dr.maximum(b0, 1e-9)
         channel = histories.channel(scatterings, walls, surfaces)
 
@@ -203,8 +216,8 @@ def trace(
         # ---------------------------------------------------------- fly
         scatters = free < to_surface
         t = dr.minimum(free, to_surface)
-        gone = active & ~scatters & ~hit.is_valid()
-        depth = absorption.depth(position.z, direction.z, dr.select(gone, 0, t))
+        gone = active & ~scatters & leaves
+        depth = absorption.depth(position.z, direction.z, dr.select(t < FAR, t, 0))
         kept = dr.exp(-depth)
         absorbed += dr.select(active, weight * (1 - kept), 0)
         weight *= kept
@@ -228,26 +241,26 @@ def trace(
         )
 
         # ---------------------------------------------------------- reflect
-        bounces = active & ~scatters
-        bsdf = hit.bsdf()
-        sample, factor = bsdf.sample(context, hit, 0.5, turn, bounces)
-        reflected = dr.select(bounces, factor[0], 1)
-        smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-        lost = dr.select(bounces, weight * (1 - reflected), 0)
-        escaped += dr.select(smooth, lost, 0)
-        at_walls += dr.select(smooth, 0, lost)
-        weight *= reflected
-        survival *= reflected
-        position = dr.select(
-            bounces, hit.p + hit.n * dr.select(dr.dot(hit.n, direction) < 0, 1e-4, -1e-4), position
-        )
-        bounced = hit.to_world(sample.wo)
-        direction = mi.Vector3f(
-            dr.normalize(dr.select(scatters, turned, dr.select(bounces, bounced, direction)))
-        )
+        if dr.hint(reflecting, mode="scalar"):
+            bounces = active & ~scatters
+            sample, factor = hit.bsdf().sample(context, hit, 0.5, turn, bounces)
+            reflected = dr.select(bounces, factor[0], 1)
+            smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+            lost = dr.select(bounces, weight * (1 - reflected), 0)
+            escaped += dr.select(smooth, lost, 0)
+            at_walls += dr.select(smooth, 0, lost)
+            weight *= reflected
+            survival *= reflected
+            off = hit.n * dr.select(dr.dot(hit.n, direction) < 0, 1e-4, -1e-4)
+            position = dr.select(bounces, hit.p + off, position)
+            turned = dr.select(bounces, hit.to_world(sample.wo), turned)
+            surfaces += dr.select(bounces & smooth, 1, 0)
+            walls += dr.select(bounces & ~smooth, 1, 0)
+        else:
+            at_walls += dr.select(active & ~scatters, weight, 0)
+            weight = dr.select(scatters, weight, 0)
+        direction = mi.Vector3f(dr.normalize(dr.select(active, turned, direction)))
         scatterings += dr.select(active & scatters, 1, 0)
-        surfaces += dr.select(bounces & smooth, 1, 0)
-        walls += dr.select(bounces & ~smooth, 1, 0)
         active &= weight > 0
 
         # ---------------------------------------------------------- roulette
