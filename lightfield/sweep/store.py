@@ -134,6 +134,7 @@ class SweepStore:
 
     def finish(self) -> None:
         """Mark the store as complete and remove the traces."""
+        zarrfile.remove_leftovers(self.path)  # of workers that died
         self.summarise()
         shutil.rmtree(self.traces, ignore_errors=True)
         zarrfile.set_attrs(self.path, {"complete": "yes"})

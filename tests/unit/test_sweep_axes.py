@@ -1,4 +1,4 @@
-"""Ranges of a sweep: what the command line and a plan file may say, and one clear error for what they may not."""
+"""Ranges of a sweep: what the command line and a plan file may say; one clear error for what they may not."""
 
 from __future__ import annotations
 

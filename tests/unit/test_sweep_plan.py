@@ -50,7 +50,9 @@ def test_water_walls_and_spectrum_do_not_need_a_trace_of_their_own(text: str) ->
 
 @pytest.mark.parametrize(
     "text",
-    ["lamp.hwhm_deg=3,4,5", "water.phase.g=0.8,0.9,0.924", "tank.width_m=2,3,4", "detector.width_m=1,1.5,2",
+    [
+        "lamp.hwhm_deg=3,4,5",
+        "water.phase.g=0.8,0.9,0.924", "tank.width_m=2,3,4", "detector.width_m=1,1.5,2",
      "detector.quantity=irradiance,radiance,scalar_irradiance", "water.gradient_per_m2=0,0.01,0.02"],
 )  # fmt: skip
 def test_beam_phase_function_geometry_and_receiver_need_one(text: str) -> None:
@@ -67,7 +69,7 @@ def test_the_reference_is_clearest_in_absorption_and_most_turbid_in_scattering()
 
 
 def test_waters_too_far_apart_in_scattering_do_not_share_a_trace() -> None:
-    """The variance of the weights of reweighted scatterings is exp((b0 - b)^2 L / b0) - 1 (Poisson numbers)."""
+    """The variance of the weights of reweighted scatterings is exp((b0 - b)^2 L / b0) - 1 (Poisson)."""
     plan = planned("water.scattering_per_m=0:3:31")
     assert len(plan.traces) > 1
     b = np.array(plan.cases.axes[0].values["water.scattering_per_m"])

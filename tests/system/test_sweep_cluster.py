@@ -1,0 +1,79 @@
+"""A sweep on an existing Dask scheduler: scheduler and two workers as processes of their own.
+
+Expected: the same store, bit by bit, as from one process; the workers' memory is reported; a scheduler that
+does not answer is one clear error.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from sweeping import SCENE, differences, sweep
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a scheduler with two workers of one thread each."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    folder, dask = tmp_path_factory.mktemp("dask"), [sys.executable, "-m", "distributed.cli"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    port = address.rpartition(":")[2]
+    server = [
+        *dask[:2],
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        port,
+        "--no-dashboard",
+    ]
+    worker = [*dask[:2], "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+    processes = [subprocess.Popen(server, **quiet)]
+    try:
+        deadline = time.monotonic() + 30
+        while time.monotonic() < deadline:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", int(port))) == 0:
+                    break
+            time.sleep(0.1)
+        processes += [subprocess.Popen(worker, **quiet) for _ in range(2)]
+        yield address
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait(timeout=30)
+
+
+def test_two_workers_of_a_scheduler_write_the_same_store(scheduler: str, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE)
+    here, there = tmp_path / "here.zarr", tmp_path / "there.zarr"
+    assert sweep(scene, here).returncode == 0
+    done = sweep(scene, there, "--scheduler", scheduler)
+    assert done.returncode == 0, done.stderr
+    assert differences(here, there) == []
+    found = re.search(r"memory: (\d) process(?:es)?, at most ([\d.]+) MB each", done.stdout)
+    assert found and found[1] == "2", done.stdout
+    assert 100 < float(found[2]) < 2000
+
+
+def test_no_scheduler_at_that_address_is_one_line(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE)
+    before = "import lightfield.sweep.cluster as c; c.CONNECT_SECONDS = 2"
+    refused = sweep(scene, tmp_path / "s.zarr", "--scheduler", "tcp://127.0.0.1:9", before=before)
+    assert refused.returncode == 2
+    assert "no Dask scheduler answers" in refused.stderr
+    assert refused.stderr.count("\n") == 1
