@@ -82,6 +82,8 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
     for part in ("all", *PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
+        if dims != DIMS:  # one value per position, whatever shape the grid gives them
+            mean, stderr = mean.reshape(centres.size, -1), stderr.reshape(centres.size, -1)
         about = meaning if part == "all" else f"{meaning}, {part} part"
         data[name] = (
             dims,
@@ -176,7 +178,10 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     try:
         dataset = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:
-        raise OutputError("cannot read this as a data set", where=str(path), found=str(error)) from error
+        raise OutputError(
+            "cannot read this as a data set", where=str(path), found=str(error),
+            rule="NetCDF, as `lightfield render` writes it", remedy="check the path, or render again",
+        ) from error  # fmt: skip
     quantity = dataset.attrs.get("quantity")
     if quantity not in QUANTITIES or quantity not in dataset:
         raise OutputError(

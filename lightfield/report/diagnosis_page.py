@@ -76,6 +76,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         "signatures": None,
         "separation": None,
     }
+    if view.scan_axis == "z_m":  # a map of points on one line shows nothing more
+        figures["residuals"] = None
     if view.signatures:
         figures["signatures"] = page_figure(
             signature_figure(view),

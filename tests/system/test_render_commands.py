@@ -55,6 +55,18 @@ def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
     assert spent - dataset.attrs["energy_roulette"] == pytest.approx(emitted, rel=1e-5)
 
 
+def test_single_positions_are_rendered_to_a_table_of_values(tmp_path):
+    path, out = tmp_path / "points.toml", tmp_path / "out"
+    path.write_text("[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.2, 0.0, 4.5], [0.0, 0.0, 8.5]]\n")
+    assert main(["render", str(path), "-o", str(out), *FAST]) == 0
+    dataset = read_netcdf(out / "maps.nc")
+    assert dataset.irradiance.dims == ("wavelength_nm", "position")
+    np.testing.assert_allclose(dataset.z_m, [4.5, 4.5, 8.5])
+    # Clear water: inverse square on the axis, 10 cm cells (0.4 % off the point value at 4.5 m).
+    ratio = dataset.irradiance.values[0, 2] / dataset.irradiance.values[0, 0]
+    assert ratio == pytest.approx((4.5 / 8.5) ** 2, rel=0.01)
+
+
 def test_wavelengths_of_the_command_line(scene, tmp_path):
     out = tmp_path / "out"
     args = [
