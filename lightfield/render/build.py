@@ -74,7 +74,7 @@ def prepare(
     *,
     surface: bool | None = None,
     nodes: AngleNodes | None = None,
-    wide_share: float = 0.4,
+    wide_share: float | None = None,
 ) -> Setup:
     """Assemble a trace of `scene` on `grid`; `surface` forces the water surface on or off."""
     reflects = bool(scene.tank and scene.tank.surface_reflectance > 0) if surface is None else surface
@@ -88,6 +88,9 @@ def prepare(
     half_x = np.abs(grid.x_m).max() + 0.5 * grid.pitch_x_m + abs(lamp.offset_x_m)
     half_y = np.abs(grid.y_m).max() + 0.5 * grid.pitch_y_m + abs(lamp.offset_y_m)
     cone = atan(hypot(half_x, half_y) / grid.z_m.min()) + np.radians(hypot(lamp.tilt_x_deg, lamp.tilt_y_deg))
+    if wide_share is None:
+        # Where much is scattered, scattered core light outshines the direct skirt, and needs the photons.
+        wide_share = 0.1 if reference.scattering_per_m * grid.z_m.max() > 0.2 else 0.4
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
     planes = Planes(grid, receiver_of(scene), position, lamp.apparent_distance_m)

@@ -175,6 +175,11 @@ def trace(
         # ---------------------------------------------------------- the next surface and the next scattering
         if dr.hint(open_water, mode="scalar"):
             to_surface, leaves = planes.way_out(position, direction), mi.Bool(True)
+        elif dr.hint(not reflecting, mode="scalar"):
+            met = scene.ray_intersect_preliminary(
+                mi.Ray3f(position, direction), coherent=False, active=active
+            )
+            to_surface, leaves = dr.select(met.is_valid(), met.t, FAR), ~met.is_valid()
         else:
             # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
             hit = scene.ray_intersect(
