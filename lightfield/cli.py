@@ -15,6 +15,7 @@ from types import FrameType
 from typing import NoReturn
 
 from lightfield import __version__
+from lightfield.commands._options import thread_count
 from lightfield.errors import LightfieldError, UsageError
 
 # Name and help of every sub-command; one whose module is not there is not offered.
@@ -121,7 +122,9 @@ def _general_options(default: str | None) -> _Parser:
     group.add_argument(
         "--backend", choices=("auto", "llvm", "cuda"), help="what to compute on (default: auto)"
     )
-    group.add_argument("--threads", type=int, metavar="N", help="threads of the processor (default: all)")
+    group.add_argument(
+        "--threads", type=thread_count, metavar="N", help="threads of the processor (default: all)"
+    )
     return options
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -164,5 +165,9 @@ def get(name: str) -> Effect:
     """
     effects = table()
     if name not in effects:
-        raise UsageError("unknown effect", found=name, rule="one of " + ", ".join(effects))
+        near = difflib.get_close_matches(name, effects, n=1)
+        raise UsageError(
+            "unknown effect", found=name, rule="one of " + ", ".join(effects),
+            remedy=f"did you mean {near[0]}?" if near else "`lightfield diagnose --list` explains them",
+        )  # fmt: skip
     return effects[name]

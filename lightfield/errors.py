@@ -21,7 +21,7 @@ class LightfieldError(Exception):
     remedy : str, optional
         What to do about it.
     problems : sequence of str, optional
-        All single problems, when several were found in one go.
+        All single problems found in one go; one alone stays on the line of `what`.
     """
 
     def __init__(
@@ -44,7 +44,10 @@ class LightfieldError(Exception):
         if remedy:
             parts.append(f"remedy: {remedy}")
         text = "; ".join(parts)
-        super().__init__("\n".join([text, *(f"  {problem}" for problem in self.problems)]))
+        if len(self.problems) == 1:
+            super().__init__(f"{text}: {self.problems[0]}")
+        else:
+            super().__init__("\n".join([text, *(f"  {problem}" for problem in self.problems)]))
 
 
 class SceneError(LightfieldError):

@@ -12,6 +12,44 @@ from pathlib import Path
 from lightfield.errors import OutputError
 
 
+def output_folder(path: str | os.PathLike[str]) -> Path:
+    """Make sure, before any work, that results can be written to a folder.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made, is a file, or is not writable.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(
+            "cannot write here",
+            where=str(path),
+            found=error.strerror or str(error),
+            remedy="choose a writable folder",
+        ) from error
+    return folder
+
+
+def output_file(path: str | os.PathLike[str]) -> Path:
+    """Make sure, before any work, that a file can be written.
+
+    Raises
+    ------
+    OutputError
+        It is a folder, or its folder cannot be made or written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise OutputError("this is a folder", where=str(path), rule="a file", remedy="name a file in it")
+    output_folder(target.parent)
+    return target
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Temporary path that replaces `path` when the block ends well and vanishes when it does not.
@@ -32,7 +70,10 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     except OSError as error:
         raise OutputError(
-            "cannot write here", where=str(target), found=error.strerror, remedy="choose a writable folder with -o"
+            "cannot write here",
+            where=str(target),
+            found=error.strerror,
+            remedy="choose a writable folder with -o",
         ) from error
     temporary = folder / target.name
     try:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
-from lightfield.errors import OutputError, UsageError
+from lightfield.commands._options import seed_number
 from lightfield.render.rendering import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
@@ -34,15 +33,13 @@ def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
         help="stop there even if the error is not reached (default %(default)g)",
     )
     group.add_argument(
-        "--seed", type=int, default=default.seed, help="same seed, same result (default %(default)d)"
+        "--seed", type=seed_number, default=default.seed, help="same seed, same result (default %(default)d)"
     )
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
 def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
     """Trace a scene as the options say, with a progress bar on a terminal."""
-    if args.seed < 0:
-        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
     with progress_bar(scene.name or "scene") as report:
         return render_scene(
             scene,
@@ -76,30 +73,6 @@ def progress_bar(name: str) -> Iterator[Progress]:
             )
 
         yield report
-
-
-def output_folder(path: Path) -> Path:
-    """Make sure, before any work, that results can be written to a folder.
-
-    Raises
-    ------
-    OutputError
-        It cannot be made, is a file, or is not writable.
-    """
-    import tempfile
-
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-    except OSError as error:
-        raise OutputError(
-            "cannot write here",
-            where=str(path),
-            found=error.strerror or str(error),
-            remedy="choose a writable folder with -o",
-        ) from error
-    return path
 
 
 def balance(rendering: Rendering) -> str:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import importlib
-import importlib.util
 import json
 from pathlib import Path
 
-from lightfield.commands._tracing import add_tracing_arguments, balance, output_folder, traced
+from lightfield.commands import _compare_readings
+from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
-
-# Comparison with readings lives in a module of its own: `add_arguments(parser)` for its options, `run(args)`.
-READINGS = "lightfield.commands.compare_readings"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,8 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, default=None, metavar="DIR", help="folder of page, figures and numbers"
     )
-    if importlib.util.find_spec(READINGS):
-        importlib.import_module(READINGS).add_arguments(parser.add_argument_group("against readings"))
+    _compare_readings.add_arguments(parser.add_argument_group("against readings"))
     add_tracing_arguments(parser)
 
 
@@ -97,6 +92,4 @@ def _readings(args: argparse.Namespace) -> int:
             where=str(args.what),
             remedy=f"lightfield compare {args.what} --scene SCENE.toml",
         )
-    if not importlib.util.find_spec(READINGS):
-        raise UsageError("comparison with readings is not installed", where=str(args.what))
-    return int(importlib.import_module(READINGS).run(args))
+    return _compare_readings.run(args)

@@ -6,8 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
+from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, output_file, output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
     parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.03)")
-    parser.add_argument("--seed", type=int, default=0, help="of the bootstrap")
+    parser.add_argument("--seed", type=seed_number, default=0, help="of the bootstrap")
     parser.add_argument(
         "--no-trace",
         action="store_true",
@@ -51,16 +52,26 @@ def run(args: argparse.Namespace) -> int:
             "diagnose needs readings and a scene", remedy="lightfield diagnose DATA --scene SCENE"
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
-        raise UsageError("--alpha is not a usable probability", found=args.alpha, rule="0.0005 to 0.5")
+        raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
     from lightfield.diagnose import diagnose
     from lightfield.diagnosis.cascade import ALPHA
     from lightfield.measurements.readings import Readings
     from lightfield.scene import Scene
 
-    names = [name.strip() for name in args.effects.split(",") if name.strip()] if args.effects else None
+    names = None
+    if args.effects is not None:
+        names = [name.strip() for name in args.effects.split(",") if name.strip()]
+        if not names:
+            raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+    readings, scene = Readings.load(args.data), Scene.load(args.scene)
+    for file in (args.json, args.report):
+        if file:
+            output_file(file)
+    if args.output:
+        output_folder(args.output)
     found = diagnose(
-        Readings.load(args.data),
-        Scene.load(args.scene),
+        readings,
+        scene,
         diffuse=None if args.no_trace else "trace",
         only=names,
         alpha=ALPHA if args.alpha is None else args.alpha,

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
+from lightfield.files import output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
-    add("--seed", type=int, default=0, help="same seed, same measurement (default 0)")
+    add("--seed", type=seed_number, default=0, help="same seed, same measurement (default 0)")
     add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
     add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
@@ -35,24 +37,32 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.scene import Scene
 
     if not 1e-5 <= args.noise <= 0.5:
-        raise UsageError("--noise is not a usable relative noise", found=args.noise, rule="0.00001 to 0.5")
+        raise UsageError(
+            "impossible relative noise", where="--noise", found=args.noise, rule="0.00001 to 0.5"
+        )
     if args.strength is not None and not args.strength > 0:
-        raise UsageError("--strength must be positive", found=args.strength)
+        raise UsageError("impossible strength", where="--strength", found=args.strength, rule="above 0")
+    doubled = sorted({name for name in args.effect if args.effect.count(name) > 1})
+    if doubled:
+        raise UsageError(
+            "an effect is hidden twice", where="--effect", found=", ".join(doubled), rule="each once"
+        )
+    scene, values = Scene.load(args.scene), dict(_assignment(text) for text in args.size)
+    output_folder(args.output)
     made = hide(
-        Scene.load(args.scene),
+        scene,
         args.effect,
         args.seed,
         layout=args.layout,
         order="plane" if args.plane_order else "random",
         noise=args.noise,
         strength=args.strength,
-        values=dict(_assignment(text) for text in args.size),
+        values=values,
         photons=args.max_photons,
     )
     folder = made.save(args.output)
-    print(
-        f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}; do not look: {folder / 'truth.json'}"
-    )
+    print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
+    print(f"do not look: {folder / 'truth.json'}")
     return 0
 
 
@@ -61,4 +71,4 @@ def _assignment(text: str) -> tuple[str, float]:
     try:
         return path.strip(), float(value)
     except ValueError:
-        raise UsageError("not a number", where="--size", found=text, rule="PATH=VALUE") from None
+        raise UsageError("not a number", where="--size", found=text, rule="PATH=NUMBER") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from lightfield.errors import UsageError
+from lightfield.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.output:
         raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")
+    output_file(args.output)
     readings = import_index(
         args.index,
         quantity=args.quantity,

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lightfield.commands._options import seed_number
 from lightfield.errors import OutputError, UsageError
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, output_file
 from lightfield.scene import Scene
 
 
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", type=int, default=64, help="paths per pixel and colour (default %(default)d)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="same seed, same picture")
+    parser.add_argument("--seed", type=seed_number, default=0, help="same seed, same picture")
     parser.add_argument(
         "--as-is", action="store_true", help="lend nothing: black walls stay black, clear water stays clear"
     )
@@ -36,13 +37,12 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "impossible number of samples", where="--samples", found=args.samples, rule="2 to 100000"
         )
-    if args.seed < 0:
-        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
     if args.output.suffix.lower() != ".png":
         raise UsageError(
             "the picture is a PNG file", where="--output", found=str(args.output), remedy="end it in .png"
         )
     scene = Scene.load(args.scene)
+    output_file(args.output)
     from lightfield.render.picture import take_picture, tone_mapped
 
     taken = take_picture(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, output_file
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.plan import Plan
@@ -40,12 +40,15 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.diagnosis.plan import plan
     from lightfield.scene import Scene
 
+    layout, scene = load_layout(args.layout), Scene.load(args.scene)
+    if args.json:
+        output_file(args.json)
     diffuse = None
     if not args.no_trace:
         from lightfield.render.diffuse import response_for
 
         diffuse = response_for
-    made = plan(load_layout(args.layout), Scene.load(args.scene), diffuse)
+    made = plan(layout, scene, diffuse)
     print(_text(made))
     if args.json:
         with atomic_path(args.json) as temporary:

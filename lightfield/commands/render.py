@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.commands._tracing import add_tracing_arguments, balance, output_folder, traced
+from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
+from lightfield.files import output_folder
 from lightfield.scene import Scene
+
+MOST_WAVELENGTHS = 2000  # one map each
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,16 +72,25 @@ def wavelengths_of(text: str) -> np.ndarray:
             low, high, step = (float(part) for part in text.split(":"))
             if not step > 0:
                 raise ValueError
-            found = low + step * np.arange(int(np.floor((high - low) / step + 1e-9)) + 1)
+            steps = np.floor((high - low) / step + 1e-9)
+            found = low + step * np.arange(int(np.clip(steps, 0, MOST_WAVELENGTHS)) + 1)
         else:
             found = np.array([float(part) for part in text.split(",")])
     except ValueError:
         raise UsageError(
-            "not wavelengths", where="--wavelengths", found=text, rule="500,525,550 or from:to:step in nm"
+            "not wavelengths",
+            where="--wavelengths",
+            found=text,
+            rule="500,525,550 or from:to:step in nm",
+            remedy="for example --wavelengths 500:550:5",
         ) from None
     rising = found.size > 0 and bool((np.diff(found) > 0).all())
-    if not rising or not np.isfinite(found).all() or found[0] < 200 or found[-1] > 2000:
+    inside = rising and bool(np.isfinite(found).all()) and found[0] >= 200 and found[-1] <= 2000
+    if not inside or found.size > MOST_WAVELENGTHS:
         raise UsageError(
-            "impossible wavelengths", where="--wavelengths", found=text, rule="rising, from 200 to 2000 nm"
+            "impossible wavelengths",
+            where="--wavelengths",
+            found=text,
+            rule=f"rising, from 200 to 2000 nm, at most {MOST_WAVELENGTHS}",
         )
     return found

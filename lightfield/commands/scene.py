@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.file)
     if args.set:
         scene = scene.with_values(dict(_assignment(text) for text in args.set))
-    if args.get:
+    if args.get is not None:
         value = scene.get(args.get)
         dump = getattr(value, "model_dump", None)
         print(json.dumps(dump(mode="json") if dump else value) if not isinstance(value, str) else value)
@@ -65,7 +65,9 @@ def _assignment(text: str) -> tuple[str, object]:
     """Split PATH=VALUE; the value is read as TOML, and as plain text where it is not TOML."""
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        raise UsageError("not an assignment", where="--set", found=text, rule="PATH=VALUE")
+        raise UsageError(
+            "not an assignment", where="--set", found=text, rule="PATH=VALUE, e.g. water.phase.g=0.9"
+        )
     try:
         return path.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lightfield.errors import UsageError
+from lightfield.files import output_folder
 from lightfield.scene import Scene
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import describe, duration, size
@@ -93,6 +94,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.output is None:
         raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
+    output_folder(args.output.parent)
     with progress_bar(plan) as report:
         done = run_sweep(
             plan,

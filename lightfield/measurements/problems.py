@@ -68,10 +68,8 @@ class Problems:
         """Raise MeasurementError with all of them, when there are any."""
         if self.found:
             lines = self.lines()
-            count = len(self.found)
-            raise MeasurementError(
-                f"{what}: {count} problem{'s' if count > 1 else ''}", where=self.where, problems=lines
-            )
+            counted = f"{what}: {len(self.found)} problems" if len(lines) > 1 else what
+            raise MeasurementError(counted, where=self.where, problems=lines)
 
     def _line(self, problem: _Problem, places: Sequence[int]) -> str:
         parts = [problem.what]

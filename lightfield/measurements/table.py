@@ -143,7 +143,8 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
             try:
                 row[name] = _value(name, cell, sheet.mark)
             except ValueError as error:
-                problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
+                if name in place:  # else the whole column is missing, which is one problem
+                    problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
         if len(row) == len(COLUMNS):
             good.append((line, cells, row))
     kinds: dict[str, Any] = {name: np.float64 for name in COLUMNS}

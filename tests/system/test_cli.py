@@ -86,7 +86,7 @@ def test_help_is_fast_because_nothing_heavy_is_imported():
         (["--backend", "metal", "doctor"], "metal"),
         (["doctor", "--backend"], "expected one argument"),
         (["doctor", "--threads", "many"], "many"),
-        (["doctor", "--threads", "0"], "LIGHTFIELD_THREADS"),
+        (["doctor", "--threads", "0"], "--threads: found '0'; rule: a whole number, 1 to 1024"),
         (["doctor", "--back", "llvm"], "--back"),  # an abbreviation would break with the next option
         (["scene"], "no scene file"),
         (["scene", "/nonexistent/scene.toml"], "/nonexistent/scene.toml"),

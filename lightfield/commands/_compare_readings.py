@@ -6,8 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from lightfield.errors import UsageError
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, output_file, output_folder
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -35,18 +34,18 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.measurements.readings import Readings
     from lightfield.scene import Scene
 
-    if args.scene is None:
-        raise UsageError(
-            "readings need a scene to be compared with", where=str(args.what), remedy="add --scene SCENE"
-        )
-    scene = Scene.load(args.scene)
+    scene, readings = Scene.load(args.scene), Readings.load(args.what)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
+    if args.output:
+        output_folder(args.output)
+    if args.fit_json:
+        output_file(args.fit_json)
     diffuse = None
     if needs_diffuse(scene, names):
         from lightfield.render.diffuse import response_for
 
         diffuse = response_for
-    report = fit_readings(Readings.load(args.what), scene, names, solver=args.solver, diffuse=diffuse)
+    report = fit_readings(readings, scene, names, solver=args.solver, diffuse=diffuse)
     print(as_text(report))
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"
