@@ -1,21 +1,21 @@
 """Up to which range can the formula be trusted, in which water, with which receiver?
 
 On the axis of the lamp in unbounded water, Gaussian x inverse square x Beer-Lambert is compared with the
-render over optical thickness c z and single-scattering albedo b / c. Only ratios matter.
+render over optical thickness c z and single-scattering albedo b / c. Only ratios matter. The grid is computed
+as a sweep (`lightfield.sweep.regime`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from lightfield.compare import SIGMAS, cell_mean
-from lightfield.scene import Scene
+from lightfield.compare import SIGMAS
 
 Array = NDArray[np.floating[Any]]
 OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
@@ -143,79 +143,6 @@ def verdict(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> st
     return (
         f"In water of albedo {nearest:g} the formula is within {100 * level:g} % up to {' and '.join(parts)}."
     )
-
-
-@dataclass
-class TracedPoints:
-    """`Evaluate` by tracing: points that differ little in b z share a trace, whatever they absorb.
-
-    Parameters
-    ----------
-    scene : Scene
-        Lamp and phase function; tank, water coefficients and detector are replaced.
-    rel_error, max_photons, seed, cache
-        As for `render_scene`.
-    """
-
-    scene: Scene
-    rel_error: float = 0.01
-    max_photons: float = 4e6
-    seed: int = 0
-    cache: bool = True
-    highest_albedo: float = max(ALBEDOS)
-    progress: Callable[[int], None] | None = None
-    _traces: dict[tuple[str, int], tuple[Any, Any]] = field(default_factory=dict)
-
-    def __call__(self, optical_depth: float, albedo: float, receiver: str) -> Point:
-        """Render and formula at one point of the grid."""
-        scattering = albedo * optical_depth / DISTANCE_M
-        scene, response = self._trace(scattering, receiver)
-        absorption = optical_depth / DISTANCE_M - scattering
-        mean, stderr = response.evaluate(absorption, scattering)
-        placed = scene.with_values(
-            {"water.absorption_per_m": absorption, "water.scattering_per_m": scattering}, validate=False
-        )
-        from lightfield.analytic import direct_field
-
-        cell = np.array([-CELL_M, 0.0, CELL_M])
-        formula = cell_mean(
-            lambda s, x, y, z, w: direct_field(s, x, y, z, w), placed, cell, cell, DISTANCE_M, 525.0
-        )
-        return Point(float(mean[0, 1, 1]), float(stderr[0, 1, 1]), float(formula[1, 1]))
-
-    def _trace(self, scattering: float, receiver: str) -> tuple[Scene, Any]:
-        from lightfield.render.rendering import render_scene
-        from lightfield.render.response import Reference
-
-        # Reference waters a factor 1.5 apart in b; the next one above serves, so that weights stay below one.
-        step = int(np.ceil(np.log(max(scattering, 1e-3) * DISTANCE_M) / np.log(1.5) - 1e-9))
-        if (receiver, step) not in self._traces:
-            b = 1.5**step / DISTANCE_M
-            a = b * (1 / self.highest_albedo - 1)
-            scene = self._scene(a, b, receiver)
-            rendering = render_scene(
-                scene,
-                rel_error=self.rel_error,
-                max_photons=self.max_photons,
-                seed=self.seed,
-                reference=Reference(a, b, 0.0),
-                cache=self.cache,
-            )
-            self._traces[receiver, step] = scene, rendering.response
-            if self.progress:
-                self.progress(len(self._traces))
-        return self._traces[receiver, step]
-
-    def _scene(self, absorption: float, scattering: float, receiver: str) -> Scene:
-        """Unbounded water and three cells across the axis."""
-        water = {"absorption_per_m": absorption, "scattering_per_m": scattering}
-        parts = self.scene.model_dump(mode="json", exclude_none=True)
-        parts |= {
-            "water": {"phase": parts["water"]["phase"], **water},
-            "detector": {"planes_m": [DISTANCE_M], "width_m": 3 * CELL_M, "pixels": 3, **RECEIVERS[receiver]},
-        }
-        parts.pop("tank", None)
-        return Scene.from_dict(parts)
 
 
 def _reach_text(depth: Array, error: Array, level: float) -> str:

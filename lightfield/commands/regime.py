@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._tracing import output_folder
-from lightfield.errors import UsageError
-from lightfield.files import atomic_path
+from lightfield.commands._options import seed_number
+from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
 
 
@@ -34,30 +33,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-photons", type=float, default=4e6, metavar="N", help="of each trace (default %(default)g)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="same seed, same result")
-    parser.add_argument("--no-cache", action="store_true", help="trace even if responses are on disk")
+    parser.add_argument("--seed", type=seed_number, default=0, metavar="N", help="same seed, same result")
+    parser.add_argument(
+        "--workers", type=int, default=0, metavar="N", help="local processes (default: this one)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Trace the grid, write map, table and figure, print the table."""
-    if args.seed < 0:
-        raise UsageError("--seed is negative", found=args.seed, rule="0 or more")
+    """Sweep over the grid (or what is left of it), write map, table and figure, print the table."""
     scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
     folder = output_folder(args.output)
+    import xarray as xr
     from rich.console import Console
     from rich.table import Table
 
     from lightfield import regime
+    from lightfield.commands.sweep import progress_bar, summary
     from lightfield.report.regime_figure import regime_figure
     from lightfield.report.style import save_png
+    from lightfield.sweep.plan import SweepSettings
+    from lightfield.sweep.regime import regime_of, regime_plan
+    from lightfield.sweep.runner import run_sweep
 
-    errors = Console(stderr=True)
-    with errors.status("tracing") as status:
-        points = regime.TracedPoints(
-            scene, args.rel_error, args.max_photons, args.seed, not args.no_cache,
-            progress=lambda count: status.update(f"{count} waters traced"),
-        )  # fmt: skip
-        dataset = regime.regime_map(points)
+    plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))
+    store = folder / "regime.zarr"
+    with progress_bar(plan) as report:
+        done = run_sweep(plan, store, workers=args.workers, report=report)
+    print("\n".join(summary(plan, done, store)))
+    dataset = regime_of(xr.open_zarr(store))
     dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
