@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lightfield import __version__
 from lightfield.errors import OutputError
 from lightfield.exr import Attribute, SpectralImage, write_spectral_exr
-from lightfield.files import atomic_path
+from lightfield.files import MAKE_ROOM, atomic_path
 
 Array = NDArray[np.floating[Any]]
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
@@ -163,7 +163,9 @@ def write_netcdf(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         try:
             dataset.to_netcdf(temporary, engine="netcdf4", encoding=packed)
         except (OSError, RuntimeError) as error:
-            raise OutputError("cannot write the data set", where=str(path), found=str(error)) from error
+            raise OutputError(
+                "cannot write the data set", where=str(path), found=str(error), remedy=MAKE_ROOM
+            ) from error
     return Path(path)
 
 

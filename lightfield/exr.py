@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.colour import spectrum_to_rgb
 from lightfield.errors import OutputError
-from lightfield.files import atomic_path
+from lightfield.files import MAKE_ROOM, atomic_path
 
 Attribute = str | int | float
 LAYOUT_VERSION = "1.0"
@@ -92,7 +92,9 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
         with atomic_path(path) as temporary:
             OpenEXR.File(_header(image), channels).write(str(temporary))
     except RuntimeError as error:
-        raise OutputError("cannot write the EXR image", where=str(path), found=str(error)) from error
+        raise OutputError(
+            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
+        ) from error
     return Path(path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -10,6 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from lightfield.errors import OutputError
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+MAKE_ROOM = "make room there, or choose another folder"
 
 
 def output_folder(path: str | os.PathLike[str]) -> Path:
@@ -62,7 +66,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        The folder cannot be made or written.
+        The folder cannot be made or written, or the disk is full.
     """
     target = Path(path)
     try:
@@ -87,5 +91,11 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise OutputError(
                 "cannot replace the file", where=str(target), found=error.strerror, remedy="move it away"
             ) from error
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        raise OutputError(
+            "cannot write the file", where=str(target), found=error.strerror, remedy=MAKE_ROOM
+        ) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -90,6 +90,13 @@ class Scene(Part):
                 rule="scene files are UTF-8 text",
                 remedy="save it as UTF-8 TOML",
             ) from error
+        if all(not line.strip() or line.lstrip().startswith("#") for line in text.splitlines()):
+            raise SceneError(
+                "the file says nothing",
+                where=str(path),
+                rule="at least one of [lamp], [water], [tank], [detector]",
+                remedy="write what is known; the rest has defaults",
+            )
         return cls.from_toml(text, where=str(path), folder=source.parent)
 
     @classmethod

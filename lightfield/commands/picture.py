@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import OutputError, UsageError
-from lightfield.files import atomic_path, output_file
+from lightfield.files import MAKE_ROOM, atomic_path, output_file
 from lightfield.scene import Scene
 
 
@@ -95,5 +95,7 @@ def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path
         with atomic_path(path) as temporary:
             OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb, np.float32)}).write(str(temporary))
     except RuntimeError as error:
-        raise OutputError("cannot write the EXR image", where=str(path), found=str(error)) from error
+        raise OutputError(
+            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
+        ) from error
     return path

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import UsageError
+from lightfield.files import output_file
 from lightfield.scene import Scene
 
 if sys.version_info >= (3, 11):
@@ -50,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         dump = getattr(value, "model_dump", None)
         print(json.dumps(dump(mode="json") if dump else value) if not isinstance(value, str) else value)
     elif args.to_xml:
+        output_file(args.to_xml)
         from lightfield.render.xml import write_xml
 
         write_xml(scene, args.to_xml)

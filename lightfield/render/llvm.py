@@ -80,12 +80,12 @@ def inspect(path: str | os.PathLike[str]) -> Library:
     try:
         with path.open("rb") as file:
             if os.fstat(file.fileno()).st_size < 20:
-                return Library(path, problem="not a shared library")
+                return Library(path, problem="is not a shared library")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 foreign = _foreign(content)
                 version = () if foreign else _version_in(content)
     except FileNotFoundError:
-        return Library(path, problem="no such file")
+        return Library(path, problem="does not exist")
     except (OSError, ValueError) as error:
         return Library(path, problem=f"cannot be read ({getattr(error, 'strerror', None) or error})")
     if foreign:
@@ -176,7 +176,7 @@ def _foreign(content: mmap.mmap) -> str:
     if head[:4] in _MACH_O:
         return "" if sys.platform == "darwin" else "is a macOS library"
     if head[:4] != b"\x7fELF":
-        return "not a shared library"
+        return "is not a shared library"
     order = "little" if head[5] == 1 else "big"
     machine = int.from_bytes(head[18:20], order)  # type: ignore[arg-type]  # mypy cannot see the two literals
     expected = _ELF_MACHINES.get(platform.machine())

@@ -45,9 +45,9 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
     ) -> mi.TensorXf:
         """Map of one sensor, shape (n_y, n_x, 2): value, standard error; row 0 is the top, column 0 is -x."""
         sensors = scene.sensors()
-        chosen = sensors[sensor] if isinstance(sensor, int) else sensor
         mean, stderr = self.render_all(scene, int(seed), spp)
-        index = next(i for i, s in enumerate(sensors) if s is chosen or s.id() == chosen.id())
+        # By identity: in a scene read from XML, sensors share an empty id.
+        index = sensor if isinstance(sensor, int) else next(i for i, s in enumerate(sensors) if s is sensor)
         image = np.stack([mean[index], stderr[index]], axis=-1)[::-1]
         return mi.TensorXf(np.ascontiguousarray(image, dtype=np.float32))
 

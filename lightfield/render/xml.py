@@ -18,6 +18,13 @@ from lightfield.render.rendering import unit_power
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
+KINDS = {
+    "lightfield_lamp": "Emitter",
+    "lightfield_phase": "PhaseFunction",
+    "detector_plane": "Sensor",
+    "photon_tracer": "Integrator",
+}
+
 
 def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, Any]:
     """Scene at one wavelength as a dictionary for `mi.load_dict`, with our plugins.
@@ -95,7 +102,13 @@ def write_xml(scene: Scene, path: str | os.PathLike[str], wavelength_nm: float |
     target = Path(path)
     # Mitsuba writes helper folders beside its output: let it do so in a folder of its own.
     with tempfile.TemporaryDirectory() as folder, atomic_path(target) as temporary:
+        state = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), described)
+        for node in state.nodes:
+            # Mitsuba does not know what kind of thing a plugin written in Python is.
+            kind = KINDS.get(node.props.plugin_name())
+            if kind:
+                node.type = getattr(mi.ObjectType, kind)
         inside = Path(folder) / "scene.xml"
-        mi.xml.dict_to_xml(described, str(inside))
+        mi.parser.write_file(state, str(inside))
         shutil.copyfile(inside, temporary)
     return target

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lightfield.errors import LightfieldError, OutputError, RenderError
+from lightfield.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import connected
 from lightfield.sweep.layout import quantity_of
@@ -19,7 +19,6 @@ from lightfield.sweep.plan import Block, Plan
 from lightfield.sweep.store import SweepStore
 from lightfield.sweep.work import BlockDone, Target, TraceDone, do_block, do_trace
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 Report = Callable[["Progress"], None]
 
 

@@ -67,8 +67,8 @@ def test_version_of_a_link_is_that_of_its_target(tmp_path):
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (b"", "not a shared library"),
-        (b"INPUT(-lLLVM-19) /* a linker script, padded */", "not a shared library"),
+        (b"", "is not a shared library"),
+        (b"INPUT(-lLLVM-19) /* a linker script, padded */", "is not a shared library"),
         (elf(b"LLVM version 19.1.7", machine=8), "another processor"),
         (elf(b"LLVM version 19.1.7", bits=1), "another processor"),
         (elf(b"something else"), "does not tell"),
@@ -83,7 +83,7 @@ def test_files_that_are_no_usable_llvm_are_refused(tmp_path, content, problem):
 
 
 def test_missing_file_and_folder_are_refused(tmp_path):
-    assert llvm.inspect(tmp_path / "libLLVM.so").problem == "no such file"
+    assert llvm.inspect(tmp_path / "libLLVM.so").problem == "does not exist"
     assert "cannot be read" in llvm.inspect(tmp_path).problem
 
 
