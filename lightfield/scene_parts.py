@@ -146,7 +146,7 @@ class Water(Part):
 
 
 class Tank(Part):
-    """A box of water: Lambertian sides, floor and ends; a top that absorbs, or a flat water surface."""
+    """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a flat surface."""
 
     width_m: float = number(3.66, "m", "wall to wall in x", above=0.0, high=1e5)
     depth_m: float = number(2.44, "m", "floor to surface", above=0.0, high=1e5)
@@ -154,7 +154,9 @@ class Tank(Part):
     behind_lamp_m: float = number(0.5, "m", "from the back wall to the lamp window", low=0.0, high=1e5)
     lamp_depth_m: float = number(1.22, "m", "from the surface down to the lamp axis", above=0.0, high=1e5)
     wall_albedo: float = number(0.0, "1", "reflected part at walls and floor", low=0.0, high=1.0, neutral=0.0)
-    surface: Literal["none", "flat"] = Field("none", description="top: absorbing, or a flat water surface")
+    surface: Literal["none", "flat"] = Field(
+        "none", description="top: a lid like the walls, or a flat water surface"
+    )
     surface_reflectance: float = number(
         0.0, "1", "multiplies the Fresnel reflectance of the flat surface", low=0.0, high=1.0, neutral=0.0
     )

@@ -132,7 +132,7 @@ def phase_dict(scene: Scene) -> dict[str, Any]:
 
 
 def surfaces(scene: Scene, reference: Reference, reflects: bool, far_m: float) -> dict[str, Any]:
-    """Mitsuba shapes: black sphere round open water, or the tank's walls and water surface."""
+    """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface."""
     if scene.tank is None:
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
         return {
@@ -146,9 +146,8 @@ def surfaces(scene: Scene, reference: Reference, reflects: bool, far_m: float) -
     tank = scene.tank
     grey = {"type": "uniform", "value": reference.wall_albedo}
     wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey}}
-    nothing = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
     water = {"type": "dielectric", "int_ior": 1.34, "ext_ior": 1.0}
-    top = water if reflects else {"type": "twosided", "bsdf": nothing}
+    top = water if reflects else wall
     half, back = 0.5 * tank.width_m, -tank.behind_lamp_m
     end, floor = tank.length_m - tank.behind_lamp_m, tank.lamp_depth_m - tank.depth_m
     mid_y, mid_z = 0.5 * (tank.lamp_depth_m + floor), 0.5 * (back + end)

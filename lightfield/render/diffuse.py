@@ -14,11 +14,12 @@ apparent source behind the window stretches the beam plane by plane.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
 from lightfield.render import store
@@ -27,6 +28,8 @@ from lightfield.render.beamnodes import BeamNodes, is_round
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.rendering import transport_key
 from lightfield.render.response import (
+    CLASSES,
+    FROM_WALLS,
     HERMITE_NODES,
     HERMITE_WEIGHTS,
     NEVER_SCATTERED,
@@ -35,7 +38,7 @@ from lightfield.render.response import (
     TransportResponse,
     light_classes,
 )
-from lightfield.render.shift import Shift
+from lightfield.render.shift import Shift, smoother
 from lightfield.scene import Lamp, Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
@@ -72,6 +75,8 @@ class DiffuseResponse:
     beam_nodes : BeamNodes
     shift : Shift
         From cells to positions.
+    under_surface : DiffuseResponse, optional
+        The same tank with a water surface in place of its lid; for light that was reflected.
     """
 
     tallies: list[Array]
@@ -80,6 +85,7 @@ class DiffuseResponse:
     rows: TransportResponse
     beam_nodes: BeamNodes
     shift: Shift
+    under_surface: DiffuseResponse | None = None
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -97,47 +103,57 @@ class DiffuseResponse:
         -------
         value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
         """
-        water, tank = scene.water, scene.tank
+        water = scene.water
         at = np.array(
             [float(np.mean(scene.detector.bands_nm[0])) if wavelength_nm is None else wavelength_nm]
         )
-        a, b = absorption_per_m(water, at), scattering_per_m(water, at)
-        rho = np.array([tank.wall_albedo if tank else 0.0])
-        surface = np.array([tank.surface_reflectance if tank else 0.0])
-        q = water.hardening_per_m
-        spread = a + q * HERMITE_NODES if q else a
-        history = self.rows.histories
-        used = (self.classes >= 0) & ((rho[0] > 0) | (history[:, 1] == 0))
-        used &= ((surface[0] > 0) | (history[:, 2] == 0)) & ((b[0] > 0) | (history[:, 0] == 0))
-        value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
-        if used.any():
-            ones = np.ones_like(spread)
-            weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
-            reference = self.rows.reference
-            change = spread + b - reference.absorption_per_m - reference.scattering_per_m
-            along = np.exp(-change[:, None] * self.rows.straight_m)
-            average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
-            shares = self._g_shares(scene)
-            for kind in np.unique(self.classes[used]):
-                rows = self.classes == kind
-                # Light that was never scattered knows no g: its tally is the same at every node.
-                for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                    beam = self._beam(index, int(kind), scene)
-                    part = share * (average @ ((weights[:, rows] @ beam) * along))
-                    value += part
-                    variance += (part * self.relative_stderr[index, kind]) ** 2
-        attenuated = self._inhomogeneous(scene) * self._path_change(scene, float(a[0] + b[0]))
+        a, b = float(absorption_per_m(water, at)[0]), float(scattering_per_m(water, at)[0])
+        if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
+            value, variance = self._light(scene, a, b, range(CLASSES))
+        else:
+            # Light that was only scattered is the same under either top, and known for every g here.
+            value, variance = self._light(scene, a, b, range(1))
+            more, more_variance = self.under_surface._light(scene, a, b, range(1, CLASSES))
+            value, variance = value + more, variance + more_variance
+        attenuated = self._inhomogeneous(scene) * self._path_change(scene, a + b)
         moved = self.shift.apply(value * attenuated, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
         return moved, self.shift.pick(np.sqrt(variance) * attenuated)
 
+    def _light(self, scene: Scene, a: float, b: float, kinds: range) -> tuple[Array, Array]:
+        """Light of some classes in every cell, and its variance, in uniform water."""
+        tank, q = scene.tank, scene.water.hardening_per_m
+        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        spread = a + q * HERMITE_NODES if q else np.array([a])
+        history = self.rows.histories
+        used = np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
+        used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0) | (history[:, 0] == 0))
+        value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
+        if not used.any():
+            return value, variance
+        ones, reference = np.ones_like(spread), self.rows.reference
+        weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
+        change = spread + b - reference.absorption_per_m - reference.scattering_per_m
+        along = np.exp(-change[:, None] * self.rows.straight_m)
+        average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
+        shares = self._g_shares(scene)
+        for kind in np.unique(self.classes[used]):
+            rows = self.classes == kind
+            # Light that was never scattered knows no g: its tally is the same at every node.
+            for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
+                beam = self._beam(index, int(kind), scene)
+                part = share * (average @ ((weights[:, rows] @ beam) * along))
+                value += part
+                variance += (part * self.relative_stderr[index, kind]) ** 2
+        return value, variance
+
     @cached_property
-    def classes(self) -> Array:
+    def classes(self) -> NDArray[np.integer[Any]]:
         """Class of every row, see `light_classes`."""
         return light_classes(self.rows.histories)
 
     def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
         """Lagrange interpolation in log(1 - g) over the traced nodes."""
-        if not self.g_nodes:
+        if len(self.g_nodes) < 2:
             return [(1.0, 0)]
         g = float(scene.get("water.phase.g"))
         if not self.g_nodes[0] - 0.1 <= g <= 0.99:
@@ -179,7 +195,7 @@ class DiffuseResponse:
             self._tallies[key] = np.ascontiguousarray(tally)
         return np.asarray(self._tallies[key])
 
-    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, Array | None]]:
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, NDArray[np.integer[Any]] | None]]:
         """Factor on the beam's angles at each plane, and the cells of that plane.
 
         Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
@@ -188,7 +204,9 @@ class DiffuseResponse:
         if apparent_distance_m == 0:
             return [(1.0, None)]
         planes = self.shift.cell_z_m
-        return [((z + apparent_distance_m) / z, np.flatnonzero(planes == z)) for z in np.unique(planes)]
+        return [
+            (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
+        ]
 
     def _path_change(self, scene: Scene, attenuation: float) -> Array:
         """Less attenuation for light from behind the window, which crosses the water less obliquely."""
@@ -241,13 +259,32 @@ def response_for(
     -------
     DiffuseResponse
     """
-    grid = positions_grid(np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
-    width = _bucket(scene.lamp.hwhm_deg)
-    traced = _traced_scene(scene, width)
+    places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
     has_g = scene.water.phase.type == "henyey-greenstein"
     nodes = tuple(sorted(g_nodes)) if has_g else ()
-    tank = scene.tank
-    reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO if tank else 0.0)
+    open_top = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    main = _response(scene, places, nodes, open_top, photons, seed, cache)
+    if scene.tank is None or open_top:
+        return main
+    middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
+    return replace(main, under_surface=_response(scene, places, middle, True, photons, seed, cache))
+
+
+def _response(
+    scene: Scene,
+    places: tuple[Array, Array, Array],
+    nodes: tuple[float, ...],
+    surface: bool,
+    photons: int,
+    seed: int,
+    cache: bool,
+) -> DiffuseResponse:
+    """Response with or without a water surface on top of the tank."""
+    grid = positions_grid(*places)
+    width = _bucket(scene.lamp.hwhm_deg)
+    traced = _traced_scene(scene, width, surface)
+    albedo = REFERENCE_ALBEDO if scene.tank else 0.0
+    reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, albedo)
     beam_nodes = BeamNodes(angle_nodes(width), width)
     key = {
         "kind": "diffuse",
@@ -262,18 +299,16 @@ def response_for(
         stored = _trace(traced, grid, reference, beam_nodes, nodes, photons, seed)
         if cache:
             store.save(key, stored)
+    histories = np.asarray(stored["histories"], int)
     straight = straight_path(traced, grid)
-    rows = TransportResponse(
-        np.zeros((1, 0, 0)),
-        np.asarray(stored["histories"], int),
-        stored["excess_m"],
-        straight,
-        reference,
-        photons,
-    )
-    tallies = list(stored["tallies"])
-    shift = Shift(grid, np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
-    return DiffuseResponse(tallies, stored["relative_stderr"], nodes, rows, beam_nodes, shift)
+    rows = TransportResponse(np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons)
+    tallies, errors = stored["tallies"], stored["relative_stderr"]
+    from_walls = np.isin(light_classes(histories), FROM_WALLS)
+    if from_walls.any():
+        smooth = smoother(grid)
+        tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
+        errors[:, list(FROM_WALLS)] *= np.linalg.norm(smooth, axis=1)
+    return DiffuseResponse(list(tallies), errors, nodes, rows, beam_nodes, Shift(grid, *places))
 
 
 def _stretched(lamp: Lamp, factor: float) -> Lamp:
@@ -289,12 +324,12 @@ def _bucket(hwhm_deg: float) -> float:
     return float(4.0 * 1.5 ** np.round(np.log(hwhm_deg / 4.0) / np.log(1.5)))
 
 
-def _traced_scene(scene: Scene, width_deg: float) -> Scene:
+def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     """The scene with everything neutral that is reweighed afterwards."""
     lamp = type(scene.lamp)(hwhm_deg=width_deg)
     values: dict[str, Any] = {"water.gradient_per_m2": 0.0, "water.layer_absorption_per_m": 0.0}
     if scene.tank:
-        values |= {"tank.surface_reflectance": 1.0}
+        values |= {"tank.surface_reflectance": float(surface)}
     if scene.water.phase.type == "henyey-greenstein":
         values["water.phase.g"] = 0.924
     return scene.model_copy(update={"lamp": lamp}).with_values(values, validate=False)

@@ -11,6 +11,7 @@ No NumPy array here depends on Mitsuba, so a response read from disk is evaluate
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from lightfield.errors import RenderError
 
 Array = NDArray[np.floating[Any]]
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
+FROM_WALLS = (1, 2)
 CLASSES = 5
 HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 
@@ -76,6 +78,8 @@ class TransportResponse:
     reference : Reference
     photons : int
         Photons traced, all batches together.
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Cell of the tally that each cell of the maps is read from; mirror images share one and its error.
     """
 
     tally: Array
@@ -84,6 +88,7 @@ class TransportResponse:
     straight_m: Array
     reference: Reference
     photons: int
+    merged: NDArray[np.integer[Any]] | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -139,27 +144,42 @@ class TransportResponse:
             batches = np.einsum("bwhp,h->bwp", split, weights)
         else:
             batches = self._batches(*columns, part=part)
-        mean, stderr = mean_and_stderr(batches)
-        shape = (len(columns[0]), *self.shape)
-        mean, stderr = mean.reshape(shape), stderr.reshape(shape)
+        mean, stderr = (self._spread(v) for v in mean_and_stderr(batches))
         return (mean[0], stderr[0]) if scalar else (mean, stderr)
 
     def batches(self, a: float, b: float, rho: float = 0.0, surface: float = 0.0, part: str = "all") -> Array:
         """One map per independent batch, shape (n_batches, n_planes, n_y, n_x)."""
         columns = [np.array([v], float) for v in (a, b, rho, surface)]
-        return self._batches(*columns, part=part).reshape(-1, *self.shape)
+        return self._spread(self._batches(*columns, part=part)[:, 0])
 
     def _batches(self, a: Array, b: Array, rho: Array, surface: Array, *, part: str) -> Array:
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
-        used = weights.any(axis=0)
-        # Rows that do not count are left out; when all count, no copy of the tally is made.
-        tally = self.tally if used.all() else self.tally[:, used]
-        weights = np.ascontiguousarray(weights[:, used], dtype=np.float32)
+        used = np.flatnonzero(weights.any(axis=0))
+        first, last = (used[0], used[-1] + 1) if len(used) else (0, 0)
+        if 2 * len(used) > last - first:
+            # A few rows that do not count cost less than a copy of the others.
+            tally, weights = self.tally[:, first:last], weights[:, first:last]
+        else:
+            tally, weights = self.tally[:, used], weights[:, used]
+        weights = np.ascontiguousarray(weights, dtype=np.float32)
         change = (a + b - self.reference.absorption_per_m - self.reference.scattering_per_m)[:, None]
-        along = np.exp(-change * self.straight_m.reshape(1, -1))
+        along = np.exp(-change * self._straight_of_tally)
         return np.asarray(np.stack([weights @ batch for batch in tally]) * along, dtype=float)
+
+    @cached_property
+    def _straight_of_tally(self) -> Array:
+        """Straight line to every cell of the tally, shape (n_cells,), m."""
+        if self.merged is None:
+            return self.straight_m.reshape(-1)
+        straight = np.empty(self.tally.shape[2])
+        straight[self.merged.ravel()] = self.straight_m.ravel()
+        return straight
+
+    def _spread(self, values: Array) -> Array:
+        """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""
+        return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
 
     def row_weights(self, a: Array, b: Array, rho: Array, surface: Array) -> Array:
         """Factor of every row, without the attenuation along the straight line; shape (n, n_rows)."""

@@ -7,6 +7,7 @@ import numpy as np
 from lightfield.render.grid import Grid, cell_of
 
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
+WIDE_1D, WIDE_2D = 11, 21
 
 
 class Shift:
@@ -32,17 +33,8 @@ class Shift:
         # Rows: d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell, as weights of all cells.
         self.derivatives = np.zeros((5, n, n))
         for i in range(n):
-            same = np.flatnonzero(cz == cz[i])
-            flat_x, flat_y = np.ptp(cx[same]) == 0, np.ptp(cy[same]) == 0
-            wanted = NEIGHBOURS_1D if flat_x or flat_y else NEIGHBOURS_2D
-            near = same[np.argsort(np.hypot(cx[same] - cx[i], cy[same] - cy[i]), kind="stable")[:wanted]]
-            x, y = cx[near] - cx[i], cy[near] - cy[i]
-            terms = np.stack([np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=1)
-            usable = np.linalg.norm(terms, axis=0) > 1e-12
-            if len(near) < usable.sum():
-                continue
-            weights = np.linalg.pinv(terms[:, usable])
-            for row, term in zip(weights[1:], np.flatnonzero(usable)[1:] - 1, strict=True):
+            near, terms, weights = _expansion(cx, cy, cz, i, NEIGHBOURS_1D, NEIGHBOURS_2D)
+            for row, term in zip(weights[1:], terms[1:] - 1, strict=True):
                 self.derivatives[term, i, near] = row
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
@@ -59,3 +51,34 @@ class Shift:
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""
         return np.asarray(field[self.cell])
+
+
+def smoother(grid: Grid) -> np.ndarray:
+    """Weights that replace every cell by a local quadratic through its neighbours on the plane, (n, n).
+
+    For light that varies over the distance to the walls, not over the width of the beam.
+    """
+    cx, cy, cz = (v.ravel() for v in grid.centres())
+    weights = np.zeros((len(cx), len(cx)))
+    for i in range(len(cx)):
+        near, _, rows = _expansion(cx, cy, cz, i, WIDE_1D, WIDE_2D)
+        weights[i, near] = rows[0]
+    return weights
+
+
+def _expansion(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, i: int, most_1d: int, most_2d: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least-squares quadratic about cell i: neighbours, terms (of 1, x, y, xx/2, xy, yy/2), weights.
+
+    A cell with too few neighbours is expanded to a constant.
+    """
+    same = np.flatnonzero(z == z[i])
+    most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
+    near = same[np.argsort(np.hypot(x[same] - x[i], y[same] - y[i]), kind="stable")[:most]]
+    dx, dy = x[near] - x[i], y[near] - y[i]
+    terms = np.stack([np.ones_like(dx), dx, dy, 0.5 * dx * dx, dx * dy, 0.5 * dy * dy], axis=1)
+    usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
+    if len(near) < len(usable):
+        return np.array([i]), usable[:1], np.ones((1, 1))
+    return near, usable, np.linalg.pinv(terms[:, usable])
