@@ -12,6 +12,7 @@ from lightfield.render.build import Setup, prepare
 from lightfield.render.grid import Grid, band_wavelengths
 from lightfield.render.response import CLASSES, Bookkeeping, Reference, TransportResponse, light_classes
 from lightfield.render.settings import Progress, Settings
+from lightfield.render.symmetry import merge_mirror_images
 from lightfield.render.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
@@ -33,6 +34,8 @@ def trace_until(
     response, energy, reached
         Response, energy balance (sr), and the relative error that was reached.
     """
+    if settings.symmetry:
+        grid = merge_mirror_images(scene, grid, reference)
     setup = prepare(scene, grid, reference)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
@@ -85,7 +88,13 @@ def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> Tra
     excess = np.tile(setup.histories.excess_m, channels)[seen]
     tally = sums[:, seen] / np.float32(photons_per_batch)
     return TransportResponse(
-        tally, histories, excess, setup.straight_m, setup.reference, photons_per_batch * len(sums)
+        tally,
+        histories,
+        excess,
+        setup.straight_m,
+        setup.reference,
+        photons_per_batch * len(sums),
+        setup.grid.merged,
     )
 
 

@@ -24,6 +24,8 @@ class Grid:
     pitch_x_m, pitch_y_m : float, m
     occupied : array of bool, shape (n_planes, n_y, n_x), optional
         Cells to tally; all when missing.
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Number of the tally cell that a cell shares with its mirror images.
     """
 
     z_m: np.ndarray
@@ -32,6 +34,7 @@ class Grid:
     pitch_x_m: float
     pitch_y_m: float
     occupied: np.ndarray | None = None
+    merged: np.ndarray | None = None
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -75,9 +75,12 @@ class Planes:
         self.receiver, self.shape = receiver, grid.shape
         every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
         self.cells = int(every.sum())
-        self.lookup = mi.UInt32(
-            np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells).ravel()
-        )
+        number = np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells)
+        self.images: np.ndarray | None = None  # how many cells of the grid each cell of the tally stands for
+        if grid.merged is not None:
+            number, self.images = grid.merged, np.bincount(grid.merged.ravel())
+            self.cells = len(self.images)
+        self.lookup = mi.UInt32(number.ravel())
         self.count, self.z = dr.opaque(mi.UInt32, len(grid.z_m)), mi.Float(grid.z_m)
         self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
         self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)

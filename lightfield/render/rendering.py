@@ -102,6 +102,7 @@ def render_scene(
     reference: Reference | None = None,
     progress: Progress | None = None,
     cache: bool = True,
+    symmetry: bool = False,
 ) -> Rendering:
     """Trace a scene until 95 % of its lit cells are known to a relative error, or the photon budget is spent.
 
@@ -119,6 +120,9 @@ def render_scene(
         Called with (photons so far, relative error so far, requested error).
     cache : bool
         Look for, and leave, the response on disk.
+    symmetry : bool
+        Let cells that are mirror images of each other share their photons: up to 8 times fewer are needed.
+        Such cells have one common error, which averages over a map must not take for independent.
 
     Raises
     ------
@@ -131,7 +135,7 @@ def render_scene(
         raise RenderError("impossible photon budget", found=max_photons, rule="1e3 to 1e12", remedy="try 1e8")
     grid = scene_grid(scene)
     chosen = reference_of(scene) if reference is None else reference
-    settings = Settings(rel_error, max_photons, seed)
+    settings = Settings(rel_error, max_photons, seed, symmetry)
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     stored = store.load(key) if cache else None
     if stored is not None:
@@ -190,7 +194,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
 
 
 def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> dict[str, np.ndarray]:
-    return {
+    packed = {
         "tally": response.tally,
         "histories": response.histories,
         "excess_m": response.excess_m,
@@ -199,6 +203,7 @@ def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> d
         "energy": np.array(list(asdict(energy).values())),
         "reached": np.array(reached),
     }
+    return packed if response.merged is None else packed | {"merged": response.merged}
 
 
 def _unpack(
@@ -211,5 +216,6 @@ def _unpack(
         stored["straight_m"],
         reference,
         int(stored["photons"]),
+        stored.get("merged"),
     )
     return response, Bookkeeping(*(float(v) for v in stored["energy"])), float(stored["reached"])

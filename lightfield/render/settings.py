@@ -22,8 +22,11 @@ class Settings:
         Photon budget; reached first, the rendering says which error it has.
     seed : int
         Same seed, same result.
+    symmetry : bool
+        Cells that are mirror images of each other share their photons, and so their errors.
     """
 
     rel_error: float = 0.02
     max_photons: float = 1e8
     seed: int = 0
+    symmetry: bool = False

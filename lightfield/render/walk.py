@@ -287,7 +287,7 @@ def trace(
     dr.eval(tally, *books)
     sums = [float(v[0]) / traced for v in books]
     counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
-    counts /= traced
+    counts /= traced if planes.images is None else traced * planes.images.astype(np.float32)
     if mirror_x:
         counts *= 0.5
     return counts, Bookkeeping(*sums)

@@ -1,0 +1,64 @@
+"""Mirror images may share their photons: the maps stay right, their errors shrink as the counts say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from montecarlo import chi_square_p, normal_scores
+
+from lightfield.render.grid import scene_grid
+from lightfield.render.rendering import render_scene
+from lightfield.render.response import Reference
+from lightfield.render.symmetry import merge_mirror_images
+from lightfield.scene import Scene
+
+WATER = {"absorption_per_m": 0.05, "scattering_per_m": 0.15}
+DETECTOR = {"planes_m": [4.5, 6.5], "pixels": 16, "width_m": 1.6}
+BLACK, GREY = Reference(0.05, 0.15, 0.0), Reference(0.05, 0.15, 0.5)
+
+
+def scene(**parts: dict[str, Any]) -> Scene:
+    return Scene.from_dict({"water": WATER, "detector": DETECTOR} | parts)
+
+
+@pytest.mark.parametrize(
+    ("parts", "reference", "cells"),
+    [
+        ({}, BLACK, 36),  # an octant of 16 x 16: 8 * 9 / 2
+        ({"lamp": {"ellipticity": 1.3}}, BLACK, 64),
+        ({"tank": {}}, BLACK, 64),
+        ({"tank": {"lamp_depth_m": 1.0}}, BLACK, 128),
+        ({"tank": {"surface": "flat"}}, GREY, 128),
+        ({"lamp": {"tilt_x_deg": 1.0}}, BLACK, 128),
+        ({"lamp": {"offset_x_m": 0.1, "tilt_y_deg": 1.0}}, BLACK, 256),
+        ({"detector": DETECTOR | {"tilt_x_deg": 5.0}}, BLACK, 128),
+    ],
+)
+def test_cells_that_are_images_of_each_other(parts: dict[str, Any], reference: Reference, cells: int) -> None:
+    """Every break of the symmetry is seen: lamp, beam, tank, surface, receiver."""
+    one = scene(**parts)
+    merged = merge_mirror_images(one, scene_grid(one), reference).merged
+    assert (256 if merged is None else merged[0].max() + 1) == cells
+
+
+@pytest.mark.parametrize("parts", [{}, {"tank": {"wall_albedo": 0.5, "width_m": 2.0}}], ids=["open", "tank"])
+def test_shared_photons_give_the_same_maps(parts: dict[str, Any]) -> None:
+    """Against an independent trace without sharing, over the cells that have errors of their own."""
+    one = scene(**parts)
+    settings: dict[str, Any] = {"rel_error": 1e-3, "max_photons": 1.5e6, "cache": False}
+    plain = render_scene(one, seed=3, **settings)
+    shared = render_scene(one, seed=4, symmetry=True, **settings)
+    at = np.array([525.0])
+    (mean, error), (image, image_error) = plain.relative_maps(at), shared.relative_maps(at)
+    merged = shared.response.merged
+    assert merged is not None
+    own = np.unique(merged, return_index=True)[1]
+    first, other, combined = (v.reshape(-1)[own] for v in (mean, image, np.hypot(error, image_error)))
+    scores = normal_scores(first, other, combined, len(shared.response.tally))
+    assert 0.001 < chi_square_p(scores) < 0.999
+    assert np.array_equal(image, image[..., ::-1])
+    gain = np.median(error / image_error) ** 2
+    copies = mean[0].size / len(own)
+    assert 0.6 * copies < gain < 1.6 * copies
