@@ -35,7 +35,7 @@ def trace_until(
         Response, energy balance (sr), and the relative error that was reached.
     """
     if settings.symmetry:
-        grid = merge_mirror_images(scene, grid, reference)
+        grid = merge_mirror_images(scene, grid)
     setup = prepare(scene, grid, reference)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))

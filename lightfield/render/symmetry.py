@@ -11,19 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.render.grid import Grid
-from lightfield.render.response import Reference
 from lightfield.scene import Scene
 
 
-def mirrors(scene: Scene, grid: Grid, reference: Reference) -> tuple[bool, bool, bool]:
+def mirrors(scene: Scene, grid: Grid) -> tuple[bool, bool, bool]:
     """Whether the light is symmetric under x -> -x, under y -> -y, and under the exchange of x and y."""
     lamp, tank, tilted = scene.lamp, scene.tank, scene.detector.tilt_x_deg != 0
     x = lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
     y = lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0
     if tank is not None:
-        # The floor reflects, the top does not or does so otherwise: only black ones are each other's image.
-        black = reference.wall_albedo == 0 and tank.surface_reflectance == 0
-        y = y and black and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
+        # A lid reflects as the floor does, a water surface does not.
+        y = y and tank.surface_reflectance == 0 and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
     square = len(grid.x_m) == len(grid.y_m) and np.allclose(grid.x_m, grid.y_m, atol=1e-9)
     round_beam = lamp.ellipticity == 1
     x = x and bool(np.allclose(grid.x_m, -grid.x_m[::-1], atol=1e-9))
@@ -31,7 +29,7 @@ def mirrors(scene: Scene, grid: Grid, reference: Reference) -> tuple[bool, bool,
     return x, y, bool(x and y and square and round_beam and tank is None)
 
 
-def merge_mirror_images(scene: Scene, grid: Grid, reference: Reference) -> Grid:
+def merge_mirror_images(scene: Scene, grid: Grid) -> Grid:
     """The grid with one tally cell for each set of mirror images; unchanged when there are none.
 
     Parameters
@@ -39,10 +37,8 @@ def merge_mirror_images(scene: Scene, grid: Grid, reference: Reference) -> Grid:
     scene : Scene
     grid : Grid
         Full grid, all cells tallied.
-    reference : Reference
-        Whether walls reflect in the trace.
     """
-    x, y, diagonal = mirrors(scene, grid, reference)
+    x, y, diagonal = mirrors(scene, grid)
     if grid.occupied is not None or not (x or y):
         return grid
     planes, rows, columns = grid.shape
