@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lightfield.errors import UsageError
+from lightfield.files import output_folder
 
 # Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
 # and the folder of its results; the last command writes {out}/index.html.
@@ -31,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.cli import main
 
     scenes = _scenes(args.scenes)
+    output_folder(args.output)
     reports = []
     for name, lines in EXPERIMENTS.items():
         out = args.output / name

@@ -98,9 +98,9 @@ def span(start: float, stop: float, count: int, scale: str = "linear", where: st
             "impossible count", where=where, found=count, rule="2 to 100000 values between two ends"
         )
     if not (math.isfinite(start) and math.isfinite(stop)):
-        raise UsageError("the ends must be finite", where=where, found=f"{start}:{stop}")
+        raise UsageError("not a range", where=where, found=f"{start}:{stop}", rule="finite ends")
     if scale == "log" and not (start > 0 and stop > 0):
-        raise UsageError("a log range needs ends above 0", where=where, found=f"{start}:{stop}")
+        raise UsageError("not a log range", where=where, found=f"{start}:{stop}", rule="both ends above 0")
     steps = np.geomspace(start, stop, count) if scale == "log" else np.linspace(start, stop, count)
     # Twelve digits: 0.30000000000000004 would be an ugly coordinate.
     return [float(f"{value:.12g}") for value in steps]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,37 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 15
+
+
+def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) -> None:
+    """Complain, before anything is written, about workers that cannot be.
+
+    Raises
+    ------
+    UsageError
+        Both workers and a scheduler, or an impossible number, limit or address.
+    """
+    if workers and scheduler:
+        raise UsageError(
+            "--workers and --scheduler exclude each other",
+            remedy="leave --workers out: an existing scheduler has its own",
+        )
+    if not 0 <= workers <= 1024:
+        raise UsageError(
+            "impossible number of workers", where="--workers", found=workers, rule="0 (this process) to 1024"
+        )
+    if memory_gb is not None and not memory_gb > 0:
+        raise UsageError(
+            "impossible memory limit", where="--memory", found=memory_gb, rule="gigabytes, above 0"
+        )
+    if scheduler is not None and not re.search(r":\d+$", scheduler):
+        raise UsageError(
+            "not the address of a scheduler",
+            where="--scheduler",
+            found=scheduler,
+            rule="tcp://HOST:PORT",
+            remedy="start one with `dask scheduler`, which says its address",
+        )
 
 
 @contextmanager
@@ -39,21 +71,13 @@ def connected(
     Raises
     ------
     UsageError
-        Both workers and a scheduler, or nobody answers at that address.
+        Nobody answers at that address.
     BackendError
         A worker cannot compute.
     """
     import dask
     from distributed import Client, LocalCluster
 
-    if workers and scheduler:
-        raise UsageError(
-            "--workers and --scheduler exclude each other", remedy="an existing scheduler has its workers"
-        )
-    if not 0 <= workers <= 1024:
-        raise UsageError("impossible number of workers", found=workers, rule="0 (this process) to 1024")
-    if memory_gb is not None and not memory_gb > 0:
-        raise UsageError("impossible memory limit", found=memory_gb, rule="gigabytes, above 0")
     # A trace holds the interpreter for seconds: that is no reason to warn, or to give a worker up.
     quiet = {
         "distributed.admin.tick.limit": "1h",

@@ -13,7 +13,7 @@ from typing import Any
 from lightfield.errors import LightfieldError, OutputError, RenderError
 from lightfield.files import NO_ROOM
 from lightfield.sweep import zarrfile
-from lightfield.sweep.cluster import connected
+from lightfield.sweep.cluster import check_workers, connected
 from lightfield.sweep.layout import quantity_of
 from lightfield.sweep.plan import Block, Plan
 from lightfield.sweep.store import SweepStore
@@ -93,6 +93,7 @@ def run_sweep(
     UsageError, BackendError
         The workers cannot be had.
     """
+    check_workers(workers, scheduler, memory_gb)
     path = Path(path).resolve()
     with SweepStore(path, plan).opened() as store:
         return _run(plan, store, workers, scheduler, memory_gb, report)
