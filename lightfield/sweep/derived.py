@@ -14,9 +14,10 @@ from lightfield.lamps.profile import solid_angle_sr
 from lightfield.lamps.spectrum import spectral_power
 from lightfield.render.grid import Grid, band_wavelengths
 from lightfield.scene import Scene
-from lightfield.spot import Spot, spot_shape
+from lightfield.spot import ENOUGH, LEVELS, Spot, spot_shape
 
 Array = NDArray[np.floating[Any]]
+ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
@@ -116,9 +117,7 @@ def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dic
     power, power_error = mean.sum((-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
     width, width_error = np.full(axis.shape, np.nan), np.full(axis.shape, np.nan)
     for at in np.ndindex(axis.shape):
-        spot = spot_shape(mean[at], grid.x_m, grid.y_m)
-        if not spot.problem:
-            width[at], width_error[at] = spot.hwhm_m, half_width_stderr(spot, mean[at], known[at], grid)
+        width[at], width_error[at] = half_width(mean[at], known[at], grid)
     result = {
         "on_axis": axis,
         "on_axis_stderr": axis_error,
@@ -139,29 +138,57 @@ def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dic
     return result
 
 
-def half_width_stderr(spot: Spot, value: Array, stderr: Array, grid: Grid) -> float:
-    """Standard error of the half width: noise on the contour and of the maximum over the slope of the flank.
+def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
+    """Half width at half maximum of a spot (circle of equal area) and its standard error; NaN: none.
 
     Parameters
     ----------
-    spot : Spot
     value, stderr : arrays, shape (n_y, n_x)
     grid : Grid
     """
-    x, y = np.meshgrid(grid.x_m - spot.centre_x_m, grid.y_m - spot.centre_y_m)
+    bright = value > 0.5 * value.max()
+    if not bright.any() or value.max() <= 0:
+        return float("nan"), float("nan")
+    noise = float(np.median(stderr[bright] / value[bright]))
+    # The spot is found on cells that are known to 2 %: noise of more than that bends its contour and its top.
+    cells = np.sqrt(np.count_nonzero(bright) / np.pi)  # in a half width
+    n = int(np.clip(np.ceil(noise / ENOUGH_KNOWN), 1, max(1, cells // FEWEST)))
+    value, variance = (_coarse(part, n) for part in (value, stderr**2))
+    x_m, y_m = (_coarse(c[None, :].repeat(n, 0), n)[0] for c in (grid.x_m, grid.y_m))
+    spot = spot_shape(value, x_m, y_m)
+    if spot.problem:
+        return float("nan"), float("nan")
+    return spot.hwhm_m, _half_width_stderr(spot, value, np.sqrt(variance) / n, x_m, y_m)
+
+
+def _half_width_stderr(spot: Spot, value: Array, stderr: Array, x_m: Array, y_m: Array) -> float:
+    """Noise on the contour and of the maximum over the slope of the spot's flank."""
+    x, y = np.meshgrid(x_m - spot.centre_x_m, y_m - spot.centre_y_m)
     s = np.hypot(x / spot.hwhm_x_m, y / spot.hwhm_y_m)  # 1 on the contour
-    step = max(grid.pitch_x_m / spot.hwhm_x_m, grid.pitch_y_m / spot.hwhm_y_m)
+    step = max((x_m[1] - x_m[0]) / spot.hwhm_x_m, (y_m[1] - y_m[0]) / spot.hwhm_y_m)
     inner, outer = np.abs(s - (1 - step)) < step, np.abs(s - (1 + step)) < step
-    ring, core = np.abs(s - 1) < 0.5 * step, value > 0.8 * spot.peak
-    if min(map(np.count_nonzero, (inner, outer, ring, core))) < 3:
+    ring = np.abs(s - 1) < 0.5 * step
+    if min(map(np.count_nonzero, (inner, outer, ring))) < 3:
         return float("nan")
     slope = (value[inner].mean() - value[outer].mean()) / (s[outer].mean() - s[inner].mean())
     on_ring = np.sqrt((stderr[ring] ** 2).sum()) / np.count_nonzero(ring)
-    # A quadratic form fitted over a disc has four times the variance of a mean at its centre.
-    at_peak = 2 * np.sqrt((stderr[core] ** 2).sum()) / np.count_nonzero(core)
-    if slope <= 0:
-        return float("nan")
-    return float(spot.hwhm_m * np.hypot(on_ring, 0.5 * at_peak) / slope)
+    # `spot` takes the maximum from a quadratic form over the smallest disc of cells enough: its value in the
+    # centre has four times the variance of a mean. Else from the brightest cell.
+    discs = [s < np.sqrt(np.log2(1 / level)) for level in LEVELS]
+    core = next((disc for disc in discs if np.count_nonzero(disc) >= ENOUGH), None)
+    if core is None:
+        at_peak = stderr.flat[np.argmin(s)]
+    else:
+        at_peak = 2 * np.sqrt((stderr[core] ** 2).sum()) / np.count_nonzero(core)
+    return float(spot.hwhm_m * np.hypot(on_ring, 0.5 * at_peak) / slope) if slope > 0 else float("nan")
+
+
+def _coarse(values: Array, n: int) -> Array:
+    """Means over n x n cells; what does not fit is left out on both sides."""
+    rows, columns = (size // n * n for size in values.shape)
+    top, left = (values.shape[0] - rows) // 2, (values.shape[1] - columns) // 2
+    inside = values[top : top + rows, left : left + columns]
+    return np.asarray(inside.reshape(rows // n, n, columns // n, n).mean(axis=(1, 3)))
 
 
 def _axis_cells(grid: Grid) -> NDArray[np.bool_]:

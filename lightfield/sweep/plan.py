@@ -24,8 +24,8 @@ BLOCK_CASES = 256
 MOST_CASES = 2_000_000
 # Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
 # variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
-# Beyond 3 single photons carry so much that the stated error is no longer to be trusted: another trace then.
-MOST_SPREAD = 3.0
+# Beyond 1.5 single photons show as bright cells that the stated error does not cover: another trace then.
+MOST_SPREAD = 1.5
 
 
 @dataclass(frozen=True)
@@ -256,16 +256,21 @@ def _traces(
         left = np.flatnonzero(usable & (key_of_case == which))
         far = float(grids[keys.index(key)].z_m.max())
         while len(left):
-            members = left[_spread(waters[left, 1], far) <= MOST_SPREAD]
+            members = left[_spread(waters[left], far) <= MOST_SPREAD]
             trace_of_case[members] = len(traces)
             traces.append(_trace(cases, settings, key, members, waters[members], len(traces)))
             left = np.setdiff1d(left, members)
     return tuple(traces), trace_of_case
 
 
-def _spread(scattering_per_m: np.ndarray, far_m: float) -> np.ndarray:
-    most = scattering_per_m.max()
-    return (most - scattering_per_m) ** 2 * far_m / most if most > 0 else np.zeros_like(scattering_per_m)
+def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
+    """Spread of the weights of waters about the most turbid of them, shape (n,)."""
+    b, most = waters[:, 1], waters[:, 1].max()
+    if most == 0:
+        return np.zeros_like(b)
+    # Direct light is an expected value: without reflection, clear water has no weights to spread.
+    direct_alone = (b == 0) & (waters[:, 2:] == 0).all(axis=1)
+    return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
 
 
 def _trace(

@@ -77,7 +77,7 @@ def test_waters_too_far_apart_in_scattering_do_not_share_a_trace() -> None:
         mine, b0 = b[plan.trace_of_case == trace.number], trace.reference.scattering_per_m
         assert mine.max() == b0
         if b0 > 0:
-            assert (b0 - mine.min()) ** 2 * 4.0 / b0 <= MOST_SPREAD
+            assert (b0 - mine[mine > 0].min()) ** 2 * 4.0 / b0 <= MOST_SPREAD
 
 
 @given(st.lists(st.integers(1, 12), min_size=1, max_size=3), st.booleans())
@@ -121,7 +121,7 @@ def test_listed_positions_are_refused() -> None:
 
 
 def test_the_plan_says_what_it_will_do() -> None:
-    text = "\n".join(describe(planned("water.scattering_per_m=0:0.4:5", "tank.wall_albedo=0,0.5")))
+    text = "\n".join(describe(planned("water.scattering_per_m=0:0.3:5", "tank.wall_albedo=0,0.5")))
     for part in (
         "cases: 10 = water.scattering_per_m (5) x tank.wall_albedo (2)",
         "traces: 1",

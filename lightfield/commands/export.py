@@ -1,0 +1,47 @@
+"""`lightfield export`: write cases of a sweep as spectral EXR, one image per plane."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.dataset import write_exr_planes
+from lightfield.errors import UsageError
+from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, label, open_store
+
+MOST = 64
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("store", type=Path, metavar="STORE", help="what `lightfield sweep` wrote")
+    parser.add_argument("--exr", type=Path, required=True, metavar="DIR", help="folder of the images")
+    parser.add_argument(
+        "--case", action="append", default=[], metavar="PATH=VALUE",
+        help="cases with this value (the nearest step) only; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--all", action="store_true", help=f"more than {MOST} cases are meant")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write a folder for every case that was computed; 1 when some had failed."""
+    data = choose(open_store(args.store), args.case)
+    axes = axes_of(data)
+    shape = tuple(data.sizes[name] for name in axes)
+    count = int(np.prod(shape))
+    if count > MOST and not args.all:
+        raise UsageError("that many cases are hardly meant", found=count, rule=f"at most {MOST}",
+                         remedy="choose with --case PATH=VALUE, or say --all")  # fmt: skip
+    missing = 0
+    for at in np.ndindex(*shape):
+        steps = dict(zip(axes, map(int, at), strict=True))
+        name = label(case_values(data, steps))
+        if int(data.status.isel(steps)) != 1 and count > 1:
+            missing += 1
+            print(f"{name}: {str(data.message.isel(steps).values) or 'not computed yet'}")
+            continue
+        for path in write_exr_planes(as_rendering(data, steps), args.exr / name):
+            print(path)
+    return 1 if missing else 0

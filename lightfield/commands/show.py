@@ -1,0 +1,67 @@
+"""`lightfield show`: figures of a sweep, and what is in its store."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lightfield.errors import OutputError
+from lightfield.files import output_folder
+from lightfield.sweep.estimate import size
+from lightfield.sweep.results import axes_of, choose, open_store
+from lightfield.sweep.zarrfile import size_on_disk
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("store", type=Path, metavar="STORE", help="what `lightfield sweep` wrote")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder of the figures (default: the store's name + -figures)",
+    )
+    parser.add_argument(
+        "--case", action="append", default=[], metavar="PATH=VALUE",
+        help="hold a parameter at this value (the nearest step); may be repeated",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Say what the store holds and draw it."""
+    data = open_store(args.store)
+    print("\n".join(contents(data, args.store)))
+    data = choose(data, args.case)
+    if not (data.status == 1).any():
+        raise OutputError(
+            "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
+        )
+    from lightfield.report.style import save_png
+    from lightfield.report.sweep_figures import formula_figure, profiles_figure, tiles_figure
+
+    folder = output_folder(args.output or args.store.with_name(f"{args.store.stem}-figures"))
+    for name, draw in (("profiles", profiles_figure), ("formula", formula_figure), ("maps", tiles_figure)):
+        figure = draw(data)
+        if figure is not None:
+            print(save_png(figure, folder / f"{name}.png"))
+    return 0
+
+
+def contents(data: xr.Dataset, path: Path) -> list[str]:
+    """Dimensions, cases, traces and size."""
+    axes = axes_of(data)
+    lines = [f"{path}: {data.attrs['title']}, {size(size_on_disk(path))}"]
+    for name in axes:
+        steps = data[name].values
+        span = f"{steps[0]:g} to {steps[-1]:g}" if steps.dtype.kind in "fi" else ", ".join(map(str, steps))
+        lines.append(f"  {name:<34} {data.sizes[name]:>5} steps  {span} {data[name].attrs.get('units', '')}")
+    status = data.status.values
+    lines.append(f"  {status.size} cases from {data.attrs['traces']} traces: {np.sum(status == 1)} computed, "
+                 f"{np.sum(status == 2)} failed, {np.sum(status == 0)} to do")  # fmt: skip
+    for text in sorted({str(m) for m in data.message.values[status == 2]})[:5]:
+        lines.append(f"  failed: {text}")
+    return lines

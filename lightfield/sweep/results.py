@@ -1,0 +1,145 @@
+"""Reading a sweep's store: open it, choose cases by their values, get one case as a rendering's data set."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.errors import OutputError, UsageError
+from lightfield.scene import Scene
+from lightfield.scene_errors import unknown_key
+from lightfield.sweep.axes import apply
+
+
+def open_store(path: str | Path) -> xr.Dataset:
+    """Open a store; nothing but coordinates is read yet.
+
+    Raises
+    ------
+    OutputError
+        Not a store of a sweep.
+    """
+    if not Path(path, ".zmetadata").is_file():
+        raise OutputError(
+            "not a sweep's store", where=str(path), remedy="give what `lightfield sweep -o` wrote"
+        )
+    try:
+        data = xr.open_zarr(path, consolidated=True)
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(
+            "cannot read this store", where=str(path), found=str(error), remedy="run its sweep again"
+        ) from error
+    if "sweep_axes" not in data.attrs:
+        raise OutputError(
+            "not a sweep's store", where=str(path), remedy="give what `lightfield sweep -o` wrote"
+        )
+    return data
+
+
+def axes_of(data: xr.Dataset) -> list[str]:
+    """Names of the varied dimensions, in order."""
+    return list(json.loads(data.attrs["sweep_axes"]))
+
+
+def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
+    """Keep the cases with given values: `path=value`, the nearest step where it is a number.
+
+    Raises
+    ------
+    UsageError
+        Not an assignment, not a dimension, or a value that is not among the steps.
+    """
+    for text in assignments:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        names = [*axes_of(data), "z_m", "wavelength_nm"]
+        if not equals or not value:
+            raise UsageError("not a case", where="--case", found=text, rule="PATH=VALUE")
+        if name not in data.dims:
+            raise UsageError(
+                f"{name} is no dimension of this sweep; {unknown_key(name, names)}", where="--case"
+            )
+        data = data.isel({name: [step_of(data[name].values, name, value)]})
+    return data
+
+
+def step_of(steps: np.ndarray, name: str, value: str) -> int:
+    """Number of the step that a value means.
+
+    Raises
+    ------
+    UsageError
+        The value is not among the steps, nor between the first and the last.
+    """
+    if steps.dtype.kind in "fi":
+        try:
+            number = float(value)
+        except ValueError:
+            number = float("nan")
+        low, high = float(steps.min()), float(steps.max())
+        if low - 1e-9 * abs(low) <= number <= high + 1e-9 * abs(high):
+            return int(np.abs(steps - number).argmin())
+        raise UsageError("no such value", where=f"--case {name}", found=value, rule=f"{low:g} to {high:g}")
+    known = [str(step) for step in steps]
+    if value not in known:
+        raise UsageError("no such value", where=f"--case {name}", found=value, rule=", ".join(known))
+    return known.index(value)
+
+
+def case_values(data: xr.Dataset, steps: Mapping[str, int]) -> dict[str, Any]:
+    """What a case sets, by path; `steps` counts within `data`, which may be a part of the store."""
+    result: dict[str, Any] = {}
+    for name, values in json.loads(data.attrs["sweep_axes"]).items():
+        for path, given in values.items():
+            value = data[path].values[steps[name]].item()
+            # What is neither number nor text stands in the coordinate as JSON.
+            as_json = isinstance(value, str) and not any(isinstance(v, str) for v in given)
+            result[path] = json.loads(value) if as_json else value
+    return result
+
+
+def label(values: Mapping[str, Any]) -> str:
+    """Short name of a case, usable as a folder."""
+    parts = [f"{path}={v:g}" if isinstance(v, float) else f"{path}={v}" for path, v in values.items()]
+    return "_".join(parts).replace("/", "-").replace(" ", "")
+
+
+def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
+    """One case as the data set of a rendering, for `lightfield.dataset.write_exr_planes`.
+
+    Raises
+    ------
+    OutputError
+        The store holds no maps, or the case has none.
+    """
+    name = data.attrs["quantity"]
+    if name not in data:
+        raise OutputError("this store holds no maps", rule="swept with --no-maps", remedy="sweep without it")
+    values = case_values(data, steps)
+    case = data.isel(dict(steps))
+    if int(case.status) != 1:
+        why = str(case.message.values) or "not computed yet"
+        raise OutputError(f"no map of {label(values)}", found=why, remedy="choose another case")
+    scene = apply(Scene.from_toml(data.attrs["scene_toml"]), values)
+    quantity = scene.detector.quantity
+    dims = ("wavelength_nm", "z_m", "y_m", "x_m")
+    maps = {quantity: (dims, case[name].values), f"{quantity}_stderr": (dims, case[f"{name}_stderr"].values)}
+    bands = np.asarray(scene.detector.bands_nm, float)
+    return xr.Dataset(
+        {**maps, "wavelength_bounds_nm": (("wavelength_nm", "bound"), bands)},
+        coords={dim: (dim, np.asarray(case[dim].values, float)) for dim in dims},
+        attrs={
+            "quantity": quantity,
+            "scene_toml": scene.to_toml(),
+            "scene_json": json.dumps(scene.model_dump(mode="json")),
+            "scene_digest": scene.digest(),
+            "lightfield_version": data.attrs["lightfield_version"],
+            "seed": data.attrs["seed"],
+            "photons": int(case.photons),
+            "reached_relative_error": float(case.reached_relative_error),
+        },
+    )
