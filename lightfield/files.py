@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import re
 import shutil
 import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,10 +17,13 @@ from lightfield.errors import OutputError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MAKE_ROOM = "make room there, or choose another folder"
+# A temporary folder says who writes in it (machine, process), so that what a killed process left can be told.
+_MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
+_TEMPORARY = re.compile(rf"\..+\.{_MACHINE}-(\d+)-\w+")
 
 
 def output_folder(path: str | os.PathLike[str]) -> Path:
-    """Make sure, before any work, that results can be written to a folder.
+    """Make sure, before any work, that results can be written to a folder; sweep up after killed runs.
 
     Raises
     ------
@@ -36,6 +42,7 @@ def output_folder(path: str | os.PathLike[str]) -> Path:
             found=error.strerror or str(error),
             remedy="choose a writable folder",
         ) from error
+    remove_leftovers(folder)
     return folder
 
 
@@ -52,6 +59,24 @@ def output_file(path: str | os.PathLike[str]) -> Path:
         raise OutputError("this is a folder", where=str(path), rule="a file", remedy="name a file in it")
     output_folder(target.parent)
     return target
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove the half-written files of processes of this machine that were killed."""
+    for entry in folder.iterdir():
+        owner = _TEMPORARY.fullmatch(entry.name)
+        if owner and not _alive(int(owner[1])):
+            shutil.rmtree(entry, ignore_errors=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # it belongs to somebody else
+        return True
+    return True
 
 
 @contextmanager
@@ -71,7 +96,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.{_MACHINE}-{os.getpid()}-", dir=target.parent))
     except OSError as error:
         raise OutputError(
             "cannot write here",

@@ -15,7 +15,7 @@ import numpy as np
 
 from lightfield.cache import cache_dir
 from lightfield.errors import OutputError
-from lightfield.files import atomic_path
+from lightfield.files import atomic_path, remove_leftovers
 
 FORMAT = 10  # raised whenever the walk, the tally or this file's layout changes
 LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
@@ -61,6 +61,7 @@ def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def _make_room(newest: Path) -> None:
+    remove_leftovers(newest.parent)
     entries = sorted(newest.parent.glob("*.npz"), key=lambda entry: entry.stat().st_mtime)
     excess = sum(entry.stat().st_size for entry in entries) - LARGEST_BYTES
     for entry in entries:
