@@ -1,9 +1,9 @@
 """A render that is stopped, politely or not, leaves no half-written file, and the next one works.
 
 Rationale: traces run for minutes; people press Ctrl-C, queues kill. Set-up: real `lightfield render`
-processes, stopped in the middle of the trace and in the middle of writing a result or a cache entry. Expected:
-no file under a final name that is not complete; after Ctrl-C nothing at all; the same command then gives the full
-result; a damaged cache entry is rebuilt, and the result does not depend on it.
+processes, stopped in the middle of the trace and in the middle of writing a result or a cache entry.
+Expected: no file under a final name that is not complete; after Ctrl-C nothing at all; the same command then
+gives the full result; a damaged cache entry is rebuilt, and the result does not depend on it.
 """
 
 from __future__ import annotations
