@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from lightfield.render.grid import Grid
+from lightfield.render.response import TransportResponse
 
 
 def normal_scores(mean: np.ndarray, truth: np.ndarray, stderr: np.ndarray, batches: int) -> np.ndarray:
@@ -35,3 +37,13 @@ def cell_average(grid: Grid, field: Callable[..., np.ndarray], order: int = 6) -
         x[None, None, :, None, :], y[None, :, None, :, None], grid.z_m[:, None, None, None, None]
     ))  # fmt: skip
     return np.einsum("zyxji,j,i->zyx", value, 0.5 * weight, 0.5 * weight)
+
+
+def with_rows(response: TransportResponse, kept: np.ndarray) -> TransportResponse:
+    """The response of some histories only, for example of light that met one wall."""
+    return replace(
+        response,
+        tally=response.tally[:, kept],
+        histories=response.histories[kept],
+        excess_m=response.excess_m[kept],
+    )
