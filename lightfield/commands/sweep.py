@@ -13,7 +13,7 @@ from lightfield.errors import UsageError
 from lightfield.files import output_folder
 from lightfield.scene import Scene
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.estimate import describe, duration, size
+from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.runner import Progress, Report, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
@@ -95,6 +95,12 @@ def run(args: argparse.Namespace) -> int:
     if args.output is None:
         raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
     output_folder(args.output.parent)
+    needed = estimate(plan).memory_bytes
+    if args.memory is not None and needed > 1e9 * args.memory:
+        raise UsageError(
+            "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
+            rule=f"about {size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
+        )  # fmt: skip
     with progress_bar(plan) as report:
         done = run_sweep(
             plan,

@@ -7,9 +7,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from lightfield.cache import cache_dir
 from lightfield.errors import BackendError, LightfieldError
 from lightfield.render import cuda, llvm
 
-__all__ = ["Backend", "cache_dir", "choose", "prepare", "use_backend"]
+__all__ = ["Backend", "cache_dir", "choose", "limited_threads", "prepare", "use_backend"]
 
 KINDS = ("auto", "llvm", "cuda")
 KIND_VARIABLE, THREADS_VARIABLE = "LIGHTFIELD_BACKEND", "LIGHTFIELD_THREADS"
@@ -80,6 +82,26 @@ def use_backend() -> Backend:
     if mi.variant() != backend.variant:
         _set_variant(backend.variant)
     return backend
+
+
+@contextlib.contextmanager
+def limited_threads(count: int) -> Iterator[None]:
+    """Compute on so many threads of the processor inside the block; no effect on CUDA.
+
+    Parameters
+    ----------
+    count : int
+        One thread adds up in the same order every time: results repeat bit by bit.
+    """
+    use_backend()
+    import drjit as dr
+
+    before = dr.thread_count()
+    dr.set_thread_count(count)
+    try:
+        yield
+    finally:
+        dr.set_thread_count(before)
 
 
 def choose() -> Backend:

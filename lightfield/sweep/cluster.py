@@ -145,7 +145,6 @@ def prepare_worker(store: str, version: str) -> None:
             rule="a folder that all machines share",
             remedy="put the store on a shared disk",
         )
-    os.environ.setdefault("LIGHTFIELD_THREADS", "1")
     from lightfield.render.backend import use_backend
 
     use_backend()

@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError, OutputError
 from lightfield.files import atomic_path
+from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.grid import Grid, band_wavelengths, scene_grid
 from lightfield.render.rendering import render_scene
 from lightfield.render.response import Reference, TransportResponse
@@ -94,16 +95,16 @@ def do_trace(
         if stored is None:
             _loaded.cache_clear()  # a trace needs the room of the response that was used last
             # One thread, or sums would be taken in another order each time and repeat to six digits only.
-            os.environ.setdefault("LIGHTFIELD_THREADS", "1")
-            rendering = render_scene(
-                trace.scene,
-                rel_error=settings.rel_error,
-                max_photons=settings.max_photons,
-                seed=trace.seed,
-                reference=trace.reference,
-                progress=progress,
-                cache=False,
-            )
+            with limited_threads(int(os.environ.get(THREADS_VARIABLE) or 1)):
+                rendering = render_scene(
+                    trace.scene,
+                    rel_error=settings.rel_error,
+                    max_photons=settings.max_photons,
+                    seed=trace.seed,
+                    reference=trace.reference,
+                    progress=progress,
+                    cache=False,
+                )
             _save(file, rendering.response, rendering.reached)
             stored = rendering.response, rendering.reached
         response, reached = stored
