@@ -44,7 +44,7 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
 G_NODES = (0.75, 0.87, 0.924, 0.97)
-PHOTONS = 2_500_000
+PHOTONS = 2_000_000
 KEPT_BEAMS = 256
 BEAM = (
     "profile",
