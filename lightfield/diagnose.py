@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from lightfield import __version__, effects
 from lightfield.diagnosis import compose, ledger
@@ -168,6 +169,20 @@ def diagnose(
     UsageError
         Unknown effect.
     """
+    # On many small matrices more BLAS threads only get in each other's way.
+    with threadpool_limits(1, "blas"):
+        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise)
+
+
+def _diagnose(
+    readings: Any,
+    scene: Scene,
+    diffuse: DiffuseSource | str | None,
+    only: Sequence[str] | None,
+    alpha: float,
+    seed: int,
+    advise: bool,
+) -> Diagnosis:
     readings = readings.check_against(scene)
     source, reason = _source(diffuse)
     forward = SceneForward(scene, readings, source)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from lightfield import effects
 from lightfield.diagnosis import ledger
@@ -229,6 +230,18 @@ def fit_readings(
     """
     if solver not in ("analytic", "render"):
         raise UsageError("unknown solver", found=solver, rule="analytic or render")
+    with threadpool_limits(1, "blas"):
+        return _fit_readings(readings, scene, with_effects, solver, diffuse, seed)
+
+
+def _fit_readings(
+    readings: Any,
+    scene: Scene,
+    with_effects: Sequence[str],
+    solver: str,
+    diffuse: DiffuseSource | None,
+    seed: int,
+) -> FitReport:
     readings = readings.check_against(scene)
     forward = SceneForward(scene, readings, diffuse)
     problem, untestable = problem_of(forward, readings, list(effects.table().values()), None)

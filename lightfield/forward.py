@@ -102,7 +102,7 @@ class SceneForward:
         self._width = beam_width_deg(scene, readings) if width_deg is None else width_deg
         wavelength = np.asarray(readings.wavelength_nm, float)
         self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
-        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array]] = OrderedDict()
+        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array, Array]] = OrderedDict()
 
     @property
     def size(self) -> int:
@@ -136,7 +136,7 @@ class SceneForward:
         """
         out = SceneForward(self.scene, self.readings, self._source, self._full, self._width)
         out._response = self._response
-        field, _ = out._field(values)
+        field, _, _ = out._field(values)
         out._fields.clear()
         out._correction, out._more_error = light / np.maximum(field, 1e-300), stderr
         return out
@@ -149,13 +149,18 @@ class SceneForward:
 
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""
-        field, _ = self._field(values)
+        field, _, _ = self._field(values)
         return self.read(field, values)
 
     def stderr(self, values: Mapping[str, float]) -> Array:
         """Monte Carlo standard error of the predicted readings, shape (n,)."""
-        _, error = self._field(values)
+        _, error, _ = self._field(values)
         return np.asarray(error * self._gain(values) * self.power(values))
+
+    def diffuse_part(self, values: Mapping[str, float]) -> Array:
+        """What scattered and reflected light adds to the readings, before saturation, shape (n,)."""
+        _, _, diffuse = self._field(values)
+        return np.asarray(diffuse * self._gain(values) * self.power(values))
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
@@ -168,7 +173,8 @@ class SceneForward:
 
     # -- inside ------------------------------------------------------------------------------------
 
-    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
+        """Light for unit on-axis intensity, its Monte Carlo error, and its diffuse part."""
         key = tuple(
             (k, v)
             for k, v in sorted(values.items())
@@ -179,15 +185,15 @@ class SceneForward:
             return self._fields[key]
         scene = self.scene.with_values(dict(key), validate=False)
         light = self._direct(scene, self.readings)
-        error = np.zeros(self.size)
+        error, more = np.zeros(self.size), np.zeros(self.size)
         if has_diffuse_light(scene):
             more, error = self._diffuse(scene)
             light = light + more
         light, error = light * self._correction, np.hypot(error, self._more_error)
-        self._fields[key] = (light, error)
+        self._fields[key] = (light, error, more)
         if len(self._fields) > _REMEMBERED:
             self._fields.popitem(last=False)
-        return light, error
+        return self._fields[key]
 
     def _diffuse(self, scene: Scene) -> tuple[Array, Array]:
         if self._source is None:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lightfield import effects, unknowns
+from lightfield.analytic import direct_field
 from lightfield.diagnosis.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.layout import layout_of
 from lightfield.errors import UsageError
@@ -72,8 +73,8 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     Parameters
     ----------
     kind : str
-        "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up to
-        the surface; "air": "line" in water and again in air.
+        "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up
+        to the surface; "air": "line" in water and again in air.
 
     Raises
     ------
@@ -191,6 +192,7 @@ def measure(
     serial: float = 0.0,
     outliers: float = 0.0,
     plane_gain: float = 0.0,
+    position_m: float = 0.0,
     photons: float | None = None,
 ) -> tuple[Any, Array, Array]:
     """Take the readings of a scene.
@@ -211,6 +213,8 @@ def measure(
         Part of the readings that are grossly wrong.
     plane_gain : float
         Relative error of each visit to a plane.
+    position_m : float, m
+        Error of each coordinate of each position.
 
     Returns
     -------
@@ -226,12 +230,17 @@ def measure(
         light, _ = rendered_light(
             truth, table, seed=seed, max_photons=PHOTONS if photons is None else photons
         )
-    forward = SceneForward(truth, table, full=1.0)
     bright = light * factor
-    gain = 1.0 / float((bright * forward.power({})).max())
-    clean = forward.read(bright, {"gain": gain})
+    gain = 1.0 / float((bright * SceneForward(truth, table, full=1.0).power({})).max())
+    # Saturation is stated relative to the largest reading, which itself is saturated.
+    full = 1.0
+    for _ in range(60):
+        clean = SceneForward(truth, table, full=full).read(bright, {"gain": gain})
+        full = float(clean.max())
     layout = layout_of(table)
     shown = clean * (1 + plane_gain * rng.standard_normal(int(layout.visit.max()) + 1)[layout.visit])
+    if position_m > 0:
+        shown = shown * _displaced(truth, table, position_m, rng)
     sigma = np.hypot(noise * shown, FLOOR)
     error = rng.standard_normal(len(clean))
     for previous, now in zip(layout.order[:-1], layout.order[1:], strict=True):
@@ -242,6 +251,16 @@ def measure(
     return replace(table, value=shown + sigma * error, stderr=quoted), clean, light
 
 
+def _displaced(truth: Scene, table: Any, position_m: float, rng: np.random.Generator) -> Array:
+    """Light a few millimetres off over light at the stated place; the direct light's gradient is enough."""
+    here = [table.x_m, table.y_m, table.z_m]
+    there = [c + position_m * rng.standard_normal(len(c)) for c in here]
+    one, other = (
+        direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
+    )
+    return np.asarray(other / one)
+
+
 def hide(
     scene: Scene,
     names: Sequence[str],
@@ -250,6 +269,8 @@ def hide(
     layout: str = "line",
     order: Order = "random",
     noise: float = 0.01,
+    plane_gain: float = 0.0,
+    position_m: float = 0.0,
     strength: float | None = None,
     values: Mapping[str, float] | None = None,
     photons: float | None = None,
@@ -263,6 +284,8 @@ def hide(
     names : sequence of str
         Effects of the table, or "unknown:ripple", "unknown:flicker", "unknown:shadow".
     seed : int
+    plane_gain, position_m : float
+        Errors as `measure` takes them; stated in the table's error budget when they are not zero.
     strength : float, optional
         Size of each effect over its typical size.
     values : mapping, optional
@@ -287,7 +310,14 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    readings, clean, _ = measure(scene, truth, table, rng, noise=noise, factor=factor, photons=photons)
+    readings, clean, _ = measure(
+        scene, truth, table, rng, noise=noise, factor=factor,
+        plane_gain=plane_gain, position_m=position_m, photons=photons,
+    )  # fmt: skip
+    if plane_gain > 0:
+        readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * plane_gain))
+    if position_m > 0:
+        readings = replace(readings, budget=replace(readings.budget, position_mm=1000 * position_m))
     secret = {
         "hidden": list(names),
         "parameters": hidden,
@@ -297,6 +327,8 @@ def hide(
         "layout": layout,
         "order": order,
         "noise": noise,
+        "plane_gain_percent": 100 * plane_gain,
+        "position_mm": 1000 * position_m,
         "seed": seed,
     }
     return Hidden(readings, scene, secret, clean)

@@ -26,6 +26,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=seed_number, default=0, help="same seed, same measurement (default 0)")
     add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
     add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
+    add(
+        "--plane-gain",
+        type=float,
+        default=0.0,
+        metavar="PERCENT",
+        help="error of every stay at a plane, stated in the head of the table (default 0)",
+    )
+    add(
+        "--position",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="error of every position, stated in the head of the table (default 0)",
+    )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
     add("--max-photons", type=float, metavar="N", help="photon budget of the trace")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="scene.toml, data.csv, truth.json")
@@ -42,6 +56,9 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.strength is not None and not args.strength > 0:
         raise UsageError("impossible strength", where="--strength", found=args.strength, rule="above 0")
+    for option, size, largest in (("--plane-gain", args.plane_gain, 50), ("--position", args.position, 100)):
+        if not 0 <= size <= largest:
+            raise UsageError("impossible error", where=option, found=size, rule=f"0 to {largest}")
     doubled = sorted({name for name in args.effect if args.effect.count(name) > 1})
     if doubled:
         raise UsageError(
@@ -56,6 +73,8 @@ def run(args: argparse.Namespace) -> int:
         layout=args.layout,
         order="plane" if args.plane_order else "random",
         noise=args.noise,
+        plane_gain=args.plane_gain / 100,
+        position_m=args.position / 1000,
         strength=args.strength,
         values=values,
         photons=args.max_photons,

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 SPANS = ("x", "plane", "time")
 SCANS = ("bump", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.
-ABSORBED = 1e-4
+ABSORBED = 1e-3
 #: Scatter up to this many times the quoted variance is put down to errors quoted too small.
 VARIANCE_EXCESS = 4.0
 

@@ -18,6 +18,10 @@ from lightfield.forward import has_diffuse_light
 
 Array = NDArray[np.float64]
 
+#: Finite differences step by this part of the typical size: little physics, much for the single precision
+#: in which the response of the diffuse light is kept.
+STEP = 1e-2
+
 REASONS: Mapping[str, str] = {
     "vary_x": "all readings have the same x",
     "vary_y": "all readings have the same y",
@@ -130,7 +134,7 @@ def _parameter(
         low = low if declared.low is None else max(low, declared.low)
         high = high if declared.high is None else min(high, declared.high)
     grid = offset + factor * np.array(free.grid)
-    parameter = Parameter(free.path, low, high, now, 1e-3 * factor * free.typical, coordinate)
+    parameter = Parameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
     start = float(np.clip(parameter.coordinate_of(now), low, high))
     if shape:
         grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))

@@ -32,6 +32,8 @@ from lightfield.fit import Array, Fit
 #: A family of unknown factors is named when it takes away this part of the misfit.
 _NAMED = 0.5
 _SHOWN = 8
+#: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
+_CREDIBLE = 2.0
 
 
 def estimates(fit: Fit, scale: float, units: dict[str, str]) -> dict[str, Estimate]:
@@ -190,9 +192,13 @@ def _where(best: Coordinate) -> str:
 
 def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
     problem, noise = prepared.problem, prepared.noise
-    plain = Whitener(noise, 0.0, finding.level.bench.phi, 0.0)
+    # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
+    scale = finding.level.bench.phi * finding.level.phi
+    if prepared.errors_stated:
+        scale = min(scale, _CREDIBLE)
+    plain = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), plain, [finding.level.base.u])
-    ranked = coordinates(problem, plain, base, finding.level.phi)
+    ranked = coordinates(problem, plain, base, scale)
     best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
     z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
     worst = int(z.argmax())

@@ -89,14 +89,19 @@ def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> 
         residual = whiten(keep * (value - prediction * factor))
         nuisance = whiten((keep * factor)[:, None] * model.jacobian(u, prediction))
         shape = whiten((keep * prediction)[:, None] * unit)
-        length = np.linalg.norm(nuisance, axis=0) + 1e-300
-        both = np.hstack([nuisance / length, shape])
-        step = np.linalg.lstsq(both, residual, rcond=1e-6)[0]
-        u = np.clip(u + step[: len(u)] / length, model.low, model.high)
-        factor = factor + unit @ step[len(u) :]
-        rest = whiten(keep * (value - model.predict(u) * factor))
-        if (chi2 := float(rest @ rest)) < best[0]:
-            best = (chi2, factor.copy())
+        both = np.hstack([nuisance, shape])
+        length = np.linalg.norm(both, axis=0) + 1e-300
+        # A function of the angle can stand in for the beam width: such directions are left alone.
+        step = np.linalg.lstsq(both / length, residual, rcond=1e-3)[0] / length
+        for part in (1.0, 0.3, 0.1):
+            moved = np.clip(u + part * step[: len(u)], model.low, model.high)
+            scaled = factor + part * unit @ step[len(u) :]
+            rest = whiten(keep * (value - model.predict(moved) * scaled))
+            if (chi2 := float(rest @ rest)) < best[0]:
+                best, u, factor = (chi2, scaled), moved, scaled
+                break
+        else:
+            break
     return best[0], unit.shape[1], best[1]
 
 

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5
+#: Smooth relative error of the diffuse light's response: interpolation in g, beams of a finite basis,
+#: photons that count in several planes.
+RESPONSE_ERROR = 0.02
 _TALL = 2.0
 
 
@@ -89,6 +92,8 @@ class Noise:
         |gradient| of the prediction with respect to x, y, z, per metre.
     model_variance : array, shape (n,)
         Monte Carlo variance of the predictions.
+    diffuse : array, shape (n,)
+        Scattered and reflected part of the predictions.
     """
 
     layout: Layout
@@ -97,6 +102,7 @@ class Noise:
     budget: Budget
     position_slope: Array
     model_variance: Array
+    diffuse: Array | None = None
 
     def extra(self, tolerance: float) -> Array:
         """Covariance that does not scale with the quoted errors, shape (n, n)."""
@@ -111,13 +117,17 @@ class Noise:
             out += self.budget.plane_gain**2 * np.outer(f, f) * together
         if self.budget.position_m > 0:
             out[np.diag_indices(lay.size)] += (self.budget.position_m * self.position_slope) ** 2
-        if tolerance > 0:
+        smooth = [(tolerance, f)] if tolerance > 0 else []
+        if self.diffuse is not None and self.diffuse.any():
+            smooth.append((RESPONSE_ERROR, self.diffuse))
+        if smooth:
             apart = (
                 np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
             ) / ACROSS_M**2 + np.subtract.outer(lay.z_m, lay.z_m) ** 2 / ALONG_M**2
             kernel = np.exp(-0.5 * apart) * (lay.air[:, None] == lay.air[None])
             kernel *= np.where(lay.channel[:, None] == lay.channel[None], 1.0, 0.7)
-            out += tolerance**2 * np.outer(f, f) * kernel
+            for relative, part in smooth:
+                out += relative**2 * np.outer(part, part) * kernel
         out[np.diag_indices(lay.size)] += self.model_variance
         return out
 

@@ -143,7 +143,8 @@ def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Gene
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
     monte_carlo = forward.stderr(values) ** 2
-    noise = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, monte_carlo)
+    diffuse = forward.diffuse_part(values)
+    noise = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, monte_carlo, diffuse)
     return Prepared(problem, noise, serial, reference, explanation, stated)
 
 
@@ -159,7 +160,7 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
     """Whitening, noise scale and adequacy test at one tolerance."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
     zero = np.zeros(problem.layout.size)
-    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_variance=zero), rho)
+    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_variance=zero, diffuse=None), rho)
     reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
     rich = _rich(problem, plain, reference)
     phi = noise_scale(reference.residual, rich, plain, noise.extra(tolerance), problem.keep)

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 MAX_OUTLIERS = 0.08
 _MANY = 80
+#: An overstated part of the error budget must not make the readings look better than they can be.
+_SMALLEST_SCALE = 0.5
 
 
 @dataclass(frozen=True)
@@ -150,4 +152,4 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
     white = plain(plain(extra).T)
     expected = float(np.trace(white) - np.einsum("ij,ij->", rich, white @ rich))
     nu = max(float(keep.sum()) - rich.shape[1], 5.0)
-    return max(0.2, (float(rest @ rest) - expected) / nu)
+    return max(_SMALLEST_SCALE, (float(rest @ rest) - expected) / nu)

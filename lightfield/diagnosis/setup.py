@@ -73,14 +73,14 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
                 np.log(hwhm / _WIDTH_FACTOR),
                 np.log(high),
                 np.log(min(hwhm, high)),
-                1e-5,
+                1e-4,
                 "log",
             )
         )
     if layout.varies("z_m") and not layout.air.all():
         now = scene.water.absorption_per_m
         low = 0.0 if scene.water.base == "none" else -now - 0.3
-        out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-6))
+        out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-4))
     return tuple(out)
 
 

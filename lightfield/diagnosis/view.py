@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from lightfield.diagnose import Diagnosis
 
 _COMPARED = 6
+#: A rejected explanation that comes no nearer to the readings than this, in sigma, is itself next to nothing.
+_VISIBLE_SIGMA = 3.0
 
 
 def _label(names: tuple[str, ...]) -> str:
@@ -26,14 +28,17 @@ def _separations(found: Diagnosis) -> Separation | None:
     if not finding.accepted:
         return None
     chosen = list(finding.accepted[:_COMPARED])
+    whiten, phi = finding.level.bench.whiten, finding.level.phi
+    seen = finding.level.base.chi2 - _VISIBLE_SIGMA**2 * phi
     for tried in sorted(finding.tried, key=lambda t: t.bic):
         if len(chosen) >= _COMPARED:
             break
-        if len(tried.explanation) == len(chosen[0].explanation) and all(
-            tried.names != c.names for c in chosen
+        if (
+            len(tried.explanation) == len(chosen[0].explanation)
+            and tried.fit.chi2 < seen
+            and all(tried.names != c.names for c in chosen)
         ):
             chosen.append(tried)
-    whiten, phi = finding.level.bench.whiten, finding.level.phi
     sigma = np.array(
         [
             [0.0 if j is k else separation(problem, whiten, j.fit, k, phi).separation_sigma for k in chosen]

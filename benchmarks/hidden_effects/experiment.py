@@ -1,0 +1,173 @@
+"""One data set: made, diagnosed, and compared with what was hidden; the outcome is a row of plain data."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.hidden_effects.benches import BENCHES, believed_scene, held_out_places, table_of, true_scene
+from benchmarks.hidden_effects.catalogue import NOISE_KINDS, Trial
+from benchmarks.hidden_effects.lights import light_of, scene_of
+from benchmarks.hidden_effects.oracle import Oracle
+from lightfield import unknowns
+from lightfield.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.layout import layout_of
+from lightfield.diagnosis.setup import PLANE_GAIN_PERCENT
+from lightfield.forward import SceneForward, has_diffuse_light
+from lightfield.hide import FLOOR, measure
+
+#: Readings below this part of the largest one of their plane do not count in an error in per cent.
+BRIGHT = 0.05
+#: Rivals of the truth are sought where the effect can be seen.
+SEEN = 4.0
+Row = dict[str, Any]
+
+
+class Tracing:
+    """`response_for`, with a clock."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def __call__(self, *places: Any) -> Any:
+        from lightfield.render.diffuse import response_for
+
+        start = time.perf_counter()
+        response = response_for(*places)
+        self.seconds += time.perf_counter() - start
+        return response
+
+
+def run(trial: Trial, folder: Path) -> Row:
+    """Make, diagnose, compare. A crash is an outcome too."""
+    truth = trial.truth
+    row: Row = {
+        "seed": trial.seed, "key": trial.key, "stratum": truth.stratum, "bench": truth.bench, "label": truth.label,
+        "hidden": sorted(truth.hidden), "any_of": sorted(truth.any_of), "unknown": truth.unknown,
+        "noise_kind": trial.noise_kind, "order": trial.order, "noise": trial.noise,
+    }  # fmt: skip
+    try:
+        return row | _run(trial, folder)
+    except Exception as error:  # whatever it is, it belongs in the table
+        return row | {"verdict": "error", "error": repr(error), "traceback": traceback.format_exc()[-1500:]}
+
+
+def _run(trial: Trial, folder: Path) -> Row:
+    truth, bench = trial.truth, BENCHES[trial.truth.bench]
+    rng = np.random.default_rng(trial.seed)
+    table = table_of(bench, trial.order, rng)
+    scene = scene_of(truth)
+    believed = believed_scene(true_scene(bench, truth.beam), rng)
+    light, light_error = light_of(truth, folder)
+    n = len(table)
+    factor, drawn = np.ones(n), {}
+    if truth.unknown:
+        factor, drawn = unknowns.draw(truth.unknown, layout_of(table), rng)
+    kind = NOISE_KINDS[trial.noise_kind]
+    readings, clean, _ = measure(
+        believed, scene, table, rng, noise=trial.noise, light=light[:n], factor=factor, **kind
+    )
+    stated = kind.get("plane_gain")
+    if stated:
+        readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * stated))
+    tracing = Tracing()
+    start = time.perf_counter()
+    found = diagnose(readings, believed, diffuse=tracing)
+    seconds = time.perf_counter() - start - tracing.seconds
+    sigma = np.hypot(trial.noise * clean, FLOOR)
+    gain = float(clean.max() / light[:n].max())
+    gained = stated if stated is not None else PLANE_GAIN_PERCENT / 100
+    oracle = Oracle(believed, readings, clean, sigma, gained, tracing)
+    row = summary(found) | {
+        "n": n,
+        "values": {k: v for k, v in truth.values if isinstance(v, float)},
+        "drawn": drawn,
+        "seconds": seconds,
+        "trace_seconds": tracing.seconds,
+        "delta": oracle.delta if truth.stratum != "null" else 0.0,
+        "render_sigma": float(np.sqrt(np.mean((light_error[:n] * gain / sigma) ** 2))),
+    }
+    if truth.stratum in ("one", "other physics", "unknown") and oracle.delta > SEEN:
+        row["rival"], row["D"] = oracle.nearest(truth.any_of or truth.hidden)
+    if truth.stratum == "one" and found.verdict.verdict == "identified":
+        row |= _errors(trial, found, oracle, clean, light)
+    return row
+
+
+def summary(found: Diagnosis) -> Row:
+    """What a diagnosis says, as plain data."""
+    verdict = found.verdict
+    explanations = [
+        {
+            "effects": sorted(e.effects), "families": sorted(set(e.families)), "forms": e.forms,
+            "weight": round(e.weight, 4), "p": e.adequacy_p,
+        }
+        for e in verdict.explanations[:12]
+    ]  # fmt: skip
+    best = verdict.explanations[0].parameters if verdict.explanations else {}
+    rival, first, last = verdict.nearest_rival, verdict.ladder[0], verdict.ladder[-1]
+    return {
+        "verdict": verdict.verdict,
+        "effects": sorted(verdict.effects),
+        "explanations": explanations,
+        "nearest": [rival.effects, rival.separation_sigma] if rival else None,
+        "parameters": {p: [e.value, e.stderr] for p, e in best.items() if not p.startswith("gain")},
+        "coordinate": verdict.unexplained_coordinate,
+        "base_p": verdict.base_p,
+        "within_tolerance": verdict.within_tolerance,
+        "percent": [first.error_percent, last.error_percent, verdict.noise_floor_percent],
+        "held_out": [first.held_out_percent, last.held_out_percent],
+    }
+
+
+def _errors(
+    trial: Trial, found: Diagnosis, oracle: Oracle, clean: np.ndarray, light: np.ndarray
+) -> dict[str, float]:
+    """Error of base, claim and the best possible fit, on the noise-free truth between the readings, in per cent.
+
+    Left out where scattered light takes part: its response would have to be traced for the held-out places.
+    """
+    truth, n = trial.truth, len(clean)
+    scene = scene_of(truth)
+    right = oracle.formulas(truth.hidden, dict(truth.values))
+    places = held_out_places(BENCHES[truth.bench])
+    m = len(places["x_m"])
+    if has_diffuse_light(scene) or has_diffuse_light(found.scene) or not m or not right:
+        return {}
+    last = np.full(m, float(np.nanmax(found.readings.time_s)))
+    at = {**places, "medium": np.full(m, "water"), "time_s": last}
+    there = found.forward.at(**at)
+    # The truth's own readout, with the gain under which its readings are `clean`.
+    own = SceneForward(scene, found.readings, full=float(clean.max()))
+    gain = _gain(lambda g: own.read(light[:n], {"gain": g}), clean)
+    expected = own.at(**at).read(light[n:], {"gain": gain})
+    group = places["z_m"]
+    top = np.array([expected[group == z].max() for z in group])
+    counted = expected > BRIGHT * top
+    fits = {
+        "base": found.steps[0].fit.values,
+        "fit": found.steps[-1].fit.values,
+        "oracle": oracle.fit(right, dict(truth.values), found.prepared.problem).values,
+    }
+    return {
+        f"error_{name}": float(
+            100 * np.sqrt(np.mean(((there.predict(values) / expected)[counted] - 1) ** 2))
+        )
+        for name, values in fits.items()
+    }
+
+
+def _gain(read: Callable[[float], np.ndarray], clean: np.ndarray) -> float:
+    """The gain that gives the clean readings, which rise with it."""
+    place = int(clean.argmax())
+    low, high = 1e-6, 1e6
+    for _ in range(200):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if read(middle)[place] < clean[place] else (low, middle)
+    return float(np.sqrt(low * high))

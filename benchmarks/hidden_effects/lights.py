@@ -1,0 +1,57 @@
+"""The light of every truth, rendered in full once and kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hidden_effects.benches import BENCHES, number_of, table_of, true_scene, with_held_out
+from benchmarks.hidden_effects.catalogue import Truth
+from lightfield.files import atomic_path
+from lightfield.scene import Scene
+
+PHOTONS, REL_ERROR = 1.5e7, 0.002
+#: What acts after the light has arrived, or on all light alike.
+AFTERWARDS = ("detector.background", "detector.saturation", "detector.saturation_quadratic", "lamp.drift_per_hour",
+              "lamp.warmup_fraction", "lamp.warmup_time_s")  # fmt: skip
+
+
+def lit_scene(truth: Truth) -> Scene:
+    """The true scene without what acts after the light has arrived."""
+    optical = {path: value for path, value in truth.values if path not in AFTERWARDS}
+    return true_scene(BENCHES[truth.bench], truth.beam).with_values(optical)
+
+
+def scene_of(truth: Truth) -> Scene:
+    """The true scene."""
+    return true_scene(BENCHES[truth.bench], truth.beam).with_values(dict(truth.values))
+
+
+def _file(truth: Truth, folder: Path) -> Path:
+    told = json.dumps([truth.bench, lit_scene(truth).digest(), PHOTONS, REL_ERROR])
+    return folder / "light" / f"{hashlib.sha256(told.encode()).hexdigest()[:20]}.npz"
+
+
+def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Light at the readings and then the held-out places, and its Monte Carlo error, shape (n + m,).
+
+    For unit on-axis intensity; rendered now unless it was before.
+    """
+    path = _file(truth, folder)
+    if not path.exists():
+        from lightfield.rendered import rendered_light  # loads Mitsuba
+
+        bench = BENCHES[truth.bench]
+        places = with_held_out(bench, table_of(bench, "plane", np.random.default_rng(0)))
+        seed = 1000 + number_of(path.stem) % 100_000
+        light, stderr = rendered_light(
+            lit_scene(truth), places, seed=seed, rel_error=REL_ERROR, max_photons=PHOTONS
+        )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, light=light, stderr=stderr)
+    with np.load(path) as stored:
+        return stored["light"], stored["stderr"]

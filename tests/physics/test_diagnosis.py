@@ -1,0 +1,134 @@
+"""Each kind of verdict, on readings of the closed-form model: false alarms, names, sets, unknowns.
+
+Numbers of sets are small here; benchmarks/hidden_effects has the large ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+from scipy import stats
+
+from lightfield.diagnose import diagnose
+from lightfield.diagnosis.cascade import ALPHA
+
+SINGLE = {
+    "apparent_source": {"lamp.apparent_distance_m": 0.8},
+    "beam_offset": {"lamp.offset_x_m": -0.02},
+    "beam_tilt": {"lamp.tilt_x_deg": 0.2},
+    "beam_shape": {"lamp.shape_exponent": 2.3},
+    "beam_skirt": {"lamp.skirt_fraction": 0.05, "lamp.skirt_hwhm_deg": 14.0},
+    "lamp_drift": {"lamp.warmup_fraction": 0.08, "lamp.warmup_time_s": 500.0},
+    "water_gradient": {"water.gradient_per_m2": -0.012},
+    "background": {"detector.background": 0.006},
+    "saturation": {"detector.saturation": 0.2},
+}
+
+
+def test_false_alarms_keep_their_level() -> None:
+    """60 sets without an effect, in four kinds of noise: alarms within the level's 99.9 % limit."""
+    kinds: list[tuple[str, Mapping[str, Any]]] = [
+        ("random", {}),
+        ("plane", {"plane_gain": 0.002}),
+        ("plane", {"serial": 0.4}),
+        ("random", {"outliers": 0.02}),
+    ]
+    alarms = 0
+    for seed in range(15):
+        for order, kind in kinds:
+            table, scene = readings(seed=1000 + seed, order=order, **kind)
+            alarms += diagnose(table, scene, diffuse=None, advise=False).verdict.verdict != "none"
+    assert alarms <= stats.binom.isf(0.001, 60, ALPHA)
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_one_effect_is_named_and_measured(name: str) -> None:
+    """The effect is the answer, and its parameters are the hidden ones within four of their errors."""
+    table, scene = readings(SINGLE[name], seed=7)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert (verdict.verdict, verdict.effects) == ("identified", [name])
+    found = verdict.explanations[0].parameters
+    for path, value in SINGLE[name].items():
+        stderr = found[path].stderr
+        assert stderr is not None
+        assert abs(found[path].value - value) < 4 * stderr, path
+    assert verdict.nearest_rival is not None and verdict.nearest_rival.separation_sigma > 3
+
+
+def test_two_effects_are_both_named() -> None:
+    table, scene = readings({**SINGLE["beam_tilt"], **SINGLE["background"]}, seed=3)
+    found = diagnose(table, scene, diffuse=None)
+    assert found.verdict.verdict == "identified"
+    assert set(found.verdict.effects) == {"beam_tilt", "background"}
+    errors = [rung.error_percent for rung in found.verdict.ladder]
+    assert errors[0] > errors[1] > errors[2]
+    held = [rung.held_out_percent for rung in found.verdict.ladder]
+    assert held[2] < held[0]
+
+
+def test_window_refraction_needs_air_and_water() -> None:
+    """Beam in air 1.336 times wider and 1.785 times weaker than the same lamp's in water."""
+    table, scene = readings({"lamp.window_index": 1.336}, seed=2, layout="air")
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert verdict.effects == ["window_refraction"]
+    assert abs(verdict.explanations[0].parameters["lamp.window_index"].value - 1.336) < 0.01
+    dry = diagnose(readings(seed=2)[0], scene, diffuse=None, advise=False).verdict
+    assert "air" in dry.untestable["window_refraction"]
+
+
+def test_a_tilt_that_only_a_wide_scan_tells_from_an_offset_is_ambiguous() -> None:
+    """Seen but too weak to be told from an offset: both are reported, and where to read next."""
+    table, scene = readings({"lamp.tilt_x_deg": 0.035}, seed=5, noise=0.01)
+    verdict = diagnose(table, scene, diffuse=None).verdict
+    assert verdict.verdict == "ambiguous"
+    assert ["beam_tilt"] in [e.effects for e in verdict.explanations]
+    assert len(verdict.explanations) > 1
+    assert verdict.next_measurement is not None
+
+
+def test_a_shadow_is_unexplained_and_located() -> None:
+    """No effect of the table is a dip at one x; the coordinate is."""
+    table, scene = readings(seed=4, factor=lambda t: 1 - 0.2 * np.exp(-(((t.x_m - 0.3) / 0.06) ** 2)))
+    verdict = diagnose(table, scene, diffuse=None).verdict
+    assert (verdict.verdict, verdict.effects) == ("unexplained", [])
+    assert verdict.unexplained_coordinate == "x"
+    assert verdict.next_measurement is not None
+
+
+def test_a_ripple_of_the_angle_is_unexplained() -> None:
+    def ripple(table: Any) -> np.ndarray:
+        return 1 + 0.06 * np.sin(2 * np.pi * np.degrees(np.arctan2(np.abs(table.x_m), table.z_m)) / 1.5)
+
+    verdict = diagnose(*readings(seed=4, factor=ripple), diffuse=None, advise=False).verdict
+    assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "angle")
+
+
+def test_what_cannot_be_tested_says_why() -> None:
+    verdict = diagnose(*readings(seed=1), diffuse=None, advise=False).verdict
+    assert verdict.untestable["beam_ellipticity"] == "all readings have the same y"
+    assert "tank" in verdict.untestable["wall_reflection"]
+    assert "three wavelengths" in verdict.untestable["cdom"]
+    # A Gaussian receiver before a Gaussian beam is the same as a narrower beam.
+    assert "absorbed" in verdict.untestable["acceptance"]
+
+
+def test_detection_limits_are_what_is_detected() -> None:
+    """An effect of its detection limit is found in most of 8 sets; one of a tenth of it in next to none."""
+    table, scene = readings(seed=0)
+    limit = diagnose(table, scene, diffuse=None, advise=False).verdict.detection_limits["background"].value
+    seen = {
+        size: sum(
+            diagnose(
+                *readings({"detector.background": size * limit}, seed=s), diffuse=None, advise=False
+            ).verdict.verdict
+            != "none"
+            for s in range(8)
+        )
+        for size in (1.0, 0.1)
+    }
+    assert seen[1.0] >= 6
+    assert seen[0.1] <= 2

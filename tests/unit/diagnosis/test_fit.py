@@ -1,0 +1,80 @@
+"""The bounded least squares against problems with a known answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lightfield.fit import Model, Parameter, least_squares
+
+T = np.linspace(0, 4, 41)
+
+
+class Decay:
+    """a exp(-k t) + c."""
+
+    size = len(T)
+
+    def predict(self, values: Mapping[str, float]) -> np.ndarray:
+        return values["a"] * np.exp(-values["k"] * T) + values.get("c", 0.0)
+
+    def stderr(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.zeros(self.size)
+
+    position_slope = stderr
+    diffuse_part = stderr
+
+
+def model(low_c: float = -1.0) -> Model:
+    return Model(
+        Decay(),
+        (
+            Parameter("a", -5, 5, 0.0, 1e-6, "log"),
+            Parameter("k", 0.0, 10.0, 1.0, 1e-6),
+            Parameter("c", low_c, 1.0, 0.1, 1e-6),
+        ),
+    )
+
+
+def test_exact_data_give_the_exact_answer() -> None:
+    data = 2.5 * np.exp(-0.7 * T) + 0.3
+    fit = least_squares(model(), data, lambda a: a / 0.01, model().start, tolerance=1e-10)
+    assert fit.chi2 < 1e-8
+    np.testing.assert_allclose([fit.values[k] for k in "akc"], [2.5, 0.7, 0.3], rtol=1e-6)
+
+
+def test_errors_are_those_of_the_linear_theory() -> None:
+    """Spread of the estimate over 200 data sets equals the quoted error (its own error is 5 %)."""
+    rng = np.random.default_rng(1)
+    clean = 2.5 * np.exp(-0.7 * T) + 0.3
+    fits = [
+        least_squares(model(), clean + 0.02 * rng.standard_normal(len(T)), lambda a: a / 0.02, model().start)
+        for _ in range(200)
+    ]
+    spread = np.std([f.values["k"] for f in fits])
+    quoted = np.median([f.stderr()["k"] for f in fits])
+    assert 0.85 < spread / quoted < 1.15
+
+
+def test_a_parameter_at_its_bound_has_no_error() -> None:
+    data = 2.5 * np.exp(-0.7 * T) - 0.2
+    bounded = model(low_c=0.0)
+    fit = least_squares(bounded, data, lambda a: a / 0.01, bounded.start)
+    assert fit.at_bound().tolist() == [False, False, True]
+    assert np.isnan(fit.stderr()["c"]) and np.isfinite(fit.stderr()["k"])
+
+
+def test_readings_left_out_do_not_count() -> None:
+    data = 2.5 * np.exp(-0.7 * T) + 0.3
+    data[7] = 100.0
+    keep = np.ones(len(T))
+    keep[7] = 0.0
+    fit = least_squares(model(), data, lambda a: a / 0.01, model().start, keep)
+    assert fit.chi2 < 1e-4
+
+
+def test_an_infinite_width_is_zero_in_the_scene() -> None:
+    width = Parameter("w", 0.0, 25.0, 0.0, 1e-3, "inverse-square")
+    assert width.value(0.0) == 0.0
+    assert width.value(width.coordinate_of(8.0)) == 8.0

@@ -1,0 +1,132 @@
+"""The verdict as data: schema, ladder that can be climbed again, ledger, report of a fit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis import ledger
+from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.verdict import Verdict, json_schema
+from lightfield.errors import FitError, UsageError
+from lightfield.fitreport import fit_readings
+from lightfield.fittext import as_data, as_text
+from lightfield.scene import Scene
+
+HIDDEN = {"lamp.tilt_x_deg": 0.25, "detector.background": 0.01}
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    table, scene = readings(HIDDEN, seed=11)
+    return diagnose(table, scene, diffuse=None)
+
+
+def test_json_reads_back_and_names_every_promised_field(found: Diagnosis) -> None:
+    data = json.loads(found.verdict.model_dump_json())
+    assert Verdict.model_validate(data) == found.verdict
+    promised = {
+        "verdict", "effects", "explanations", "nearest_rival", "detection_limits", "untestable",
+        "unexplained_coordinate", "ladder", "noise_floor_percent", "next_measurement", "assumed",
+    }  # fmt: skip
+    assert promised <= set(data) <= set(json_schema()["properties"])
+    explanation = data["explanations"][0]
+    assert {
+        "effects",
+        "families",
+        "weight",
+        "parameters",
+        "chi2_per_dof",
+        "error_percent",
+        "held_out_percent",
+    } <= set(explanation)
+    assert explanation["parameters"]["lamp.tilt_x_deg"]["unit"] == "deg"
+
+
+def test_a_stored_rung_gives_the_rung_again(found: Diagnosis, tmp_path) -> None:
+    """`compare --scene rung2.toml` refits gain, width and absorption with the effects on: same minimum."""
+    found.save(tmp_path)
+    for k, rung in enumerate(found.verdict.ladder):
+        scene = Scene.load(tmp_path / f"rung{k}.toml")
+        again = fit_readings(found.readings, scene)
+        assert again.error_percent == pytest.approx(rung.error_percent, rel=2e-3)
+    assert scene.get("detector.background") == pytest.approx(0.01, abs=0.002)
+
+
+def test_an_effect_that_the_scene_has_is_not_found_again(found: Diagnosis) -> None:
+    verdict = diagnose(found.readings, found.scene, diffuse=None, advise=False).verdict
+    assert verdict.verdict == "none"
+
+
+def test_the_ledger_counts_the_runs_on_the_same_readings(found: Diagnosis, tmp_path) -> None:
+    first, second = found.save(tmp_path), found.save(tmp_path)
+    assert (first.verdict.run, second.verdict.run) == (1, 2)
+    rows = ledger.entries(tmp_path)
+    assert [row["effects"] for row in rows[:3]] == [rung.effects for rung in found.verdict.ladder]
+    other, _ = readings(seed=99)
+    assert ledger.runs(tmp_path, ledger.fingerprint(other)) == 0
+
+
+def test_climbing_by_hand_meets_the_diagnosis(found: Diagnosis, tmp_path) -> None:
+    report = fit_readings(found.readings, found.forward.scene, ["beam_tilt", "background"])
+    best = found.verdict.explanations[0]
+    assert report.error_percent == pytest.approx(best.error_percent, rel=2e-3)
+    assert report.adequacy_p > 0.01
+    stored = report.save(tmp_path, "compare --with beam_tilt,background")
+    assert Scene.load(stored).get("lamp.tilt_x_deg") == pytest.approx(0.25, abs=0.02)
+    text = as_text(report)
+    assert "[[Correlations]]" in text and "[[Residuals by plane]]" in text
+    json.dumps(as_data(report), allow_nan=False)
+
+
+def test_a_base_fit_says_where_it_fails(found: Diagnosis) -> None:
+    """A tilted beam: the sum of the residuals in one of the outer rings is many sigma."""
+    report = fit_readings(found.readings, found.forward.scene)
+    assert report.adequacy_p < 0.01
+    assert max(abs(row.mean_sigma) for row in report.where["radius"]) > 5
+
+
+def test_a_missing_error_has_a_reason() -> None:
+    """Spectral hardening of a gradient's opposite sign runs into its bound at zero."""
+    table, scene = readings({"water.gradient_per_m2": 0.01}, seed=2)
+    report = fit_readings(table, scene, ["spectral_hardening"])
+    estimate = report.estimates["water.hardening_per_m"]
+    assert estimate.stderr is None and estimate.reason == "at boundary"
+    assert "at boundary" in as_text(report)
+
+
+def test_a_form_can_be_chosen_by_name() -> None:
+    table, scene = readings({"lamp.warmup_fraction": 0.1, "lamp.warmup_time_s": 400.0}, seed=2)
+    straight = fit_readings(table, scene, ["lamp_drift"])
+    curved = fit_readings(table, scene, ["lamp_drift:warm-up"])
+    assert curved.chi2 < straight.chi2
+    with pytest.raises(UsageError, match="warm-up"):
+        fit_readings(table, scene, ["lamp_drift:cubic"])
+    with pytest.raises(UsageError, match="same y"):
+        fit_readings(table, scene, ["beam_ellipticity"])
+
+
+def test_too_few_readings_are_refused() -> None:
+    table, scene = readings(seed=1)
+    with pytest.raises(FitError, match="more than its 3 parameters"):
+        diagnose(table.subset(np.arange(3) * 21), scene, diffuse=None)
+
+
+def test_plan_predicts_what_cannot_be_told_apart() -> None:
+    """Gradient and hardening are both quadratic in the path: a layout in water alone cannot part them."""
+    table, scene = readings(seed=1)
+    made = plan(table, scene)
+    k = {name: i for i, name in enumerate(made.isolability.names)}
+    assert made.isolability.D[k["water_gradient"], k["spectral_hardening"]] < 3
+    assert made.isolability.D[k["background"], k["beam_tilt"]] > 3
+    assert made.untestable["acceptance"]
+
+
+def test_same_seed_same_verdict() -> None:
+    table, scene = readings(HIDDEN, seed=12)
+    one, two = (diagnose(table, scene, diffuse=None, advise=False, seed=5).verdict for _ in range(2))
+    assert one == two
