@@ -8,17 +8,13 @@ Results are kept, one line per set: started again, it does only what is missing,
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from benchmarks.hidden_effects import experiment, independent, store, workers
-from benchmarks.hidden_effects.catalogue import Trial, quick_trials, trials
+from benchmarks.hidden_effects import store
+from benchmarks.hidden_effects.campaign import perform
+from benchmarks.hidden_effects.catalogue import quick_trials, trials
 
 ROOT = Path(__file__).resolve().parents[2]
-#: After so many own sets comes an independent case.
-BETWEEN = 6
 
 
 def _arguments() -> argparse.Namespace:
@@ -33,41 +29,11 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _job(job: Trial | Path, folder: Path) -> dict[str, Any]:
-    return independent.run(job) if isinstance(job, Path) else experiment.run(job, folder)
-
-
-def _perform(chosen: Sequence[Trial], args: argparse.Namespace) -> None:
-    """One set per set-up first (which traces its diffuse light), then the rest with the independent cases between."""
-    until, version = time.monotonic() + 60 * args.minutes, store.code_version()
-    own, other = args.store / "sets.jsonl", args.store / "independent.jsonl"
-    finished = {r["seed"] for r in store.read(own) if not args.fresh or r["code"] == version}
-    left = [t for t in chosen if t.seed not in finished]
-    first: dict[str, Trial] = {}
-    for trial in left:
-        if trial.truth.stratum == "null":
-            first.setdefault(trial.truth.bench, trial)
-    cases = {r["case"] for r in store.read(other) if not args.fresh or r["code"] == version}
-    outside = [] if args.quick else [c for c in independent.cases() if c.name not in cases]
-    jobs: list[Trial | Path] = []
-    for trial in (t for t in left if first.get(t.truth.bench) is not t):
-        jobs.append(trial)
-        if len(jobs) % BETWEEN == 0 and outside:
-            jobs.append(outside.pop(0))
-    pool = workers.start()
-    try:
-        for some in (list(first.values()), [*jobs, *outside]):
-            for row in workers.results(pool, "sets", _job, [(job, args.store) for job in some], until):
-                store.append(other if "case" in row else own, row | {"code": version})
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
 def main() -> None:
     args = _arguments()
     chosen = quick_trials() if args.quick else trials()[: args.sets]
     if not args.score:
-        _perform(chosen, args)
+        perform(chosen, args.store, args.minutes, args.fresh, with_cases=not args.quick)
     from benchmarks.hidden_effects.page import write  # Matplotlib
 
     seeds = {t.seed for t in chosen}

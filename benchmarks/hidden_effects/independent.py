@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.hidden_effects.experiment import Tracing, summary
-from lightfield.diagnose import diagnose
+from benchmarks.hidden_effects.experiment import Tracing, summary, timed
 from lightfield.measurements.readings import Readings
 from lightfield.scene import Scene
 
@@ -40,13 +38,9 @@ def run(case: Path) -> Row:
         "layout": truth["layout"], "noise": truth["noise"], "delta": truth["detectability_sigma"],
     }  # fmt: skip
     try:
-        tracing = Tracing()
-        start = time.perf_counter()
-        found = diagnose(
-            Readings.load(case / "data.csv"), Scene.load(case / "scene.toml"), diffuse=tracing
-        )
-        seconds = time.perf_counter() - start - tracing.seconds
-        row |= summary(found) | {"seconds": seconds, "trace_seconds": tracing.seconds, "n": len(found.readings)}
+        readings, scene = Readings.load(case / "data.csv"), Scene.load(case / "scene.toml")
+        found, times = timed(readings, scene, Tracing())
+        row |= summary(found) | times | {"n": len(readings)}
     except Exception as error:  # a crash is an outcome too
         row |= {"verdict": "error", "error": repr(error), "effects": [], "explanations": []}
     return row
