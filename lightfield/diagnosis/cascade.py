@@ -75,7 +75,7 @@ class Finding:
     @property
     def identified(self) -> bool:
         """Is there one answer?"""
-        return bool(self.accepted) and self.weights[0] > CONVINCING
+        return bool(self.accepted) and self.weights[0] > CONVINCING and not self.accepted[0].at_edge
 
 
 def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:

@@ -34,6 +34,13 @@ class Tried:
     def names(self) -> tuple[str, ...]:
         return tuple(sorted(c.name for c in self.explanation))
 
+    @property
+    def at_edge(self) -> bool:
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?"""
+        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        pairs = zip(self.fit.paths, self.fit.at_bound(), strict=True)
+        return any(bound and path in amplitudes for path, bound in pairs)
+
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)
@@ -201,12 +208,16 @@ def search_pairs(problem: Problem, test: AdequacyTest, fits: list[tuple[Explanat
 
 
 def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
-    """Accepted explanations, best first; of several forms of the same effects only the best."""
+    """Accepted explanations, best first; of several forms of the same effects only the best.
+
+    Explanations with an amplitude at a bound count only when there is no other.
+    """
     out: dict[tuple[str, ...], Tried] = {}
     for one in sorted(tried, key=lambda t: t.bic):
         if one.accepted(alpha):
             out.setdefault(one.names, one)
-    return list(out.values())
+    inside = [one for one in out.values() if not one.at_edge]
+    return inside or list(out.values())
 
 
 def weights(explanations: list[Tried]) -> list[float]:

@@ -60,9 +60,11 @@ def sentence(
         return f"{join(names).capitalize()} {verb} missing in the model{within} (family: {family}){next_one}."
     if kind == "ambiguous":
         if len(explanations) == 1:
+            doubt = "the evidence against chance is weak"
+            if any(e.reason == "at boundary" for e in explanations[0].parameters.values()):
+                doubt = "only with a parameter at the edge of what is plausible"
             return (
-                f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, "
-                "but the evidence against chance is weak."
+                f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )
         listed = " or ".join(join(e.effects) for e in explanations[:4])
         more = f" or one of {len(explanations) - 4} others" if len(explanations) > 4 else ""
