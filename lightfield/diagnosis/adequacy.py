@@ -29,6 +29,9 @@ SCANS = ("bump", "step", "one plane")
 ABSORBED = 1e-3
 #: Scatter up to this many times the quoted variance is put down to errors quoted too small.
 VARIANCE_EXCESS = 4.0
+#: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is then taken as stated.
+FEWEST_SPARE = 4
+_CERTAIN = 1000
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class Adequacy:
         Nominal p of each test: (effect, form), or "~" and the unknown's name.
     excess_p : float
         Probability of so large a scatter, were the errors quoted up to a factor 2 too small.
+    scale_taken : bool
+        Too few readings to estimate the scale of the noise: the stated errors are taken as they are.
     """
 
     p: float
@@ -81,6 +86,7 @@ class Adequacy:
     scores: tuple[Score, ...]
     amplitudes: tuple[Array, ...]
     excess_p: float
+    scale_taken: bool = False
 
     @property
     def worst(self) -> object:
@@ -151,11 +157,13 @@ class AdequacyTest:
         reach = orthonormal(np.hstack([free, *directions, together, scans["step"], scans["one plane"]]))
         if n_kept - reach.shape[1] < 8:
             reach = orthonormal(np.hstack([free, *directions, *[v for k, v in spans.items() if k == "x"]]))
-        nu = max(n_kept - reach.shape[1], 3)
+        spare = n_kept - reach.shape[1]
+        taken = spare < FEWEST_SPARE
+        nu = _CERTAIN if taken else spare
         null = beside(free, self.replicates)
-        null_p, labels, _ = self._p_values(null, testable, spans, scans, reach, nu)
+        null_p, labels, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
         observed = beside(free, fit.residual[:, None])
-        seen_p, _, phi = self._p_values(observed, testable, spans, scans, reach, nu)
+        seen_p, _, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
         worst = float(seen_p.min())
         p = (1 + int((null_p.min(0) <= worst).sum())) / (1 + null_p.shape[1])
         excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
@@ -166,7 +174,8 @@ class AdequacyTest:
             dict(zip(labels, map(float, seen_p[:, 0]), strict=True)),
             scores,
             tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
-            float(stats.chi2.sf(nu * excess, nu)) if self.errors_stated else 1.0,
+            float(stats.chi2.sf(nu * excess, nu)) if self.errors_stated and not taken else 1.0,
+            taken,
         )
 
     @staticmethod
@@ -183,11 +192,13 @@ class AdequacyTest:
         scores: list[Score],
         spans: Mapping[str, Array],
         scans: Mapping[str, Array],
-        reach: Array,
+        reach: Array | None,
         nu: int,
     ) -> tuple[Array, list[object], Array]:
         total = (residuals**2).sum(0)
-        phi = np.maximum(total - ((reach.T @ residuals) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
+        phi = np.ones_like(total)
+        if reach is not None:
+            phi = np.maximum(total - ((reach.T @ residuals) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
         best: dict[object, Array] = {}
         for score in scores:
             projected = score.direction.T @ residuals

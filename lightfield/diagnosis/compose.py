@@ -302,6 +302,12 @@ def _warnings(
     scale = finding.level.bench.phi * finding.level.phi
     if prepared.errors_stated and scale > 2.5:
         out.append(f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say")
+    if finding.levels[0].adequacy.scale_taken:
+        stated = "stated" if prepared.errors_stated else "assumed"
+        out.append(
+            f"too few readings to estimate the noise from them: the {stated} errors are taken as they are, and "
+            "the verdict is no better than they are"
+        )
     if finding.size == 0 and finding.level.tolerance > 0:
         out.append("a significant misfit is smaller than the tolerance and was ignored")
     for explanation in explanations[:1]:

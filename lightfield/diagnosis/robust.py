@@ -148,6 +148,8 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
     extra : array, shape (n, n)
         Covariance of the other terms of the budget.
     """
+    if keep.sum() - rich.shape[1] < 4:  # nothing is left to estimate it from
+        return 1.0
     rest = beside(rich, residual[:, None])[:, 0]
     white = plain(plain(extra).T)
     expected = float(np.trace(white) - np.einsum("ij,ij->", rich, white @ rich))
