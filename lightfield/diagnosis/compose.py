@@ -193,9 +193,7 @@ def _where(best: Coordinate) -> str:
 def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
     problem, noise = prepared.problem, prepared.noise
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
-    scale = finding.level.bench.phi * finding.level.phi
-    if prepared.errors_stated:
-        scale = min(scale, _CREDIBLE)
+    scale = error_scale(prepared, finding)
     plain = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), plain, [finding.level.base.u])
     ranked = coordinates(problem, plain, base, scale)
@@ -218,6 +216,16 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
         )
     advice = NextMeasurement(sentence=sentence, readings=[spot])
     return (best.name if best else None), (_where(best) if best else ""), advice
+
+
+def error_scale(prepared: Prepared, finding: Finding) -> float:
+    """Variance of the readings' errors over the quoted one, judged beside the best explanation.
+
+    A misfit that nothing explains is not noise: then the quoted errors have the word, as far as they are credible.
+    """
+    best = finding.accepted[0].adequacy if finding.accepted else None
+    scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
+    return min(scale, _CREDIBLE) if finding.size is None and prepared.errors_stated else scale
 
 
 def verdict_of(
@@ -262,7 +270,7 @@ def verdict_of(
     explanations = _explanations(finding, prepared, steps, units, advise)
     limits = _limits(finding, best, units)
     counted = bright(problem)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, level.bench.phi * level.phi, 0.0)))
+    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
     floor = (
         float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
         if counted.any()
