@@ -61,8 +61,8 @@ class Diagnosis:
     @cached_property
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
-        level = self.finding.level
-        covariance = self.prepared.noise.covariance(0.0, level.bench.phi * level.phi, 0.0)
+        scale = compose.error_scale(self.prepared, self.finding)
+        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
         return np.sqrt(np.diag(covariance))
 
     def rendered(self, max_photons: float | None = None) -> Diagnosis:

@@ -44,10 +44,10 @@ def data_figure(view: DiagnosisView) -> Figure:
             unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
             value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
             base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=view.predictions[0].label)
+            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=_plain(view.predictions[0].label))
             if explained:
                 upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-                upper.plot(at, best, color=RENDER, label=view.predictions[-1].label)
+                upper.plot(at, best, color=RENDER, label=_plain(view.predictions[-1].label))
             upper.errorbar(
                 at[~out],
                 value[~out],
@@ -116,7 +116,7 @@ def residual_map(view: DiagnosisView) -> Figure:
                 linewidths=0.4,
             )
             rms = float(np.sqrt(np.nanmean(view.residual_sigma(step)[~readings.left_out] ** 2)))
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{name}: rms {rms:.1f} σ")
+            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{_plain(name)}: rms {rms:.1f} σ")
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
@@ -146,7 +146,7 @@ def signature_figure(view: DiagnosisView, most: int = 4) -> Figure:
                     (signature.change / view.readings.sigma)[rows],
                     color=SERIES[(0, 2, 3, 4)[k % 4]],
                     linestyle=("solid", DASHED, "dotted", "dashdot")[k % 4],
-                    label=signature.label,
+                    label=_plain(signature.label),
                 )
             axis.grid(False, axis="y")
             label(axis, AXIS_NAMES[view.scan_axis], "", group.label)
@@ -163,7 +163,7 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
     held_out = np.array(
         [np.nan if rung.get("held_out_percent") is None else rung["held_out_percent"] for rung in ladder]
     )
-    with figure(max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder))), 3.6) as fig:
+    with figure(max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder))), 4.0) as fig:
         axis = fig.subplots()
         axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
         axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
@@ -213,7 +213,8 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
         axis.set_xlim(-0.4, len(ladder) - 0.4)
         axis.grid(False, axis="x")
         axis.set_ylabel("rms error (%)")
-        axis.legend(loc="upper right")
+        handles, names = axis.get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside lower left", ncols=2 if len(ladder) > 1 else 1)
     return fig
 
 
@@ -282,4 +283,8 @@ def _spread(z_m: np.ndarray, wavelength_nm: np.ndarray, medium: Sequence[str]) -
 
 
 def _wrapped(text: str) -> str:
-    return text.replace(" + ", "\n+ ").replace("_", " ")
+    return _plain(text).replace(" + ", "\n+ ")
+
+
+def _plain(text: str) -> str:
+    return text.replace("_", " ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
     """
     verdict = view.verdict
     kind, text = TAGS[verdict["verdict"]]
+    headline, more = _headline(verdict["sentence"])
     readings = view.readings
     advice = verdict.get("next_measurement") or {}
     spots = advice.get("readings") or []
@@ -97,9 +99,9 @@ def diagnosis_page(view: DiagnosisView) -> str:
     return fill(
         "diagnosis.html",
         title=view.title,
-        verdict=verdict["sentence"],
+        verdict=headline,
         tag={"kind": kind, "text": text},
-        lead=_lead(verdict),
+        lead=[*more, *_lead(verdict)],
         rungs=[_rung(rung) for rung in verdict["ladder"]],
         explanations=[_explanation(each) for each in verdict["explanations"]],
         rival=_rival(verdict),
@@ -118,6 +120,15 @@ def diagnosis_page(view: DiagnosisView) -> str:
     )
 
 
+def _headline(sentence: str) -> tuple[str, list[str]]:
+    """What was found, and apart from it how sure that is: the first is read from across the room."""
+    found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)
+    if found:
+        return f"{found['what']}.", [found["family"].capitalize() + found["rest"]]
+    first, _, rest = sentence.partition(". ")
+    return (f"{first}.", [rest]) if rest else (sentence, [])
+
+
 def _lead(verdict: Mapping[str, Any]) -> list[str]:
     ladder = verdict["ladder"]
     first, last = ladder[0]["error_percent"], ladder[-1]["error_percent"]
@@ -128,8 +139,6 @@ def _lead(verdict: Mapping[str, Any]) -> list[str]:
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
-    if verdict.get("unexplained_coordinate"):
-        lines.append(f"The misfit lives in: {_words(verdict['unexplained_coordinate'])}.")
     run = int(verdict.get("run", 1))
     if run > 1:
         lines.append(
@@ -145,7 +154,7 @@ def _rung(rung: Mapping[str, Any]) -> list[str]:
     if rendered is not None and rung.get("rendered_stderr_percent"):
         fresh += f" ± {rung['rendered_stderr_percent']:.1g}"
     return [
-        str(rung["label"]),
+        _words(str(rung["label"])),
         f"{rung['error_percent']:.3g}",
         f"{rung['chi2_per_dof']:.3g}",
         _optional(rung.get("held_out_percent")),
