@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import re
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -115,7 +118,7 @@ def connected(
                     threads_per_worker=1,
                     processes=workers > 0,
                     memory_limit=limit,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
             )
@@ -145,6 +148,10 @@ def prepare_worker(store: str, version: str) -> None:
             rule="a folder that all machines share",
             remedy="put the store on a shared disk",
         )
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if multiprocessing.parent_process() is not None and in_main_thread:
+        # Ctrl-C reaches every process of a terminal; the one that was started by hand ends the others.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     from lightfield.render.backend import use_backend
 
     use_backend()

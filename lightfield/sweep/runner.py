@@ -95,7 +95,7 @@ def run_sweep(
     """
     check_workers(workers, scheduler, memory_gb)
     path = Path(path).resolve()
-    with SweepStore(path, plan).opened() as store:
+    with _full_disk(path), SweepStore(path, plan).opened() as store:
         return _run(plan, store, workers, scheduler, memory_gb, report)
 
 
@@ -117,11 +117,10 @@ def _run(
     for number in set(range(len(plan.traces))) - needed:
         store.drop_trace(number)
     try:
-        with _full_disk(store.path):
-            if left:
-                with connected(store.path, workers, scheduler, memory_gb) as client:
-                    _Dispatch(client, plan, store, progress, report).follow(left)
-            store.finish()
+        if left:
+            with connected(store.path, workers, scheduler, memory_gb) as client:
+                _Dispatch(client, plan, store, progress, report).follow(left)
+        store.finish()
     except BaseException:
         with contextlib.suppress(OSError, LightfieldError):  # the disk may be full: the journal has it all
             store.summarise()

@@ -179,6 +179,10 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
         # Text may name a table, whose content counts as well.
         "contents": [_digest(scene) for i in texts for _, scene in plan.cases.subset([i])],
         "settings": asdict(plan.settings),
+        "blocks": {
+            "chunks": list(plan.chunks),
+            "traces": [[*asdict(trace.reference).values(), trace.seed] for trace in plan.traces],
+        },
         "software": {
             "lightfield": __version__,
             "mitsuba": version("mitsuba"),
@@ -202,13 +206,14 @@ def refuse_another_sweep(found: Mapping[str, Any], wanted: Mapping[str, Any], pa
     changed = [
         f"{key} {before.get(key, 'absent')} -> {now.get(key, 'absent')}"
         for key in sorted(before.keys() | now.keys())
-        if before.get(key) != now.get(key) and key not in ("scene_digest", "contents")
+        if before.get(key) != now.get(key)
+        and key.partition(".")[0] not in ("scene_digest", "contents", "blocks")
     ]
     text = "; ".join(change if len(change) < 100 else change[:97] + "..." for change in changed[:4])
     if len(changed) > 4:
         text += f"; and {len(changed) - 4} more"
     raise OutputError(
-        f"this store belongs to another sweep ({text or 'the content of a table differs'})",
+        f"this store belongs to another sweep ({text or 'the content of a table, or the grouping, differs'})",
         where=str(path),
         rule="one store, one scene, one plan, one version",
         remedy="choose another name with -o, or remove the store",

@@ -47,10 +47,10 @@ def sweep(
     return subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, **options)
 
 
-def start(scene: Path, store: Path, *more: str, **options: Any) -> subprocess.Popen[str]:
+def start(scene: Path, store: Path, *more: str, before: str = "", **options: Any) -> subprocess.Popen[str]:
     """Start a sweep in a process group of its own."""
     pipe = subprocess.PIPE
-    words = command(scene, store, *more)
+    words = command(scene, store, *more, before=before)
     return subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, start_new_session=True, **options)
 
 

@@ -54,6 +54,17 @@ def half(path, name, variable, index, values):
 z.write_chunk = half
 """
 
+# Leaves time to send a signal before the sweep is over.
+SLOW = """
+import time
+import lightfield.sweep.store as s
+quick = s.SweepStore.record
+def slow(self, **entry):
+    quick(self, **entry)
+    time.sleep(0.5 if 'block' in entry else 0)
+s.SweepStore.record = slow
+"""
+
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -93,12 +104,12 @@ def test_kill_9_in_the_middle_of_a_write(scene: Path, uninterrupted: Path, tmp_p
 def test_kill_9_from_outside_and_ctrl_c(scene: Path, uninterrupted: Path, tmp_path: Path) -> None:
     """At whatever moment the signals come."""
     store = tmp_path / "s.zarr"
-    killed = start(scene, store)
+    killed = start(scene, store, before=SLOW)
     wait_for_blocks(killed, store, 2)
     os.killpg(killed.pid, signal.SIGKILL)
     killed.communicate()
     seen = blocks_done(store)
-    interrupted = start(scene, store)
+    interrupted = start(scene, store, before=SLOW)
     wait_for_blocks(interrupted, store, seen + 2)
     interrupted.send_signal(signal.SIGINT)
     _, errors = interrupted.communicate(timeout=60)
@@ -148,21 +159,35 @@ def test_kill_9_of_a_worker_in_the_middle_of_a_write(
 
 
 def _small_files() -> None:
-    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+
+def test_ctrl_c_with_workers_ends_them_all(scene: Path, tmp_path: Path) -> None:
+    """A terminal sends the signal to every process of the group; one line is printed and nobody is left."""
+    store = tmp_path / "s.zarr"
+    running = start(scene, store, "--workers", "2", before=SLOW)
+    wait_for_blocks(running, store, 1)
+    children = psutil.Process(running.pid).children(recursive=True)
+    os.killpg(running.pid, signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert (running.returncode, errors) == (130, "lightfield: interrupted\n")
+    assert psutil.wait_procs(children, timeout=20)[1] == []
 
 
 def test_a_full_disk(scene: Path, uninterrupted: Path, tmp_path: Path) -> None:
     """A small file system of its own where root can mount one; else no file may grow beyond a size."""
     store = tmp_path / "disk" / "s.zarr"
     store.parent.mkdir()
-    needed = sum(f.stat().st_size for f in uninterrupted.rglob("*") if f.is_file())
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1400k", "tmpfs", str(store.parent)]
+    needed = sum(
+        -(-f.stat().st_size // 4096) * 4 for f in uninterrupted.rglob("*") if f.is_file()
+    )  # kB of pages
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={needed // 2}k", "tmpfs", str(store.parent)]
     mounted = os.geteuid() == 0 and subprocess.run(mount, capture_output=True, check=False).returncode == 0
     try:
         options = (
             {}
             if mounted
-            else {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))}
+            else {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))}
         )
         full = sweep(scene, store, **options)
         assert full.returncode == 2
@@ -170,8 +195,7 @@ def test_a_full_disk(scene: Path, uninterrupted: Path, tmp_path: Path) -> None:
         assert "the disk is full" in full.stderr and "continues" in full.stderr
         assert blocks_done(store) < BLOCKS
         if mounted:
-            room = f"remount,size={(needed + 20_000_000) // 1000}k"
-            subprocess.run(["mount", "-o", room, str(store.parent)], check=True)
+            subprocess.run(["mount", "-o", "remount,size=100m", str(store.parent)], check=True)
         done = sweep(scene, store)
         assert done.returncode == 0, done.stderr
         assert differences(store, uninterrupted) == []
@@ -240,7 +264,7 @@ def test_a_folder_that_is_no_store_is_left_alone(again: Any, tmp_path: Path) -> 
 
 def test_two_sweeps_do_not_write_to_one_store(scene: Path, tmp_path: Path) -> None:
     store = tmp_path / "s.zarr"
-    first = start(scene, store)
+    first = start(scene, store, before=SLOW)
     try:
         wait_for_blocks(first, store, 1)
         second = sweep(scene, store)
