@@ -20,6 +20,8 @@ ACROSS_M, ALONG_M = 0.25, 1.5
 #: Smooth relative error of the diffuse light's response: interpolation in g, beams of a finite basis,
 #: photons that count in several planes.
 RESPONSE_ERROR = 0.02
+#: Reach of the correlation between the Monte Carlo errors of cells of one plane.
+PHOTONS_SHARED_M = 0.4
 _TALL = 2.0
 
 
@@ -129,6 +131,12 @@ class Noise:
             for relative, part in smooth:
                 out += relative**2 * np.outer(part, part) * kernel
         out[np.diag_indices(lay.size)] += self.model_variance
+        if self.model_variance.any():
+            # Neighbouring cells share photons, and light from walls is smoothed across a plane.
+            error = np.sqrt(self.model_variance)
+            near = np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
+            same = lay.plane[:, None] == lay.plane[None]
+            out += np.outer(error, error) * np.exp(-0.5 * near / PHOTONS_SHARED_M**2) * same
         return out
 
     def serial(self, rho: float) -> Array:
