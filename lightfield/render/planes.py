@@ -156,6 +156,10 @@ class Planes:
         left = self.reach * self.reach - dr.squared_norm(mi.Vector3f(position))
         return dr.sqrt(dr.maximum(along * along + left, 0)) - along
 
+    def ahead(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Distance along a flight to the last plane, negative when it is not ahead, m."""
+        return (self.last - position.z) / direction.z
+
     def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
         """Past the last plane and leaving it: such light comes back only by turning round twice."""
         return (position.z > self.last) & (direction.z > 0)

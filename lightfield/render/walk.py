@@ -28,6 +28,7 @@ from lightfield.render.sobol import ScrambledSobol
 
 ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
+FORCED = 0.9  # share of the first flights that scatter before the last plane, where they would pass it
 MAX_FLIGHTS = 4000
 FAR = 1e7  # m, where nothing is hit
 PHOTONS_PER_LANE = 64
@@ -83,6 +84,25 @@ class Absorption:
         steepness = dr.abs(cos_z)
         in_layer = dr.select(steepness > 1e-4, crossed / dr.maximum(steepness, 1e-4), level)
         return self.uniform * t + self.gradient * t * (0.5 * (z0 + z1) - self.centre) + self.layer * in_layer
+
+
+def first_or_free_flight(
+    b0: mi.Float, ahead: mi.Float, to_surface: mi.Float, is_first: mi.Bool, u: mi.Float
+) -> tuple[mi.Float, mi.Float]:
+    """Length of a free flight, and the weight that makes up for how it was drawn.
+
+    In clear water most light leaves the lamp and passes the last plane without a scattering; after that it
+    is of no more use. So a first flight that meets no surface before is mostly made to scatter on the way.
+    """
+    chance = 1 - dr.exp(-b0 * ahead)
+    steered = is_first & (ahead > 0) & (ahead < to_surface) & (chance > 1e-5)
+    share = dr.select(steered, dr.maximum(chance, FORCED), 0)
+    inside, least = u < share, dr.select(steered, ahead, 0)
+    over, under = chance / dr.maximum(share, FORCED), (1 - chance) / (1 - share)
+    v = dr.select(inside, u * over, (u - share) / (1 - share))
+    free = dr.select(inside, 0, least) - dr.log(1 - v) / dr.maximum(b0, 1e-9)
+    bias = dr.select(inside, over, under)
+    return free, dr.select(steered, bias, 1)
 
 
 @dr.syntax
@@ -189,7 +209,9 @@ def trace(
                 active=active,
             )
             to_surface, leaves = dr.select(hit.is_valid(), hit.t, FAR), ~hit.is_valid()
-        free = -dr.log(1 - rng.next_float32()) / dr.maximum(b0, 1e-9)
+        free, bias = first_or_free_flight(
+            b0, planes.ahead(position, direction), to_surface, flights == 0, rng.next_float32()
+        )
         channel = histories.channel(scatterings, walls, surfaces)
 
         # ---------------------------------------------------------- expected tally at every plane on the way
@@ -219,6 +241,8 @@ def trace(
             plane += 1
 
         # ---------------------------------------------------------- fly
+        invented += dr.select(active, weight * (bias - 1), 0)
+        weight *= bias
         scatters = free < to_surface
         t = dr.minimum(free, to_surface)
         gone = active & ~scatters & leaves

@@ -47,6 +47,8 @@ class FluxThrough:
         Rings of the cosine.
     """
 
+    images = None
+
     def __init__(self, z_m: list[float], down: list[bool], edges: np.ndarray) -> None:
         self.count, self.rings = dr.opaque(mi.UInt32, len(z_m)), len(edges) - 1
         self.cells = len(z_m) * self.rings
@@ -69,6 +71,9 @@ class FluxThrough:
 
     def behind(self, position: Any, direction: Any) -> Any:
         return mi.Bool(False)
+
+    def ahead(self, position: Any, direction: Any) -> Any:
+        return mi.Float(-1)  # nothing lies behind the last plane
 
 
 @dataclass(frozen=True)
@@ -212,6 +217,8 @@ class AbsorptionMoments:
     Cells are 1, z, z^2, x^2 + y^2.
     """
 
+    images = None
+
     def __init__(self, a: float, b: float) -> None:
         self.count, self.cells = dr.opaque(mi.UInt32, 4), 4
         self.a, self.c = dr.opaque(mi.Float, a), dr.opaque(mi.Float, a + b)
@@ -232,6 +239,9 @@ class AbsorptionMoments:
 
     def behind(self, position: Any, direction: Any) -> Any:
         return mi.Bool(False)
+
+    def ahead(self, position: Any, direction: Any) -> Any:
+        return mi.Float(-1)  # nothing lies behind the last plane
 
 
 WATERS = [
