@@ -47,3 +47,27 @@ def with_rows(response: TransportResponse, kept: np.ndarray) -> TransportRespons
         histories=response.histories[kept],
         excess_m=response.excess_m[kept],
     )
+
+
+def same_light_p(one: np.ndarray, other: np.ndarray, shuffles: int = 2000) -> float:
+    """Probability of a larger difference between two sets of maps, by exchanging their batches.
+
+    The difference is the sum of squared t-values over all cells. One photon reaches several cells, so cells
+    are not independent and the sum is no chi-square; exchanging whole batches keeps what they have in common.
+
+    Parameters
+    ----------
+    one, other : arrays, shape (n_batches, ...)
+    """
+    both = np.concatenate([one.reshape(len(one), -1), other.reshape(len(other), -1)])
+    both = both[:, (both > 0).all(axis=0)]
+    rng = np.random.default_rng(1)
+
+    def difference(order: np.ndarray) -> float:
+        first, second = both[order[: len(one)]], both[order[len(one) :]]
+        variance = first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second)
+        return float(((first.mean(axis=0) - second.mean(axis=0)) ** 2 / variance).sum())
+
+    found = difference(np.arange(len(both)))
+    larger = sum(difference(rng.permutation(len(both))) >= found for _ in range(shuffles))
+    return (1 + larger) / (1 + shuffles)

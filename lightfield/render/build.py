@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from math import atan, ceil, hypot, pi, sqrt
+from math import atan, ceil, hypot, log, pi, sqrt
 from typing import Any
 
 import mitsuba as mi
@@ -53,18 +53,28 @@ def histories_of(
     scatterings = ceil(mean + 4 * sqrt(mean) + 1) if mean > 0 else 0
     walls = 0 if reference.wall_albedo == 0 else 3
     surfaces = 2 if surface else 0
-    reflects = walls > 0
     return Histories(
         scatterings,
         walls,
         surfaces,
         max_reflections=2 if (walls and surfaces) or nodes is not None else 3,
         max_scatterings_reflected=5 if nodes is None else 3,
-        longest_excess_m=max(far, 4.0) if not reflects else max(2 * far, 8.0),
+        longest_excess_m=_longest_excess(scene, reference, far),
         path_nodes=28 if nodes is None else 8,
         emission_nodes=1 if nodes is None else nodes.size,
         n_phi=1 if nodes is None else nodes.n_phi,
     )
+
+
+def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:
+    """Path in excess of the straight line beyond which next to nothing is left, m."""
+    tank, albedo = scene.tank, reference.wall_albedo
+    if tank is None or albedo == 0:
+        return max(far_m, 4.0)
+    w, d, z = tank.width_m, tank.depth_m, tank.length_m
+    between_walls = 2 * w * d * z / (w * d + w * z + d * z)  # mean chord of a box, 4 V / S
+    decay = reference.absorption_per_m - log(albedo) / between_walls
+    return float(np.clip(7 / max(decay, 1e-6), max(2 * far_m, 8.0), 8 * max(far_m, 8.0)))
 
 
 def prepare(

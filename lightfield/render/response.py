@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammainc
 
 from lightfield.errors import RenderError
 
@@ -183,7 +184,7 @@ class TransportResponse:
 
     def row_weights(self, a: Array, b: Array, rho: Array, surface: Array) -> Array:
         """Factor of every row, without the attenuation along the straight line; shape (n, n_rows)."""
-        n, m, k = self.histories.T
+        _, m, k = self.histories.T
         ref = self.reference
         if (b > 0).any() and ref.scattering_per_m == 0:
             raise RenderError(
@@ -200,9 +201,35 @@ class TransportResponse:
                 remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
             )
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
-        scattered = (b / ref.scattering_per_m if ref.scattering_per_m else np.zeros_like(b))[:, None] ** n
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-        return np.asarray(scattered * walls * surface[:, None] ** k * np.exp(-change * self.excess_m))
+        return np.asarray(
+            self._scattering(b) * walls * surface[:, None] ** k * np.exp(-change * self.excess_m)
+        )
+
+    def _scattering(self, b: Array) -> Array:
+        """Factor (b / b_0)^n of every row, shape (n, n_rows).
+
+        Rows of the highest class hold all higher n as well. Given the length of a path, n is close to a
+        Poisson number; averaged over n >= N the factor is e^((b - b_0) L) P(n >= N; b L) / P(n >= N; b_0 L).
+        """
+        n, reference = self.histories[:, 0], self.reference.scattering_per_m
+        if reference == 0:
+            return np.zeros((len(b), 1)) ** n
+        factor = (b / reference)[:, None] ** n
+        top = self._open_ended
+        if top.any() and (b != reference).any():
+            length = self.excess_m[top] + self.straight_m.mean()
+            more, more_before = (gammainc(n[top], rate * length) for rate in (b[:, None], reference))
+            factor[:, top] = np.exp((b[:, None] - reference) * length) * more / more_before
+        return np.asarray(factor)
+
+    @cached_property
+    def _open_ended(self) -> NDArray[np.bool_]:
+        """Rows of the highest class of n, of unreflected and of reflected light."""
+        n, m, k = self.histories.T
+        reflected = (m > 0) | (k > 0)
+        highest = [n[reflected == kind].max(initial=0) for kind in (False, True)]
+        return np.asarray((n > 0) & (n == np.where(reflected, highest[1], highest[0])))
 
 
 def light_classes(histories: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
