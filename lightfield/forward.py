@@ -184,8 +184,9 @@ class SceneForward:
             self._fields.move_to_end(key)
             return self._fields[key]
         scene = self.scene.with_values(dict(key), validate=False)
-        light = self._direct(scene, self.readings)
-        error, more = np.zeros(self.size), np.zeros(self.size)
+        light: Array = self._direct(scene, self.readings)
+        error: Array = np.zeros(self.size)
+        more: Array = np.zeros(self.size)
         if has_diffuse_light(scene):
             more, error = self._diffuse(scene)
             light = light + more

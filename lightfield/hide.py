@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield import effects, unknowns
 from lightfield.analytic import direct_field
@@ -83,9 +84,10 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     """
     if kind not in LAYOUTS:
         raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
-    planes = np.array(scene.detector.planes_m)
+    planes: NDArray[Any] = np.array(scene.detector.planes_m)
     reach = scene.detector.width_m / 2
-    x, y = np.linspace(-reach, reach, 21), np.zeros(1)
+    x: NDArray[Any] = np.linspace(-reach, reach, 21)
+    y: NDArray[Any] = np.zeros(1)
     if kind == "half":
         x = np.linspace(0, reach, 11)
     elif kind == "grid":
@@ -99,12 +101,10 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         x = np.linspace(-0.3, 0.3, 3)
         top = scene.tank.lamp_depth_m - 0.1 if scene.tank is not None else reach
         y = np.linspace(-0.9 * reach, min(top, reach), 12)
-    gz, gy, gx = (a.ravel() for a in np.meshgrid(planes, y, x, indexing="ij"))
-    media = np.full(len(gx), "water")
-    if kind == "air":
-        gx, gy, gz = (np.tile(a, 2) for a in (gx, gy, gz))
-        media = np.repeat(["air", "water"], len(media))
-    return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": media}
+    gz, gy, gx = (np.asarray(a, float).ravel() for a in np.meshgrid(planes, y, x, indexing="ij"))
+    media = ("air", "water") if kind == "air" else ("water",)
+    gx, gy, gz = (np.tile(a, len(media)) for a in (gx, gy, gz))
+    return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
 
 
 def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Any:

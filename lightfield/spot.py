@@ -94,13 +94,23 @@ def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, 
     x = np.interp(columns, np.arange(x_m.size), x_m)
     y = np.interp(rows, np.arange(y_m.size), y_m)
     with np.errstate(divide="ignore", invalid="ignore"):  # an exact circle has no direction
-        ellipse = EllipseModel.from_estimate(np.column_stack([x, y])[:-1])
-    if not ellipse:
+        ellipse = _ellipse(np.column_stack([x, y])[:-1])
+    if ellipse is None:
         return nothing, "no ellipse fits the contour at half maximum"
-    centre, (a, b), angle = ellipse.center, ellipse.axis_lengths, np.nan_to_num(ellipse.theta)
+    centre, (a, b), angle = ellipse[:2], ellipse[2:4], np.nan_to_num(ellipse[4])
     c, s = np.cos(angle), np.sin(angle)
     hwhm_x, hwhm_y = 1 / np.hypot(c / a, s / b), 1 / np.hypot(s / a, c / b)
     return (peak, float(centre[0]), float(centre[1]), float(hwhm_x), float(hwhm_y)), ""
+
+
+def _ellipse(points: Array) -> tuple[float, ...] | None:
+    """Centre x and y, semi-axes, angle."""
+    if hasattr(EllipseModel, "from_estimate"):
+        found = EllipseModel.from_estimate(points)
+        return (*found.center, *found.axis_lengths, found.theta) if found else None
+    model = EllipseModel()  # scikit-image before 0.26, the last for Python 3.10
+    fits, found = model.estimate(points), model.params
+    return tuple(found) if fits and found is not None else None
 
 
 def _peak(value: Array, x_m: Array, y_m: Array) -> tuple[float, tuple[float, float]]:

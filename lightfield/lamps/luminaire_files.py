@@ -81,7 +81,7 @@ def read_eulumdat(text: str) -> tuple[Array, Array]:
         3: (planes // 4, planes // 2 + 1),
         4: (0, planes // 4 + 1),
     }[symmetry]
-    candela = np.array(take(stored * angles)).reshape(stored, angles)
+    candela: Array = np.array(take(stored * angles)).reshape(stored, angles)
     around = c[first : first + stored]
     if symmetry == 0:  # the file leaves out C360, which is C0
         around, candela = np.append(c, c[0] + 360.0), np.vstack([candela, candela[:1]])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lightfield.errors import SceneError
 from lightfield.lamps.photometry import intensity_table
@@ -104,7 +104,7 @@ def solid_angle_sr(lamp: Lamp) -> float:
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     """Gauss-Legendre nodes on pieces that follow the beam's scales, 0 to 90 degrees."""
     if lamp.profile == "table":
-        edges: Array = np.outer(
+        edges: NDArray[Any] = np.outer(
             [1.0, lamp.ellipticity], intensity_table(str(lamp.intensity_table))[0]
         ).ravel()
     else:
@@ -114,7 +114,8 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
         widths = math.radians(lamp.hwhm_deg) * np.array([1.0, lamp.ellipticity])
         edges = np.concatenate([np.outer(widths, steps).ravel(), math.radians(lamp.skirt_hwhm_deg) * steps])
     pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
-    half, middle = 0.5 * np.diff(pieces), 0.5 * (pieces[1:] + pieces[:-1])
+    half: NDArray[Any] = 0.5 * np.diff(pieces)
+    middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
     return (middle[:, None] + half[:, None] * GAUSS_X).ravel(), (half[:, None] * GAUSS_W).ravel()
 
 
@@ -135,14 +136,14 @@ def inverse_cdf_table(lamp: Lamp, nodes: int = 4096) -> tuple[Array, Array]:
         Both rising, u from 0 to 1.
     """
     if lamp.profile == "isotropic":
-        theta = np.linspace(0.0, math.pi, nodes)
-        return np.sin(0.5 * theta) ** 2, theta
+        whole: NDArray[Any] = np.linspace(0.0, math.pi, nodes)
+        return np.sin(0.5 * whole) ** 2, whole
     widest = max(math.radians(lamp.hwhm_deg), math.radians(lamp.skirt_hwhm_deg) * (lamp.skirt_fraction > 0))
     if lamp.profile == "table":
         widest = HALF_PI
     core = np.linspace(0.0, min(6.0 * widest, HALF_PI), nodes * 3 // 4)
     tail = np.linspace(core[-1], HALF_PI, nodes - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)
-    theta = np.concatenate([core, tail])
+    theta: NDArray[Any] = np.concatenate([core, tail])
     half, middle = 0.5 * np.diff(theta), 0.5 * (theta[1:] + theta[:-1])
     x, w = np.polynomial.legendre.leggauss(6)
     at = middle[:, None] + half[:, None] * x

@@ -25,7 +25,7 @@ class ScrambledSobol:
 
     def __init__(self, seed: int) -> None:
         keys = np.random.default_rng([seed, 0x6C616D70]).integers(0, 2**32, (2, 2, 3), dtype=np.uint32)
-        odd_plain_even = (keys | np.uint32([1, 0, 0])) & ~np.uint32([0, 0, 1])
+        odd_plain_even = (keys | np.array([1, 0, 0], np.uint32)) & ~np.array([0, 0, 1], np.uint32)
         self.keys = [
             [[dr.opaque(mi.UInt32, int(key)) for key in keys_of_round] for keys_of_round in keys_of_axis]
             for keys_of_axis in odd_plain_even

@@ -189,7 +189,7 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
             )
         for x, value in zip(at, error, strict=True):
             axis.annotate(
-                f"{value:.2g} %", (x, value), (8, 5), textcoords="offset points", fontsize=10, weight="bold"
+                f"{value:.2g} %", (float(x), float(value)), (8, 5), textcoords="offset points", fontsize=10, weight="bold"
             )
         for x, rung in zip(at, ladder, strict=True):
             if rung.get("rendered_error_percent") is not None:

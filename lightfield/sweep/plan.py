@@ -245,7 +245,9 @@ def _traces(
     """Traces, and the number of the trace that each case is evaluated from."""
     steps = np.array(np.unravel_index(np.arange(cases.count), cases.shape))
     sizes = [cases.axes[i].size for i in transport]
-    combination = np.ravel_multi_index(steps[transport], sizes) if transport else np.zeros(cases.count, int)
+    combination = (
+        np.ravel_multi_index(tuple(steps[transport]), sizes) if transport else np.zeros(cases.count, int)
+    )
     unique = {key: n for n, key in enumerate(dict.fromkeys(keys))}
     key_of_case = np.array([unique[key] for key in keys])[combination]
     usable = np.ones(cases.count, bool)
