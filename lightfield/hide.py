@@ -101,9 +101,8 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         x = np.linspace(-0.3, 0.3, 3)
         top = scene.tank.lamp_depth_m - 0.1 if scene.tank is not None else reach
         y = np.linspace(-0.9 * reach, min(top, reach), 12)
-    gz, gy, gx = (np.asarray(a, float).ravel() for a in np.meshgrid(planes, y, x, indexing="ij"))
     media = ("air", "water") if kind == "air" else ("water",)
-    gx, gy, gz = (np.tile(a, len(media)) for a in (gx, gy, gz))
+    gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(planes, y, x, indexing="ij"))
     return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
 
 
