@@ -58,17 +58,18 @@ def trace_until(
                 first=first,
                 reflecting=setup.reflecting,
             )
-            sums[batch] += counts * launch
+            counts *= launch
+            sums[batch] += counts
             books.append(book)
             shares.append(launch)
         first += launch
         spent = first * batches
-        response = response_from(sums, first, setup)
-        reached = worst_error(scene, response)
+        # The relative error of sums is that of means: the tally, which is large, is not copied for it.
+        reached = worst_error(scene, _response(sums, spent, setup, np.ones(rows, bool)))
         if progress:
             progress(spent, reached, settings.rel_error)
         if reached <= settings.rel_error or spent >= settings.max_photons:
-            return response, average(books, shares), reached
+            return response_from(sums, first, setup), average(books, shares), reached
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, LARGEST_LAUNCH)))
@@ -80,21 +81,23 @@ def _whole_lanes(photons: float) -> int:
 
 
 def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
-    """Response of accumulated tallies; rows that stayed empty are left out."""
-    channels, nodes, _ = setup.histories.shape
+    """Response of accumulated tallies, which it takes over; rows that stayed empty are left out."""
     seen = np.asarray(sums.any(axis=(0, 2)))
     seen[0] = True
+    kept = int(seen.sum())
+    for batch in sums:
+        batch[:kept] = batch[seen]
+    tally = sums[:, :kept]
+    tally /= np.float32(photons_per_batch)
+    return _response(tally, photons_per_batch * len(sums), setup, seen)
+
+
+def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -> TransportResponse:
+    channels, nodes, _ = setup.histories.shape
     histories = np.repeat(setup.histories.channels, nodes, axis=0)[seen]
     excess = np.tile(setup.histories.excess_m, channels)[seen]
-    tally = sums[:, seen] / np.float32(photons_per_batch)
     return TransportResponse(
-        tally,
-        histories,
-        excess,
-        setup.straight_m,
-        setup.reference,
-        photons_per_batch * len(sums),
-        setup.grid.merged,
+        tally, histories, excess, setup.straight_m, setup.reference, photons, setup.grid.merged
     )
 
 
