@@ -197,9 +197,7 @@ def _diagnose(
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
-    steps = climb(
-        prepared.problem, best.explanation if best else (), finding.level.bench.whiten, starts, phi, advise
-    )
+    steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
     verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

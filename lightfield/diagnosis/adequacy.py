@@ -29,7 +29,7 @@ SCANS = ("bump", "step", "one plane")
 ABSORBED = 1e-3
 #: Scatter up to this many times the quoted variance is put down to errors quoted too small.
 VARIANCE_EXCESS = 4.0
-#: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is then taken as stated.
+#: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
 FEWEST_SPARE = 4
 _CERTAIN = 1000
 

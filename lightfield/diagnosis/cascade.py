@@ -12,9 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy import Adequacy
-from lightfield.diagnosis.preparation import Bench, Prepared, bench
+from lightfield.diagnosis.adequacy import Adequacy, AdequacyTest
+from lightfield.diagnosis.preparation import Bench, Prepared, bench, own_bench
+from lightfield.diagnosis.problem import Explanation
 from lightfield.diagnosis.search import (
+    Own,
     Tried,
     accepted,
     bic,
@@ -24,7 +26,7 @@ from lightfield.diagnosis.search import (
     search_singles,
     weights,
 )
-from lightfield.fit import Fit
+from lightfield.fit import Fit, Whiten
 
 #: Family-wise level at which the base model is given up.
 ALPHA = 0.03
@@ -73,6 +75,12 @@ class Finding:
     tried: list[Tried]
 
     @property
+    def whiten(self) -> Whiten:
+        """Whitening under which the best explanation was judged."""
+        best = self.accepted[0].test if self.accepted else None
+        return best.whiten if best is not None else self.level.bench.whiten
+
+    @property
     def identified(self) -> bool:
         """Is there one answer?"""
         return bool(self.accepted) and self.weights[0] > CONVINCING and not self.accepted[0].at_edge
@@ -103,6 +111,14 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
         levels.append(Level(width, made, base, made.test(base)))
         return levels[-1]
 
+    def own(level: Level) -> Own:
+        def refit(explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+            mine, refitted = own_bench(prepared, level.bench, explanation, fit, rng)
+            growth = mine.whiten.log_determinant - level.bench.whiten.log_determinant
+            return mine.test, refitted, growth
+
+        return refit
+
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
         return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried)
 
@@ -112,23 +128,31 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
     # What passes must pass better than the base model does.
     level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, 0.2))
     test = exact.bench.test
-    singles = search_singles(problem, test, fit_singles(problem, test, exact.base, exact.adequacy))
+    singles = search_singles(
+        problem, test, fit_singles(problem, test, exact.base, exact.adequacy), own(exact)
+    )
     if found := accepted(singles, level_alpha):
         return finding(1, exact, found, singles)
     tolerant = prepare_level(tolerance) if tolerance > 0 else exact
     if tolerance > 0 and tolerant.adequacy.passes(alpha):
         return finding(0, tolerant, [], [])
-    pairs = search_pairs(problem, test, fit_pairs(problem, test, exact.base, exact.adequacy, singles))
+    pairs = search_pairs(
+        problem, test, fit_pairs(problem, test, exact.base, exact.adequacy, singles), own(exact)
+    )
     if found := accepted(pairs, level_alpha):
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
     level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, 0.2))
     test = tolerant.bench.test
-    singles = search_singles(problem, test, fit_singles(problem, test, tolerant.base, tolerant.adequacy))
+    singles = search_singles(
+        problem, test, fit_singles(problem, test, tolerant.base, tolerant.adequacy), own(tolerant)
+    )
     if found := accepted(singles, level_alpha):
         return finding(1, tolerant, found, singles)
-    pairs = search_pairs(problem, test, fit_pairs(problem, test, tolerant.base, tolerant.adequacy, singles))
+    pairs = search_pairs(
+        problem, test, fit_pairs(problem, test, tolerant.base, tolerant.adequacy, singles), own(tolerant)
+    )
     if found := accepted(pairs, level_alpha):
         return finding(2, tolerant, found, pairs)
     return finding(None, tolerant, [], pairs + singles)

@@ -98,7 +98,9 @@ def _explanations(
         if k == 0:
             left_out = steps[-1].held_out_percent
         elif hold_out and k < 3:
-            left_out = held_out(problem, tried.explanation, tried.fit, level.bench.whiten)
+            left_out = held_out(
+                problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
+            )
         else:
             left_out = float("nan")
         out.append(
@@ -164,7 +166,7 @@ def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two:
         time_s=np.full(n, last),
     )
     curve = sigma_curve(prepared, level.bench.phi * level.phi)
-    found = where_next(problem, level.bench.whiten, one, two, level.phi, places, there, curve)
+    found = where_next(problem, finding.whiten, one, two, level.phi, places, there, curve)
     readings = [
         Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=found.repeats)
         for x, y, z, a in zip(
@@ -221,7 +223,7 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
 def error_scale(prepared: Prepared, finding: Finding) -> float:
     """Variance of the readings' errors over the quoted one, judged beside the best explanation.
 
-    A misfit that nothing explains is not noise: then the quoted errors have the word, as far as they are credible.
+    A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
     """
     best = finding.accepted[0].adequacy if finding.accepted else None
     scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
@@ -256,7 +258,7 @@ def verdict_of(
     advice: NextMeasurement | None = None
     coordinate, where = None, ""
     if best is not None:
-        near = nearest_rival(problem, level.bench.whiten, best, finding.tried, level.phi)
+        near = nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
         if near is not None:
             rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
@@ -313,8 +315,8 @@ def _warnings(
     if finding.levels[0].adequacy.scale_taken:
         stated = "stated" if prepared.errors_stated else "assumed"
         out.append(
-            f"too few readings to estimate the noise from them: the {stated} errors are taken as they are, and "
-            "the verdict is no better than they are"
+            f"too few readings to estimate the noise from them: the {stated} errors are taken as they are, "
+            "and the verdict is no better than they are"
         )
     if finding.size == 0 and finding.level.tolerance > 0:
         out.append("a significant misfit is smaller than the tolerance and was ignored")

@@ -161,6 +161,8 @@ class Whitener:
         self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
         factor = np.linalg.cholesky(noise.covariance(rho, phi, tolerance))
         diagonal = np.diag(factor)
+        #: Logarithm of the determinant of the covariance.
+        self.log_determinant = 2 * float(np.log(diagonal).sum())
         self._inverse: Array | None = None
         self._diagonal = 1 / diagonal
         if np.abs(factor - np.diag(diagonal)).max() > 1e-12 * diagonal.max():

@@ -41,7 +41,11 @@ _WORTH = 1.1
 
 @dataclass(frozen=True)
 class Prepared:
-    """Problem without its outliers, noise model, and the description that both were made about."""
+    """Problem without its outliers, noise model, and the description that both were made about.
+
+    `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
+    explanations by diffuse light add their own.
+    """
 
     problem: Problem
     noise: Noise
@@ -142,9 +146,8 @@ def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Gene
         serial = Serial(min(found.rho, 0.9) if found.rho > spread else 0.0, SERIAL_SPREAD * spread)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
-    monte_carlo = forward.stderr(values) ** 2
-    diffuse = forward.diffuse_part(values)
-    noise = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, monte_carlo, diffuse)
+    plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, np.zeros(layout.size))
+    noise = with_response_error(problem, plain, base)
     return Prepared(problem, noise, serial, reference, explanation, stated)
 
 
@@ -156,6 +159,15 @@ def whitened_test(
     return AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), noise, False)
 
 
+def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
+    """The noise with the error that the response of the diffuse light has at a fit."""
+    return replace(
+        noise,
+        model_variance=problem.forward.stderr(fit.values) ** 2,
+        diffuse=problem.forward.diffuse_part(fit.values),
+    )
+
+
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
@@ -163,9 +175,34 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
     plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_variance=zero, diffuse=None), rho)
     reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
     rich = _rich(problem, plain, reference)
-    phi = noise_scale(reference.residual, rich, plain, noise.extra(tolerance), problem.keep)
-    whiten = Whitener(noise, rho, phi, tolerance)
+    about = with_response_error(problem, noise, reference)
+    phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
+    return _bench(prepared, Whitener(noise, rho, phi, tolerance), rng)
+
+
+def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
+    problem = prepared.problem
     unknowns = _whitened_unknowns(problem, whiten)
     replicates = whiten.replicates(rng, REPLICATES, prepared.serial.stderr)
-    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, phi)
-    return Bench(whiten, test, unknowns, phi)
+    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, whiten.phi)
+    return Bench(whiten, test, unknowns, whiten.phi)
+
+
+def own_bench(
+    prepared: Prepared, main: Bench, explanation: Explanation, fit: Fit, rng: np.random.Generator
+) -> tuple[Bench, Fit]:
+    """Test and refit of an explanation by diffuse light, whose response has an error of its own size.
+
+    Parameters
+    ----------
+    main : Bench
+        Of the base model; sets scale and tolerance.
+    fit : Fit
+        Under the noise of the base model.
+    """
+    problem = prepared.problem
+    for _ in range(2):
+        noise = with_response_error(problem, prepared.noise, fit)
+        whiten = Whitener(noise, main.whiten.rho, main.phi, main.whiten.tolerance)
+        fit = problem.fit(explanation, whiten, [fit.u])
+    return _bench(prepared, whiten, rng), fit

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -29,6 +29,7 @@ class Tried:
     fit: Fit
     bic: float
     adequacy: Adequacy | None = None
+    test: AdequacyTest | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,6 +71,10 @@ def _start(
         score, amplitude = by_key[candidate.key]
         pieces.append(np.array([*_clipped(candidate, amplitude, part), *score.template.shape]))
     return np.concatenate(pieces)
+
+
+#: Refits an explanation under the errors of its own response: test, fit, and growth of the log determinant.
+Own = Callable[[Explanation, Fit], tuple[AdequacyTest, Fit, float]]
 
 
 def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
@@ -146,28 +151,38 @@ def _pairs_at_base(base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Ar
     return list(found.values())
 
 
-def _tested(tried: list[Tried], test: AdequacyTest, at_least: int, at_most: int) -> list[Tried]:
+def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
     """Tests in the order of BIC until the rest is far behind."""
     ranked = sorted(tried, key=lambda t: t.bic)
     out = []
     for i, one in enumerate(ranked):
         near = one.bic - ranked[0].bic < FAR_BEHIND or i < at_least
-        out.append(Tried(one.explanation, one.fit, one.bic, test(one.fit)) if near and i < at_most else one)
+        tested = near and i < at_most and one.test is not None
+        out.append(replace(one, adequacy=one.test(one.fit)) if tested and one.test else one)
     return out
 
 
-def _scale(test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> float:
-    """Variance scale at the best fit, common to all of a size so that their BIC can be compared."""
-    return test(min(fits, key=lambda f: f[1].chi2)[1]).phi
+def _ranked(
+    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
+) -> list[Tried]:
+    """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
+    made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
+    for explanation, fit in fits:
+        if any(c.effect.diffuse for c in explanation):
+            mine, refit, growth = own(explanation, fit)
+            made.append((explanation, refit, mine, growth))
+        else:
+            made.append((explanation, fit, test, 0.0))
+    best = min(made, key=lambda m: m[1].chi2 + m[3])
+    n, phi = int(problem.keep.sum()), best[2](best[1]).phi
+    return [Tried(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
 
 
-def search_singles(problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> list[Tried]:
+def search_singles(
+    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
+) -> list[Tried]:
     """Single effects, best first, the near ones tested."""
-    if not fits:
-        return []
-    n, phi = int(problem.keep.sum()), _scale(test, fits)
-    tried = [Tried(e, f, bic(f, e, phi, n)) for e, f in fits]
-    return _tested(tried, test, 3, _TESTED)
+    return _tested(_ranked(problem, test, fits, own), 3, _TESTED) if fits else []
 
 
 def fit_pairs(
@@ -176,7 +191,7 @@ def fit_pairs(
     """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base."""
     extended: list[tuple[float, Explanation, Array]] = []
     for single in singles[:_SINGLES_EXTENDED]:
-        extended += _extensions(problem, single, single.adequacy or test(single.fit))
+        extended += _extensions(problem, single, single.adequacy or (single.test or test)(single.fit))
     chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
     for ranked, limit in (
         (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
@@ -198,13 +213,11 @@ def fit_pairs(
     return out
 
 
-def search_pairs(problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]]) -> list[Tried]:
+def search_pairs(
+    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
+) -> list[Tried]:
     """Pairs of effects, best first, the near ones tested."""
-    if not fits:
-        return []
-    n, phi = int(problem.keep.sum()), _scale(test, fits)
-    tried = [Tried(e, f, bic(f, e, phi, n)) for e, f in fits]
-    return _tested(tried, test, 1, _TESTED)
+    return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
 
 
 def accepted(tried: list[Tried], alpha: float) -> list[Tried]:

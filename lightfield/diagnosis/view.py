@@ -28,7 +28,7 @@ def _separations(found: Diagnosis) -> Separation | None:
     if not finding.accepted:
         return None
     chosen = list(finding.accepted[:_COMPARED])
-    whiten, phi = finding.level.bench.whiten, finding.level.phi
+    whiten, phi = finding.whiten, finding.level.phi
     seen = finding.level.base.chi2 - _VISIBLE_SIGMA**2 * phi
     for tried in sorted(finding.tried, key=lambda t: t.bic):
         if len(chosen) >= _COMPARED:
