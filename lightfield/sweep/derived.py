@@ -95,7 +95,13 @@ def intensity_of(scene: Scene) -> Array:
     return np.asarray(spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / sr)
 
 
-def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dict[str, Array]:
+def derive(
+    mean: Array,
+    stderr: Array,
+    formula: Array | None,
+    grid: Grid,
+    merged: NDArray[np.integer[Any]] | None = None,
+) -> dict[str, Array]:
     """Derived quantities of one case.
 
     Parameters
@@ -104,15 +110,20 @@ def derive(mean: Array, stderr: Array, formula: Array | None, grid: Grid) -> dic
         Errors of different cells are taken as independent: a photon rarely meets a plane twice.
     formula : array of that shape, optional
     grid : Grid
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Cells of the same number are mirror images that share one error.
 
     Returns
     -------
     dict of name to array, shape (n_bands, n_planes)
-        See `store.DERIVED`; NaN where there is nothing to tell.
+        See `layout.derived_variables`; NaN where there is nothing to tell.
     """
     near = _axis_cells(grid)
-    known = np.where(np.isfinite(stderr), stderr, 0.0)
-    axis, axis_error = mean[..., near].mean(-1), np.sqrt((stderr[..., near] ** 2).sum(-1)) / near.sum()
+    # An error that k cells share counts k times over in a sum, and not as the root of k.
+    images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
+    known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
+    axis = mean[..., near].mean(-1)
+    axis_error = np.sqrt(((stderr * np.sqrt(images))[..., near] ** 2).sum(-1)) / near.sum()
     area = grid.pitch_x_m * grid.pitch_y_m
     power, power_error = mean.sum((-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
     width, width_error = np.full(axis.shape, np.nan), np.full(axis.shape, np.nan)

@@ -25,6 +25,7 @@ import numpy as np
 from lightfield import __version__
 from lightfield.errors import OutputError
 from lightfield.files import atomic_path
+from lightfield.render.store import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
 from lightfield.sweep import zarrfile
 from lightfield.sweep.layout import MESSAGE, attributes, axes_as_plain, coordinates, layout
@@ -188,6 +189,7 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
             "mitsuba": version("mitsuba"),
             "drjit": version("drjit"),
             "store format": str(FORMAT),
+            "transport format": str(TRANSPORT_FORMAT),
         },
     }
 

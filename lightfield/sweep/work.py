@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -148,7 +149,9 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
                 grid = scene_grid(scene)
                 formula = _formula(scene, grid)
-                found = derive(mean, stderr, None if formula is None else formula.bands(scene), grid)
+                found = derive(
+                    mean, stderr, None if formula is None else formula.bands(scene), grid, response.merged
+                )
                 if target.quantity in results:
                     results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
                 for name, key, _, _ in names:
@@ -263,17 +266,19 @@ def _loaded(file: str, _modified: int) -> TransportResponse:
 def _save(file: Path, response: TransportResponse, reached: float) -> None:
     reference = response.reference
     water = (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo)
+    arrays: dict[str, Any] = {
+        "tally": response.tally,
+        "histories": response.histories,
+        "excess_m": response.excess_m,
+        "straight_m": response.straight_m,
+        "reference": np.array(water),
+        "photons": response.photons,
+        "reached": reached,
+    }
+    if response.merged is not None:
+        arrays["merged"] = response.merged
     with atomic_path(file) as temporary, temporary.open("wb") as out:
-        np.savez(
-            out,
-            tally=response.tally,
-            histories=response.histories,
-            excess_m=response.excess_m,
-            straight_m=response.straight_m,
-            reference=np.array(water),
-            photons=response.photons,
-            reached=reached,
-        )
+        np.savez(out, **arrays)
 
 
 def _read(file: Path) -> tuple[TransportResponse, float] | None:
@@ -281,9 +286,9 @@ def _read(file: Path) -> tuple[TransportResponse, float] | None:
     try:
         with np.load(file, allow_pickle=False) as d:
             reference = Reference(*map(float, d["reference"]))
-            response = TransportResponse(
-                d["tally"], d["histories"], d["excess_m"], d["straight_m"], reference, int(d["photons"])
-            )
+            arrays = (d["tally"], d["histories"], d["excess_m"], d["straight_m"])
+            merged = d["merged"] if "merged" in d.files else None
+            response = TransportResponse(*arrays, reference, int(d["photons"]), merged)
             return response, float(d["reached"])
     except FileNotFoundError:
         return None

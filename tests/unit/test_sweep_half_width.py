@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.render.grid import Grid, cell_centres
-from lightfield.sweep.derived import half_width
+from lightfield.sweep.derived import derive, half_width
 
 
 @pytest.mark.parametrize(("pixels", "width_m"), [(65, 0.45), (65, 0.7), (33, 0.45), (21, 0.7)])
@@ -33,3 +33,16 @@ def test_no_spot_no_width() -> None:
     assert np.isnan(half_width(np.zeros((9, 9)), np.zeros((9, 9)), grid)).all()
     flat = np.ones((9, 9))
     assert np.isnan(half_width(flat, 0.01 * flat, grid)).all()  # half of the maximum lies beyond the edge
+
+
+def test_mirror_images_share_one_error() -> None:
+    """Four cells that are one estimate: the error of their sum is four times that of one, not twice."""
+    c = cell_centres(1.0, 2)
+    grid = Grid(np.array([5.0]), c, c, 0.5, 0.5)
+    mean, stderr = np.ones((1, 1, 2, 2)), np.full((1, 1, 2, 2), 0.1)
+    alone = derive(mean, stderr, None, grid)
+    together = derive(mean, stderr, None, grid, np.zeros((1, 2, 2), int))
+    assert alone["plane_power_stderr"][0, 0] == pytest.approx(0.25 * 0.2)
+    assert together["plane_power_stderr"][0, 0] == pytest.approx(0.25 * 0.4)
+    assert together["on_axis_stderr"][0, 0] == pytest.approx(0.1)
+    assert alone["on_axis_stderr"][0, 0] == pytest.approx(0.05)
