@@ -25,13 +25,14 @@ from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beamnodes import BeamNodes, is_round
+from lightfield.render.bounce import SingleBounce, applies
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.rendering import transport_key
 from lightfield.render.response import (
     CLASSES,
     FROM_WALLS,
     HERMITE_NODES,
-    HERMITE_WEIGHTS,
+    HERMITE_SHARES,
     NEVER_SCATTERED,
     Array,
     Reference,
@@ -77,6 +78,8 @@ class DiffuseResponse:
         From cells to positions.
     under_surface : DiffuseResponse, optional
         The same tank with a water surface in place of its lid; for light that was reflected.
+    bounce : SingleBounce, optional
+        Light that was reflected once and not scattered, known better than from a trace.
     """
 
     tallies: list[Array]
@@ -86,6 +89,7 @@ class DiffuseResponse:
     beam_nodes: BeamNodes
     shift: Shift
     under_surface: DiffuseResponse | None = None
+    bounce: SingleBounce | None = None
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -115,9 +119,25 @@ class DiffuseResponse:
             value, variance = self._light(scene, a, b, range(1))
             more, more_variance = self.under_surface._light(scene, a, b, range(1, CLASSES))
             value, variance = value + more, variance + more_variance
-        attenuated = self._inhomogeneous(scene) * self._path_change(scene, a + b)
+        uneven = self._inhomogeneous(scene)
+        attenuated = uneven * self._path_change(scene, a + b)
         moved = self.shift.apply(value * attenuated, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
-        return moved, self.shift.pick(np.sqrt(variance) * attenuated)
+        once = self._single_bounce(scene, a + b) * self.shift.pick(uneven)
+        return moved + once, self.shift.pick(np.sqrt(variance) * attenuated)
+
+    def _single_bounce(self, scene: Scene, attenuation: float) -> Array:
+        """Light reflected once and never scattered, at the readings, free of Monte Carlo noise."""
+        tank, light = scene.tank, np.zeros(len(self.shift.cell))
+        if self.bounce is None or tank is None:
+            return light
+        q = scene.water.hardening_per_m
+        for share, cz in zip(HERMITE_SHARES, HERMITE_NODES, strict=True) if q else [(1.0, 0.0)]:
+            c = attenuation + q * cz
+            if tank.wall_albedo > 0:
+                light += share * tank.wall_albedo * self.bounce.walls(scene, c, tank.surface_reflectance == 0)
+            if tank.surface_reflectance > 0:
+                light += share * tank.surface_reflectance * self.bounce.surface(scene, c)
+        return light
 
     def _light(self, scene: Scene, a: float, b: float, kinds: range) -> tuple[Array, Array]:
         """Light of some classes in every cell, and its variance, in uniform water."""
@@ -125,7 +145,7 @@ class DiffuseResponse:
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         spread = a + q * HERMITE_NODES if q else np.array([a])
         history = self.rows.histories
-        used = np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
+        used = self.counted & np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
         used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0) | (history[:, 0] == 0))
         value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
         if not used.any():
@@ -134,10 +154,10 @@ class DiffuseResponse:
         weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
         change = spread + b - reference.absorption_per_m - reference.scattering_per_m
         along = np.exp(-change[:, None] * self.rows.straight_m)
-        average = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum() if q else np.ones(1)
+        average = HERMITE_SHARES if q else np.ones(1)
         shares = self._g_shares(scene)
         for kind in np.unique(self.classes[used]):
-            rows = self.classes == kind
+            rows = self.counted & (self.classes == kind)
             # Light that was never scattered knows no g: its tally is the same at every node.
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
                 beam = self._beam(index, int(kind), scene)
@@ -145,6 +165,12 @@ class DiffuseResponse:
                 value += part
                 variance += (part * self.relative_stderr[index, kind]) ** 2
         return value, variance
+
+    @cached_property
+    def counted(self) -> NDArray[np.bool_]:
+        """Rows that are not known better from the single bounce."""
+        n, m, k = self.rows.histories.T
+        return (n > 0) | (m + k > 1) if self.bounce is not None else np.ones(len(n), bool)
 
     @cached_property
     def classes(self) -> NDArray[np.integer[Any]]:
@@ -188,7 +214,7 @@ class DiffuseResponse:
         """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
         key = (index, kind, rings)
         if key not in self._tallies:
-            tally = self.tallies[index][:, self.classes == kind]
+            tally = self.tallies[index][:, self.counted & (self.classes == kind)]
             if rings:
                 nodes = self.beam_nodes.nodes
                 tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
@@ -263,11 +289,13 @@ def response_for(
     has_g = scene.water.phase.type == "henyey-greenstein"
     nodes = tuple(sorted(g_nodes)) if has_g else ()
     open_top = bool(scene.tank and scene.tank.surface_reflectance > 0)
-    main = _response(scene, places, nodes, open_top, photons, seed, cache)
+    bounce = SingleBounce(scene, *places) if applies(scene) else None
+    main = replace(_response(scene, places, nodes, open_top, photons, seed, cache), bounce=bounce)
     if scene.tank is None or open_top:
         return main
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
-    return replace(main, under_surface=_response(scene, places, middle, True, photons, seed, cache))
+    below = replace(_response(scene, places, middle, True, photons, seed, cache), bounce=bounce)
+    return replace(main, under_surface=below)
 
 
 def _response(
@@ -307,7 +335,8 @@ def _response(
     if from_walls.any():
         smooth = smoother(grid)
         tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
-        errors[:, list(FROM_WALLS)] *= np.linalg.norm(smooth, axis=1)
+        # Cells and their mirror images share photons, so only half of the neighbours are independent.
+        errors[:, list(FROM_WALLS)] *= np.minimum(np.sqrt(2) * np.linalg.norm(smooth, axis=1), 1)
     return DiffuseResponse(list(tallies), errors, nodes, rows, beam_nodes, Shift(grid, *places))
 
 

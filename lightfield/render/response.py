@@ -24,7 +24,8 @@ Array = NDArray[np.floating[Any]]
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
 FROM_WALLS = (1, 2)
 CLASSES = 5
-HERMITE_NODES, HERMITE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
+HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 
 
 @dataclass(frozen=True)
@@ -140,9 +141,8 @@ class TransportResponse:
             spread = [np.repeat(v, len(HERMITE_NODES)) for v in columns]
             spread[0] = spread[0] + np.tile(hardening * HERMITE_NODES, len(columns[0]))
             batches = self._batches(*spread, part=part)
-            weights = HERMITE_WEIGHTS / HERMITE_WEIGHTS.sum()
-            split = batches.reshape(len(batches), len(columns[0]), len(weights), -1)
-            batches = np.einsum("bwhp,h->bwp", split, weights)
+            split = batches.reshape(len(batches), len(columns[0]), len(HERMITE_SHARES), -1)
+            batches = np.einsum("bwhp,h->bwp", split, HERMITE_SHARES)
         else:
             batches = self._batches(*columns, part=part)
         mean, stderr = (self._spread(v) for v in mean_and_stderr(batches))
