@@ -30,7 +30,7 @@ from lightfield.diagnosis.verdict import (
 from lightfield.fit import Array, Fit
 
 #: A family of unknown factors is named when it takes away this part of the misfit.
-_NAMED = 0.5
+_NAMED = 0.35
 _SHOWN = 8
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
 _CREDIBLE = 2.0

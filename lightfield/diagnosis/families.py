@@ -14,7 +14,7 @@ from lightfield.diagnosis.subspace import orthonormal
 from lightfield.fit import Array, Fit
 
 COORDINATES = ("x", "y", "angle", "plane", "time", "signal", "wavelength")
-_ITERATIONS = 4
+_ITERATIONS = 10
 _MAX_LEVELS = 40
 
 
