@@ -1,0 +1,139 @@
+"""Each kind of verdict on readings that the renderer made, not the formula that is asked to explain them.
+
+The readings lie in tests/data/verdicts (its README has the commands and seeds) and in scenes/hidden_effect: a full trace
+of the true scene with a lamp of finite size, then noise, gain errors of 0.2 % and position errors of 0.5 to 1 mm. Hidden
+sizes are those of the commands. The responses are traced with fewer photons than by default, to be quick; their
+error is part of the diagnosis.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from analytic_readings import scene as open_water
+
+from lightfield.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.cascade import ALPHA
+from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.verdict import json_schema
+from lightfield.fitreport import fit_readings
+from lightfield.measurements.readings import Readings
+from lightfield.render.diffuse import response_for
+from lightfield.scene import Scene
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "tests" / "data" / "verdicts"
+STORY = ROOT / "scenes" / "hidden_effect"
+KINDS = ("none", "identified", "ambiguous", "unexplained")
+quick = partial(response_for, photons=250_000)
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Diagnosis]:
+    files = {kind: (DATA / f"{kind}.csv", DATA / "scene.toml") for kind in KINDS}
+    files["identified"] = (STORY / "data.csv", STORY / "scene.toml")
+    return {
+        kind: diagnose(Readings.load(data), Scene.load(scene), diffuse=quick)
+        for kind, (data, scene) in files.items()
+    }
+
+
+def test_nothing_hidden_nothing_found(found):
+    verdict = found["none"].verdict
+    assert (verdict.verdict, verdict.effects, verdict.explanations) == ("none", [], [])
+    assert verdict.base_p > ALPHA
+    limit = verdict.detection_limits["scattering"]
+    assert limit.within_range and limit.value < 0.2, "the size hidden in the story would have been seen"
+
+
+def test_scattering_is_named_and_measured(found):
+    """b = 0.2 per metre, g = 0.92; intervals assume the class is right, so four of their errors are allowed."""
+    verdict = found["identified"].verdict
+    assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
+    values = verdict.explanations[0].parameters
+    for path, truth in (("water.scattering_per_m", 0.2), ("water.phase.g", 0.92)):
+        assert abs(values[path].value - truth) < 4 * values[path].stderr, path
+    base, explained = verdict.ladder
+    assert explained.error_percent < 0.5 * base.error_percent
+    assert explained.held_out_percent < 0.5 * base.held_out_percent
+    assert verdict.nearest_rival.separation_sigma > 6
+
+
+def test_the_explained_scene_rendered_afresh_stays_at_the_noise(found):
+    """A trace that took no part in the fit: physics, not curve fitting."""
+    rung = found["identified"].rendered(max_photons=1e6).verdict.ladder[-1]
+    floor = found["identified"].verdict.noise_floor_percent
+    assert rung.rendered_error_percent < np.hypot(floor, 3 * rung.rendered_stderr_percent) + 0.5
+
+
+def test_a_small_tilt_of_lamp_or_detector_is_ambiguous(found):
+    """Both are a slope across the beam; 0.06 degrees are seen, and not told apart."""
+    verdict = found["ambiguous"].verdict
+    assert verdict.verdict == "ambiguous"
+    sets = [e.effects for e in verdict.explanations]
+    assert ["beam_tilt"] in sets and ["detector_tilt"] in sets
+    assert sum(e.weight for e in verdict.explanations) <= 1 + 1e-9
+    assert verdict.nearest_rival.separation_sigma < 3
+    assert "beam tilt" in verdict.next_measurement.sentence
+
+
+def test_a_shadow_is_unexplained_and_located(found):
+    """A dip of 23 % and 6.5 cm at x = 0.08 m on every plane: no effect of the table."""
+    verdict = found["unexplained"].verdict
+    assert (verdict.verdict, verdict.effects) == ("unexplained", [])
+    assert verdict.unexplained_coordinate == "x"
+    assert verdict.next_measurement.readings[0].x_m == pytest.approx(0.08, abs=0.081)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_json_obeys_the_published_schema(found, kind):
+    data = json.loads(found[kind].verdict.model_dump_json())
+    schema = json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(data, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**data, "verdict": "perhaps"}, schema)
+
+
+def test_stored_rungs_give_their_error_again(found, tmp_path):
+    """`compare --scene rungN.toml`: gain, width and absorption refitted to the stored scene, the same minimum."""
+    done = found["identified"].save(tmp_path)
+    again = fit_readings(done.readings, Scene.load(tmp_path / "rung1.toml"), diffuse=quick)
+    rung = done.verdict.ladder[1]
+    assert again.error_percent == pytest.approx(rung.error_percent, rel=0.01)
+    assert again.adequacy_p > 0.01
+    base = fit_readings(done.readings, Scene.load(tmp_path / "rung0.toml"), diffuse=quick)
+    assert base.error_percent == pytest.approx(done.verdict.ladder[0].error_percent, rel=0.01)
+
+
+def test_plan_promises_what_diagnose_can_see(found):
+    """Limits before the measurement (noise as stated) and after it (noise as seen), at the same fitted scene.
+
+    Direct light only: the places that a plan considers would need a trace of their own.
+    """
+    table, scene = found["none"].readings, found["none"].scene
+    seen = diagnose(table, scene, diffuse=None, advise=False).verdict
+    made = plan(table, scene)
+    after = {name: limit for name, limit in seen.detection_limits.items() if limit.within_range}
+    assert {"beam_tilt", "background", "saturation", "lamp_drift"} <= set(after)
+    for name, limit in after.items():
+        assert made.limits[name].reachable, name
+        print(name, made.limits[name].value, limit.value)
+        assert 1 / 1.5 < made.limits[name].value / limit.value < 1.5, name
+    assert made.limits["beam_tilt"].value < 0.06, "the tilt of the ambiguous set is seen"
+
+
+def test_four_numbers_say_little_and_say_so():
+    """Three parameters leave one number: any effect that moves it explains it, unless rounding already does."""
+    table = ROOT / "scenes" / "unh_tow_tank"
+    bare = diagnose(Readings.load(table / "measured.csv"), open_water(), diffuse=None).verdict
+    assert bare.verdict == "ambiguous" and len(bare.explanations) >= 3
+    assert any("too few readings to estimate the noise" in w for w in bare.warnings)
+    rounded = Readings.load(table / "measured_with_rounding.csv")
+    verdict = diagnose(rounded, open_water(), diffuse=None).verdict
+    assert verdict.verdict == "none" and any("too few" in w for w in verdict.warnings)
