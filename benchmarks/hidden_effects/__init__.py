@@ -1,1 +1,1 @@
-"""Does the diagnosis find the right effect? Hundreds of rendered measurements with a known secret, and the scores."""
+"""Does the diagnosis find the right effect? Rendered measurements with a known secret, and scores."""

@@ -58,7 +58,11 @@ BENCHES = {
     for bench in (
         Bench("line", _scene({}), "line", (3.5, 4.6), (0.09, 0.16), 4),
         Bench("grid", _scene({}), "grid", (3.5, 4.6), (0.09, 0.16), 2),
-        Bench("wide", _scene({"width_m": 2.0}, detector={"width_m": 1.8}), "line", (12.0, 15.5), (0.09, 0.16), 2),
+        Bench(
+            "wide",
+            _scene({"width_m": 2.0}, detector={"width_m": 1.8}),
+            "line", (12.0, 15.5), (0.09, 0.16), 2,
+        ),
         Bench(
             "column",
             _scene({"lamp_depth_m": 0.6}, detector={"width_m": 1.8}),

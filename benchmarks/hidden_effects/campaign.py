@@ -21,7 +21,8 @@ def _job(job: Trial | Path, folder: Path) -> dict[str, Any]:
 def perform(chosen: Sequence[Trial], folder: Path, minutes: float, fresh: bool, with_cases: bool) -> None:
     """Do what was not done yet.
 
-    One set per set-up comes first, which traces its diffuse light; then the rest, the independent cases between.
+    One set per set-up comes first, which traces its diffuse light; then the rest, with the independent cases
+    between.
 
     Parameters
     ----------

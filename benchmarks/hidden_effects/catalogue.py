@@ -1,10 +1,10 @@
-"""Everything that is hidden: which effect, in which set-up, of what size and form; and every set made of it."""
+"""Everything that is hidden: which effect, where, of what size and form; and every set made of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,7 @@ class Trial:
         return number_of(self.key)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _drawn(bench: str, beam: int, name: str, strength: float, form: int) -> tuple[tuple[str, Any], ...]:
     rng = np.random.default_rng(number_of(f"{bench}{beam} {name} {strength:g} {form}"))
     table = table_of(BENCHES[bench], "random", np.random.default_rng(0))
@@ -136,7 +136,8 @@ def _other_physics() -> Iterator[Truth]:
         )  # fmt: skip
     for extra, width in ((0.05, 2.0), (0.1, 0.5)):
         layer = (
-            ("water.layer_absorption_per_m", extra), ("water.layer_centre_m", 6.0), ("water.layer_width_m", width),
+            ("water.layer_absorption_per_m", extra),
+            ("water.layer_centre_m", 6.0), ("water.layer_width_m", width),
         )  # fmt: skip
         yield Truth("other physics", "line", 0, f"layer {width:g} m thick", ("water_gradient",), layer)
     for strength in STRENGTHS[1:]:
@@ -147,7 +148,9 @@ def _other_physics() -> Iterator[Truth]:
 def truths() -> list[Truth]:
     """Every truth of the benchmark."""
     out = [
-        Truth("null", bench.name, beam, "nothing") for bench in BENCHES.values() for beam in range(bench.beams)
+        Truth("null", bench.name, beam, "nothing")
+        for bench in BENCHES.values()
+        for beam in range(bench.beams)
     ]
     out += [_one(bench, name, s, beam=k % BENCHES[bench].beams)
             for bench, names in ONE.items() for k, name in enumerate(names) for s in STRENGTHS]  # fmt: skip

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,18 +30,32 @@ Row = dict[str, Any]
 
 
 class Tracing:
-    """`response_for`, with its wall-clock and processor time."""
+    """`response_for`, with its wall-clock and processor time.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    bench : str
+        Responses of one set-up, where only beam and absorption change, are kept in memory.
+    """
+
+    _kept: ClassVar[dict[tuple[Any, ...], Any]] = {}
+
+    def __init__(self, bench: str = "") -> None:
+        self.bench = bench
         self.seconds = self.cpu_seconds = 0.0
 
-    def __call__(self, *places: Any) -> Any:
-        from lightfield.render.diffuse import response_for
+    def __call__(self, scene: Any, *places: Any) -> Any:
+        from lightfield.render.diffuse import _bucket, response_for
 
+        key = (self.bench, _bucket(scene.lamp.hwhm_deg), *(np.asarray(p).tobytes() for p in places))
+        if key in self._kept:
+            return self._kept[key]
         start, used = time.perf_counter(), time.process_time()
-        response = response_for(*places)
+        response = response_for(scene, *places)
         self.seconds += time.perf_counter() - start
         self.cpu_seconds += time.process_time() - used
+        if self.bench:
+            self._kept[key] = response
         return response
 
 
@@ -49,7 +63,8 @@ def run(trial: Trial, folder: Path) -> Row:
     """Make, diagnose, compare. A crash is an outcome too."""
     truth = trial.truth
     row: Row = {
-        "seed": trial.seed, "key": trial.key, "stratum": truth.stratum, "bench": truth.bench, "label": truth.label,
+        "seed": trial.seed, "key": trial.key, "stratum": truth.stratum, "bench": truth.bench,
+        "label": truth.label,
         "hidden": sorted(truth.hidden), "any_of": sorted(truth.any_of), "unknown": truth.unknown,
         "noise_kind": trial.noise_kind, "order": trial.order, "noise": trial.noise,
     }  # fmt: skip
@@ -67,7 +82,8 @@ def _run(trial: Trial, folder: Path) -> Row:
     believed = believed_scene(true_scene(bench, truth.beam), rng)
     light, light_error = light_of(truth, folder)
     n = len(table)
-    factor, drawn = np.ones(n), {}
+    factor = np.ones(n)
+    drawn: dict[str, float] = {}
     if truth.unknown:
         factor, drawn = unknowns.draw(truth.unknown, layout_of(table), rng)
     kind = NOISE_KINDS[trial.noise_kind]
@@ -77,21 +93,27 @@ def _run(trial: Trial, folder: Path) -> Row:
     stated = kind.get("plane_gain")
     if stated:
         readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * stated))
-    tracing = Tracing()
+    tracing = Tracing(bench.name)
     found, times = timed(readings, believed, tracing)
     sigma = np.hypot(trial.noise * clean, FLOOR)
     gain = float(clean.max() / light[:n].max())
     gained = stated if stated is not None else PLANE_GAIN_PERCENT / 100
     oracle = Oracle(believed, readings, clean, sigma, gained, tracing)
-    row = summary(found) | times | {
-        "n": n,
-        "values": {k: v for k, v in truth.values if isinstance(v, float)},
-        "drawn": drawn,
-        "delta": oracle.delta if truth.stratum != "null" else 0.0,
-        "render_sigma": float(np.sqrt(np.mean((light_error[:n] * gain / sigma) ** 2))),
-    }
-    if truth.stratum in ("one", "other physics", "unknown") and oracle.delta > SEEN:
-        row["rival"], row["D"] = oracle.nearest(truth.any_of or truth.hidden)
+    row = (
+        summary(found)
+        | times
+        | {
+            "n": n,
+            "values": {k: v for k, v in truth.values if isinstance(v, float)},
+            "drawn": drawn,
+            "delta": oracle.delta if truth.stratum != "null" else 0.0,
+            "render_sigma": float(np.sqrt(np.mean((light_error[:n] * gain / sigma) ** 2))),
+        }
+    )
+    if truth.stratum == "one" and oracle.delta > SEEN:
+        row["rival"], row["D"] = oracle.nearest(truth.hidden)
+    if truth.stratum == "two":
+        row["second"] = oracle.second(truth.hidden, dict(truth.values))
     if truth.stratum == "one" and found.verdict.verdict == "identified":
         row |= _errors(trial, found, oracle, clean, light)
     return row
@@ -137,7 +159,7 @@ def summary(found: Diagnosis) -> Row:
 def _errors(
     trial: Trial, found: Diagnosis, oracle: Oracle, clean: np.ndarray, light: np.ndarray
 ) -> dict[str, float]:
-    """Error of base, claim and the best possible fit, on the noise-free truth between the readings, in per cent.
+    """Error of base, claim and the best fit there is, on the noise-free truth between the readings, in %.
 
     Left out where scattered light takes part: its response would have to be traced for the held-out places.
     """
@@ -164,9 +186,7 @@ def _errors(
         "oracle": oracle.fit(right, dict(truth.values), found.prepared.problem).values,
     }
     return {
-        f"error_{name}": float(
-            100 * np.sqrt(np.mean(((there.predict(values) / expected)[counted] - 1) ** 2))
-        )
+        f"error_{name}": float(100 * np.sqrt(np.mean(((there.predict(values) / expected)[counted] - 1) ** 2)))
         for name, values in fits.items()
     }
 

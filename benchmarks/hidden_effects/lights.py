@@ -13,10 +13,12 @@ from benchmarks.hidden_effects.catalogue import Truth
 from lightfield.files import atomic_path
 from lightfield.scene import Scene
 
-PHOTONS, REL_ERROR = 1.5e7, 0.002
+PHOTONS, REL_ERROR = 8e6, 0.003
 #: What acts after the light has arrived, or on all light alike.
-AFTERWARDS = ("detector.background", "detector.saturation", "detector.saturation_quadratic", "lamp.drift_per_hour",
-              "lamp.warmup_fraction", "lamp.warmup_time_s")  # fmt: skip
+AFTERWARDS = (
+    "detector.background", "detector.saturation", "detector.saturation_quadratic",
+    "lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s",
+)  # fmt: skip
 
 
 def lit_scene(truth: Truth) -> Scene:

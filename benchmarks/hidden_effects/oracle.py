@@ -1,4 +1,4 @@
-"""What could be known at best: distances between noise-free readings and the models that are fitted to them."""
+"""What could be known at best: distances between noise-free readings and the models fitted to them."""
 
 from __future__ import annotations
 
@@ -74,8 +74,15 @@ class Oracle:
     def formulas(self, names: Sequence[str], values: dict[str, Any]) -> list[Candidate]:
         """The forms that the hidden values belong to; fewer than names where nature follows none of them."""
         return [
-            c for c in self.problem.candidates if c.name in names and any(p.path in values for p in c.amplitudes)
+            c
+            for c in self.problem.candidates
+            if c.name in names and any(p.path in values for p in c.amplitudes)
         ]
+
+    def second(self, names: Sequence[str], values: dict[str, Any]) -> float:
+        """Of two hidden effects: distance of the noise-free readings from what one of them alone can do."""
+        alone = [self.fit((c,), values, self.problem).chi2 for c in self.formulas(names, values)]
+        return float(np.sqrt(min(alone, default=np.inf)))
 
     def nearest(self, names: Sequence[str]) -> tuple[str, float]:
         """The single effect by another name that imitates the noise-free readings best, and its distance."""
@@ -96,7 +103,9 @@ class Oracle:
             shapes = {p.path: p.value(u) for p, u in zip(candidate.shapes, shape, strict=True)}
             columns = []
             for parameter in candidate.amplitudes:
-                step = parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+                step = (
+                    parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+                )
                 moved = self.forward.predict(
                     {**values, **shapes, parameter.path: parameter.value(parameter.start + step)}
                 )

@@ -1,4 +1,4 @@
-"""Many jobs on a few processes; what is finished is handed out at once, so that an interrupted run can go on."""
+"""Many jobs on a few processes; what is finished is handed out at once, so that a run can be interrupted."""
 
 from __future__ import annotations
 
