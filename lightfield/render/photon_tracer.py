@@ -53,7 +53,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
 
     def render_all(self, scene: mi.Scene, seed: int = 0, spp: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """All sensors at once: mean and standard error, shape (n_sensors, n_y, n_x), y ascending."""
-        lamp, medium, sensors = _lamp(scene), None, _sensors(scene)
+        lamp, sensors = _lamp(scene), _sensors(scene)
         medium = lamp.get_medium()
         if medium is None:
             raise RenderError(
@@ -63,12 +63,10 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
             )
         order = np.argsort([s.z_m for s in sensors])
         x, y = sensors[0].centres()
-        grid = Grid(np.array([sensors[i].z_m for i in order]), x, y, x[1] - x[0], y[1] - y[0])
+        pitch_x, pitch_y = sensors[0].width_m / len(x), sensors[0].height_m / len(y)
+        grid = Grid(np.array([sensors[i].z_m for i in order]), x, y, pitch_x, pitch_y)
         water = _coefficients(medium)
-        far = grid.z_m.max() * 1.2 * water.scattering_per_m
-        histories = (
-            Histories(0, path_nodes=2, longest_excess_m=1.0) if far == 0 else Histories(0, path_nodes=2)
-        )
+        histories = Histories(0, path_nodes=2)
         position = (lamp.lamp.offset_x_m, lamp.lamp.offset_y_m, 0.0)
         planes = Planes(grid, sensors[0].receiver, position, lamp.lamp.apparent_distance_m)
         photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES

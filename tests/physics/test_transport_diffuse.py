@@ -1,0 +1,110 @@
+"""The fast response of diffuse light, against fresh traces of the very scenes that it is asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from montecarlo import chi_square_p
+from scipy import stats
+
+from lightfield.render.diffuse import DiffuseResponse, response_for
+from lightfield.render.grid import cell_of
+from lightfield.render.rendering import render_scene
+from lightfield.scene import Scene
+
+PLACES = np.array([(x, 0.0, z) for z in (4.5, 8.5) for x in (-0.6, -0.3, 0.0, 0.3, 0.6)])
+SCENE = Scene.from_dict(
+    {
+        "water": {"absorption_per_m": 0.08, "scattering_per_m": 0.15},
+        "tank": {"wall_albedo": 0.2},
+        "detector": {"positions_m": PLACES.tolist()},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def response() -> DiffuseResponse:
+    """Traced once: four values of g, a lid and a water surface."""
+    return response_for(SCENE, *PLACES.T, photons=400_000, cache=False)
+
+
+def fresh(scene: Scene, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Diffuse light at the places, traced in the scene itself."""
+    rendering = render_scene(scene, rel_error=1e-3, max_photons=4e5, seed=seed, cache=False)
+    mean, stderr = (v[0] for v in rendering.relative_maps(np.array([525.0]), "diffuse"))
+    if mean.ndim == 3:
+        at = cell_of(rendering.grid, *PLACES.T)
+        mean, stderr = mean[at], stderr[at]
+    return mean.ravel(), stderr.ravel()
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "as traced": {},
+    "narrower": {"lamp.hwhm_deg": 3.0},
+    "wider": {"lamp.hwhm_deg": 6.0},
+    "flat top": {"lamp.shape_exponent": 4.0},
+    "skirt": {"lamp.skirt_fraction": 0.1},
+    "tilted": {"lamp.tilt_x_deg": 1.5, "lamp.tilt_y_deg": -1.0},
+    "elliptic": {"lamp.ellipticity": 1.4},
+    "less scattering": {"water.scattering_per_m": 0.05},
+    "more scattering": {"water.scattering_per_m": 0.35},
+    "more absorption": {"water.absorption_per_m": 0.3},
+    "g between nodes": {"water.phase.g": 0.9},
+    "g 0.8": {"water.phase.g": 0.8},
+    "g 0.95": {"water.phase.g": 0.95},
+    "black walls": {"tank.wall_albedo": 0.0},
+    "bright walls": {"tank.wall_albedo": 0.5},
+    "surface": {"tank.surface_reflectance": 1.0},
+    "apparent source": {"lamp.apparent_distance_m": 1.0},
+    "aside": {"lamp.offset_x_m": 0.03},
+    "gradient": {"water.gradient_per_m2": 0.005},
+    "layer": {"water.layer_absorption_per_m": 0.2},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_other_beams_waters_and_walls(response: DiffuseResponse, name: str) -> None:
+    """Within the combined stated errors at ten places on two planes."""
+    scene = SCENE.with_values(CASES[name])
+    value, error = response.evaluate(scene)
+    mean, stderr = fresh(scene)
+    z = (value - mean) / np.hypot(error, stderr)
+    assert chi_square_p(z) > 0.001
+    assert (np.hypot(error, stderr) < 0.15 * mean).all()
+
+
+def test_nothing_scattered_nothing_reflected(response: DiffuseResponse) -> None:
+    """Clear water in a black tank has no diffuse light at all."""
+    dark = SCENE.with_values({"water.scattering_per_m": 0.0, "tank.wall_albedo": 0.0})
+    value, error = response.evaluate(dark)
+    assert (value == 0).all() and (error == 0).all()
+
+
+def test_first_order_in_scattering(response: DiffuseResponse) -> None:
+    """With little scattering, and the total attenuation kept, its light doubles when b doubles."""
+    weak = [
+        SCENE.with_values(
+            {"water.scattering_per_m": b, "water.absorption_per_m": 0.1 - b, "tank.wall_albedo": 0.0}
+        )
+        for b in (1e-4, 2e-4)
+    ]
+    once, twice = (response.evaluate(scene)[0] for scene in weak)
+    np.testing.assert_allclose(twice / once, 2.0, rtol=1e-3)
+
+
+def test_stated_error_is_the_scatter_of_seeds() -> None:
+    """Responses of 12 seeds scatter as they say, averaged over places (open water, one g)."""
+    scene = Scene.from_dict({**SCENE.to_dict(), "tank": None})
+    found = [
+        response_for(scene, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, cache=False).evaluate(
+            scene
+        )
+        for seed in range(12)
+    ]
+    values, errors = (np.array(v) for v in zip(*found, strict=True))
+    ratio = (errors**2).mean() / values.var(axis=0, ddof=1).mean()
+    # 11 degrees of freedom at each of ten places, neighbours of which share photons: at least those of one.
+    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
+    assert 1 / high < ratio < 1 / low
