@@ -21,8 +21,9 @@ def direct_at(
 ) -> np.ndarray:
     """Unscattered, unreflected light of the whole lamp window, for unit on-axis radiant intensity.
 
-    The window is covered by a low-discrepancy set of points, each the start of a straight ray through Mitsuba's
-    geometry; the error of that quadrature (below 1e-4 for windows much smaller than the distance) is all there is.
+    The window is covered by a low-discrepancy set of points, each the start of a straight ray through
+    Mitsuba's geometry; the error of that quadrature (below 1e-4 for windows much smaller than the distance)
+    is all there is.
 
     Parameters
     ----------
