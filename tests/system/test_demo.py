@@ -1,0 +1,48 @@
+"""`lightfield demo`, shortened: fewer photons for the tow tank, no traces for the story.
+
+Rationale: it is the first thing that a new user runs. Expected: exit code 0, one self-contained page per experiment,
+and their paths as the last lines.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lightfield.cli import main
+from lightfield.commands import demo
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SHORTER = {"render": " --max-photons 1e5", "compare": " --max-photons 1e5", "diagnose": " --no-trace"}
+
+
+def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
+    short = {
+        name: tuple(line + SHORTER[line.split()[0]] for line in lines)
+        for name, lines in demo.EXPERIMENTS.items()
+    }
+    monkeypatch.setattr(demo, "EXPERIMENTS", short)
+    assert main(["demo", "--scenes", str(SCENES), "-o", str(tmp_path / "my demo")]) == 0
+    printed = capsys.readouterr().out
+    reports = [tmp_path / "my demo" / name / "index.html" for name in short]
+    assert printed.splitlines()[-len(reports) :] == [f"report: {report}" for report in reports]
+    for report in reports:
+        page = report.read_text(encoding="utf-8")
+        assert "</html>" in page and "<script src" not in page and "http-equiv" not in page
+    assert "$ lightfield diagnose" in printed
+
+
+def test_the_storys_page_does_not_give_the_answer_away():
+    page = (SCENES / "hidden_effect" / "README.md").read_text(encoding="utf-8").lower()
+    hidden = (SCENES / "hidden_effect" / "truth.json").read_text(encoding="utf-8")
+    assert '"scattering"' in hidden
+    for name in ("scattering", "scattered"):
+        assert name not in page
+
+
+@pytest.mark.parametrize("line", [line for lines in demo.EXPERIMENTS.values() for line in lines])
+def test_files_of_the_demo_are_there(line):
+    for word in line.split():
+        if word.startswith("{scene}/"):
+            assert any((SCENES / name / word[8:]).is_file() for name in demo.EXPERIMENTS)
