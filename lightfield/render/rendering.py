@@ -19,6 +19,8 @@ from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
+TOGETHER = 25  # wavelengths evaluated at once
+
 
 @dataclass(frozen=True)
 class Rendering:
@@ -68,11 +70,15 @@ class Rendering:
             mean, stderr = self.relative_maps(at[:1, 0], part)
             per_band = intensity.mean(axis=1)[:, None, None, None]
             return mean * per_band, stderr * per_band
-        maps = [
-            self.relative_maps(band, part, intensity_) for band, intensity_ in zip(at, intensity, strict=True)
-        ]
-        means, errors = zip(*((m.mean(axis=0), e.mean(axis=0)) for m, e in maps), strict=True)
-        return np.array(means), np.array(errors)
+        # Some bands at a time: the tally is read once for all of them.
+        step = max(1, TOGETHER // at.shape[1])
+        parts = []
+        for first in range(0, len(at), step):
+            some = slice(first, first + step)
+            pair = self.relative_maps(at[some].ravel(), part, intensity[some].ravel())
+            parts.append([v.reshape(*at[some].shape, *v.shape[1:]).mean(axis=1) for v in pair])
+        mean, stderr = (np.concatenate(v) for v in zip(*parts, strict=True))
+        return mean, stderr
 
     def relative_maps(
         self, wavelengths_nm: Array, part: str = "all", intensity: Array | None = None
