@@ -41,9 +41,10 @@ demo: setup
 
 bench: setup
 	$(BIN)/python -m pip install --quiet -e ".[dev,bench]"
-	@for script in benchmarks/*.py; do \
-	    test -e "$$script" || { echo "no benchmarks yet"; exit 0; }; \
-	    echo "== $$script"; $(BIN)/python "$$script" || exit 1; \
+	@for folder in benchmarks/*/; do \
+	    name=$$(basename "$$folder"); echo "== $$name"; \
+	    if test -e "$$folder/__main__.py"; then $(BIN)/python -m "benchmarks.$$name" || exit 1; \
+	    elif test -e "$$folder/run.py"; then $(BIN)/python "benchmarks/$$name/run.py" || exit 1; fi; \
 	done
 
 clean:

@@ -89,11 +89,11 @@ def figure(width: float = WIDTH, height: float = 4.0) -> Iterator[Figure]:
         yield Figure(figsize=(width, height), layout="constrained")
 
 
-def save_png(fig: Figure, path: str | os.PathLike[str]) -> Path:
+def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> Path:
     """Write a figure as PNG on white paper, whole or not at all."""
     with matplotlib.rc_context(_RC), atomic_path(path) as temporary:
         FigureCanvasAgg(fig)
-        fig.savefig(temporary, dpi=PNG_DPI, format="png")
+        fig.savefig(temporary, dpi=dpi, format="png")
     return Path(path)
 
 

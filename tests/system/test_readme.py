@@ -1,0 +1,89 @@
+"""What the README says works: commands run as written, files load, the Python example finds the effect.
+
+Traces are cut short, by a photon budget or left out where a trace is not the point; all else is as written.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from lightfield import cli
+from lightfield.measurements import Readings
+from lightfield.scene import Scene
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SHORT = {
+    "render": "--max-photons 2e4",
+    "compare": "--max-photons 2e4",
+    "sweep": "--max-photons 2e3",
+    "regime": "--max-photons 2e3",
+    "hide": "--max-photons 2e4",
+    "plan": "--no-trace",
+    "picture": "--samples 2 --size 64x36",
+}
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+
+
+COMMANDS = [line for block in blocks("sh") for line in block.splitlines() if line.strip()]
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The root of a clone, as far as the README needs it."""
+    folder = tmp_path_factory.mktemp("clone")
+    (folder / "scenes").symlink_to(ROOT / "scenes")
+    return folder
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_runs_as_written(clone, monkeypatch, capsys, line):
+    """In the order of the README: later ones use what earlier ones wrote."""
+    program, *words = shlex.split(line, comments=True)
+    assert program == "lightfield"
+    more = SHORT.get(words[0], "").split()
+    monkeypatch.chdir(clone)
+    assert cli.main([*words, *more]) == 0, capsys.readouterr().err
+    for option in ("-o", "--report", "--to-xml", "--exr"):
+        if option in words:
+            assert Path(words[words.index(option) + 1]).exists()
+
+
+def test_the_python_example_runs_and_finds_the_effect(monkeypatch, capsys):
+    (example,) = blocks("python")
+    assert len(example.splitlines()) == 5
+    monkeypatch.chdir(ROOT)
+    exec(compile(example, "README.md", "exec"), {})
+    verdict, rest = capsys.readouterr().out.split(" ", 1)
+    assert verdict == "identified"
+    errors = [float(text) for text in re.findall(r"[\d.]+", rest.partition("]")[2])]
+    assert errors[-1] < errors[0] / 3
+
+
+def test_the_scene_and_the_readings_shown_are_whole(tmp_path):
+    (toml,), (csv,) = blocks("toml"), blocks("csv")
+    scene = Scene.from_toml(toml)
+    assert scene.lamp.hwhm_deg == 3.81 and scene.detector.planes_m == (4.5, 6.5, 8.5)
+    file = tmp_path / "readings.csv"
+    file.write_text(csv, encoding="utf-8")
+    readings = Readings.load(file)
+    assert readings.value.tolist() == [1.0] and readings.budget.position_mm == 1.0
+
+
+def test_every_option_file_and_variable_that_is_named_exists():
+    for path in re.findall(r"\]\(([^)]+)\)", README):
+        assert (ROOT / path).exists(), path
+    for path in re.findall(r"`((?:lightfield|benchmarks|tools|scenes)/[\w./]+)`", README):
+        assert (ROOT / path).exists(), path
+    source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "lightfield").rglob("*.py"))
+    for variable in set(re.findall(r"LIGHTFIELD_\w+", README)):
+        assert f'"{variable}"' in source, variable
+    for command in cli.COMMANDS:
+        assert re.search(rf"`?(lightfield )?{command}\b", README), command
