@@ -166,12 +166,15 @@ def markdown(rows: Sequence[Row], cases: Sequence[Row], planned: int) -> str:
     lines = [
         _ABOUT,
         f"**{len(rows)} sets** of {planned} planned ({told}); {errors} ended in an error. Code: "
-        + ", ".join(f"{v} ({n} sets)" for v, n in versions.most_common()) + ".",
+        + ", ".join(f"{v} ({n} sets)" for v, n in versions.most_common())
+        + f". Monte Carlo error of the {len(noise)} sets with diffuse light: {np.median(noise):.2f} (median), "
+        f"{noise.max():.2f} (largest) of a reading's noise, rms.",
         "",
         "## Scores",
         "",
         "In brackets: 95 % Clopper-Pearson limits; sets. Sets of one render are not independent of each "
-        "other, so the limits are somewhat too narrow for rates that depend on the truth more than on the noise.",
+        "other, so the limits are somewhat too narrow for rates that depend on the truth more than on "
+        "the noise.",
         "",
         *_table(["score", "measured", "release aim", "world class", "reached"],
                 [[s.name, s.value, s.release, s.world, s.met] for s in scores(rows)]),
