@@ -95,21 +95,19 @@ def _run(trial: Trial, folder: Path) -> Row:
         readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * stated))
     tracing = Tracing(bench.name)
     found, times = timed(readings, believed, tracing)
+    row = summary(found) | times | {"n": n, "delta": 0.0}
+    if truth.stratum == "null":
+        return row
     sigma = np.hypot(trial.noise * clean, FLOOR)
     gain = float(clean.max() / light[:n].max())
     gained = stated if stated is not None else PLANE_GAIN_PERCENT / 100
     oracle = Oracle(believed, readings, clean, sigma, gained, tracing)
-    row = (
-        summary(found)
-        | times
-        | {
-            "n": n,
-            "values": {k: v for k, v in truth.values if isinstance(v, float)},
-            "drawn": drawn,
-            "delta": oracle.delta if truth.stratum != "null" else 0.0,
-            "render_sigma": float(np.sqrt(np.mean((light_error[:n] * gain / sigma) ** 2))),
-        }
-    )
+    row |= {
+        "values": {k: v for k, v in truth.values if isinstance(v, float)},
+        "drawn": drawn,
+        "delta": oracle.delta,
+        "render_sigma": float(np.sqrt(np.mean((light_error[:n] * gain / sigma) ** 2))),
+    }
     if truth.stratum == "one" and oracle.delta > SEEN:
         row["rival"], row["D"] = oracle.nearest(truth.hidden)
     if truth.stratum == "two":

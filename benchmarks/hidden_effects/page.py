@@ -167,8 +167,8 @@ def markdown(rows: Sequence[Row], cases: Sequence[Row], planned: int) -> str:
         _ABOUT,
         f"**{len(rows)} sets** of {planned} planned ({told}); {errors} ended in an error. Code: "
         + ", ".join(f"{v} ({n} sets)" for v, n in versions.most_common())
-        + f". Monte Carlo error of the {len(noise)} sets with diffuse light: {np.median(noise):.2f} (median), "
-        f"{noise.max():.2f} (largest) of a reading's noise, rms.",
+        + f". Monte Carlo error of the {len(noise)} sets with diffuse light: {np.median(noise):.2f} "
+        f"(median), {noise.max():.2f} (largest) of a reading's noise, rms.",
         "",
         "## Scores",
         "",
