@@ -10,8 +10,8 @@ from lightfield.errors import UsageError
 from lightfield.files import output_folder
 
 # Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
-# and the folder of its results; one of them writes {out}/index.html. Both traces of the tow tank have the same
-# settings: the second finds the first in the cache. 5 % is coarser than the default, and quick.
+# and the folder of its results; one of them writes {out}/index.html. Both traces of the tow tank have the
+# same settings: the second finds the first in the cache. 5 % is coarser than the default, and quick.
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
     "unh_tow_tank": (
         "render {scene}/scene.toml --rel-error 0.05 -o {out}",

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter
@@ -27,9 +29,12 @@ from lightfield.report.style import (
 )
 
 MOST_PANELS = 5
+LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 SAME_CLASS_SIGMA, SURE_SIGMA = 3.0, 6.0
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
 DASHED = (0, (5, 2))
+# Without its darkest ends: they would vanish on a dark page.
+RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
 
 
 def data_figure(view: DiagnosisView) -> Figure:
@@ -94,6 +99,8 @@ def residual_panel(
 
 def residual_map(view: DiagnosisView) -> Figure:
     """Where the misfit lives: every reading at its place, coloured by its residual, before and after."""
+    if view.is_grid:
+        return _grid_map(view)
     shown = [(0, view.predictions[0].label)]
     if len(view.predictions) > 1:
         shown.append((len(view.predictions) - 1, view.predictions[-1].label))
@@ -108,7 +115,7 @@ def residual_map(view: DiagnosisView) -> Figure:
                 across,
                 _spread(readings.z_m, readings.wavelength_nm, readings.medium),
                 c=view.residual_sigma(step),
-                cmap="RdBu_r",
+                cmap=RED_BLUE,
                 vmin=-scale,
                 vmax=scale,
                 s=np.where(readings.left_out, 8, 34),
@@ -120,6 +127,43 @@ def residual_map(view: DiagnosisView) -> Figure:
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
+        bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+    return fig
+
+
+def _grid_map(view: DiagnosisView) -> Figure:
+    """The same for readings in x and y: one map per scan, before above, after below."""
+    groups = view.groups()
+    if len(groups) > MOST_PANELS:
+        chosen = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
+        groups = [groups[i] for i in chosen]
+    steps = [0] if len(view.predictions) == 1 else [0, len(view.predictions) - 1]
+    readings = view.readings
+    first = view.residual_sigma(0)[~readings.left_out]
+    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
+    with figure(WIDTH, 0.8 + 2.1 * len(steps)) as fig:
+        axes = fig.subplots(len(steps), len(groups), squeeze=False, sharex=True, sharey=True)
+        for row, step in zip(axes, steps, strict=True):
+            residual = view.residual_sigma(step)
+            for axis, group in zip(row, groups, strict=True):
+                dots = axis.scatter(
+                    readings.x_m[group.rows],
+                    readings.y_m[group.rows],
+                    c=residual[group.rows],
+                    cmap=RED_BLUE,
+                    vmin=-scale,
+                    vmax=scale,
+                    s=np.where(readings.left_out[group.rows], 8, 34),
+                    edgecolors=MUTED,
+                    linewidths=0.4,
+                )
+                axis.margins(0.12)
+            row[0].set_ylabel(f"{_plain(view.predictions[step].label)}\ny (m)")
+        for axis, group in zip(axes[0], groups, strict=True):
+            axis.set_title(group.label)
+        for axis in axes[-1]:
+            axis.set_xlabel("x (m)")
+        bar = fig.colorbar(dots, ax=axes.ravel().tolist(), extend="both", pad=0.015, aspect=22)
         bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
     return fig
 
@@ -163,6 +207,8 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
     held_out = np.array(
         [np.nan if rung.get("held_out_percent") is None else rung["held_out_percent"] for rung in ladder]
     )
+    texts = [f"{value:.2g} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error]
+    error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
     with figure(max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder))), 4.0) as fig:
         axis = fig.subplots()
         axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
@@ -187,9 +233,14 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
                 markersize=6,
                 label="each plane predicted from the others",
             )
-        for x, value in zip(at, error, strict=True):
+        for x, value, text in zip(at, error, texts, strict=True):
             axis.annotate(
-                f"{value:.2g} %", (float(x), float(value)), (8, 5), textcoords="offset points", fontsize=10, weight="bold"
+                text,
+                (float(x), float(value)),
+                (8, 5),
+                textcoords="offset points",
+                fontsize=10,
+                weight="bold",
             )
         for x, rung in zip(at, ladder, strict=True):
             if rung.get("rendered_error_percent") is not None:
@@ -257,10 +308,21 @@ def _panels(view: DiagnosisView) -> list[Group]:
     groups = view.groups()
     if view.scan_axis == "z_m":
         return [Group("along the axis", np.concatenate([group.rows for group in groups]))]
+    if view.is_grid:
+        groups = [_middle_line(view, group) for group in groups]
     if len(groups) <= MOST_PANELS:
         return groups
     chosen = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
     return [groups[i] for i in chosen]
+
+
+def _middle_line(view: DiagnosisView, group: Group) -> Group:
+    """Of a grid, the line next to the axis: lines drawn through a grid would jump from row to row."""
+    name = "x_m" if view.scan_axis == "y_m" else "y_m"
+    other = getattr(view.readings, name)[group.rows]
+    nearest = other[np.abs(other).argmin()]
+    rows = group.rows[np.abs(other - nearest) < 1e-6]
+    return Group(f"{group.label}, {name[0]} = {nearest + 0.0:g} m", rows)
 
 
 def _sorted(view: DiagnosisView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lightfield.report.diagnosis_figures import (
+    LEAST_PERCENT,
     data_figure,
     ladder_figure,
     residual_map,
@@ -122,6 +123,9 @@ def diagnosis_page(view: DiagnosisView) -> str:
 
 def _headline(sentence: str) -> tuple[str, list[str]]:
     """What was found, and apart from it how sure that is: the first is read from across the room."""
+    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>[\d.]+ sigma apart)\)(?P<within>.*)\.", sentence)
+    if apart:
+        return f"{apart['what']}{apart['within']}.", [f"The best two are {apart['far']}."]
     found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)
     if found:
         return f"{found['what']}.", [found["family"].capitalize() + found["rest"]]
@@ -135,7 +139,10 @@ def _lead(verdict: Mapping[str, Any]) -> list[str]:
     floor = verdict["noise_floor_percent"]
     lines = []
     if len(ladder) > 1:
-        lines.append(f"The error falls from {first:.2g} % to {last:.2g} %; the noise floor is {floor:.2g} %.")
+        lines.append(
+            f"The error falls from {_percent(first, 2)} % to {_percent(last, 2)} %; "
+            f"the noise floor is {floor:.2g} %."
+        )
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
@@ -155,8 +162,8 @@ def _rung(rung: Mapping[str, Any]) -> list[str]:
         fresh += f" ± {rung['rendered_stderr_percent']:.1g}"
     return [
         _words(str(rung["label"])),
-        f"{rung['error_percent']:.3g}",
-        f"{rung['chi2_per_dof']:.3g}",
+        _percent(rung["error_percent"]),
+        _percent(rung["chi2_per_dof"]),
         _optional(rung.get("held_out_percent")),
         fresh,
     ]
@@ -175,7 +182,7 @@ def _explanation(each: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "effects": " + ".join(_words(name) for name in each["effects"]),
         "weight": f"{each['weight']:.2f}",
-        "error": f"{each['error_percent']:.3g}",
+        "error": _percent(each["error_percent"]),
         "held_out": _optional(each.get("held_out_percent")),
         "values": values,
     }
@@ -198,7 +205,11 @@ def _limit(name: str, each: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _optional(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
+    return "–" if value is None else _percent(value)
+
+
+def _percent(value: float, digits: int = 3) -> str:
+    return f"{value:.{digits}g}" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g}"
 
 
 def _words(name: str) -> str:

@@ -135,6 +135,14 @@ class DiagnosisView:
         best = max(spans, key=lambda name: spans[name])
         return best if spans[best] > 1e-9 else "z_m"
 
+    @property
+    def is_grid(self) -> bool:
+        """Do x and y both vary within the scans?"""
+        return all(
+            max(float(np.ptp(getattr(self.readings, name)[group.rows])) for group in self.groups()) > 1e-6
+            for name in ("x_m", "y_m")
+        )
+
     def groups(self) -> list[Group]:
         """Scans in order of medium, wavelength and distance; labels say only what differs."""
         readings = self.readings

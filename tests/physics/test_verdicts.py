@@ -1,9 +1,9 @@
 """Each kind of verdict on readings that the renderer made, not the formula that is asked to explain them.
 
-The readings lie in tests/data/verdicts (its README has the commands and seeds) and in scenes/hidden_effect: a full trace
-of the true scene with a lamp of finite size, then noise, gain errors of 0.2 % and position errors of 0.5 to 1 mm. Hidden
-sizes are those of the commands. The responses are traced with fewer photons than by default, to be quick; their
-error is part of the diagnosis.
+The readings lie in tests/data/verdicts (its README has the commands and seeds) and in scenes/hidden_effect: a
+full trace of the true scene with a lamp of finite size, then noise, gain errors of 0.2 % and position errors
+of 0.5 to 1 mm. Hidden sizes are those of the commands. The responses are traced with fewer photons than by
+default, to be quick; their error is part of the diagnosis.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def test_nothing_hidden_nothing_found(found):
 
 
 def test_scattering_is_named_and_measured(found):
-    """b = 0.2 per metre, g = 0.92; intervals assume the class is right, so four of their errors are allowed."""
+    """b = 0.2 per metre, g = 0.92; intervals assume that the class is right: four errors are allowed."""
     verdict = found["identified"].verdict
     assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
     values = verdict.explanations[0].parameters
@@ -101,7 +101,7 @@ def test_json_obeys_the_published_schema(found, kind):
 
 
 def test_stored_rungs_give_their_error_again(found, tmp_path):
-    """`compare --scene rungN.toml`: gain, width and absorption refitted to the stored scene, the same minimum."""
+    """`compare --scene rungN.toml`: gain, width and absorption refitted, and the same minimum found."""
     done = found["identified"].save(tmp_path)
     again = fit_readings(done.readings, Scene.load(tmp_path / "rung1.toml"), diffuse=quick)
     rung = done.verdict.ladder[1]
@@ -129,7 +129,7 @@ def test_plan_promises_what_diagnose_can_see(found):
 
 
 def test_four_numbers_say_little_and_say_so():
-    """Three parameters leave one number: any effect that moves it explains it, unless rounding already does."""
+    """Three parameters leave one number: any effect that moves it explains it, unless rounding does."""
     table = ROOT / "scenes" / "unh_tow_tank"
     bare = diagnose(Readings.load(table / "measured.csv"), open_water(), diffuse=None).verdict
     assert bare.verdict == "ambiguous" and len(bare.explanations) >= 3

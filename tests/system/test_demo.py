@@ -1,7 +1,7 @@
 """`lightfield demo`, shortened: fewer photons for the tow tank, no traces for the story.
 
-Rationale: it is the first thing that a new user runs. Expected: exit code 0, one self-contained page per experiment,
-and their paths as the last lines.
+Rationale: it is the first thing that a new user runs. Expected: exit code 0, one self-contained page per
+experiment, and their paths as the last lines.
 """
 
 from __future__ import annotations
