@@ -1,4 +1,4 @@
-"""The full render at the places of a reading table: the proof of a fitted scene, the maker of hidden effects."""
+"""The full render at the places of readings: the proof of a fitted scene, the maker of hidden effects."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def rendered_light(
 ) -> tuple[Array, Array]:
     """Light at the readings for unit on-axis intensity, from a fresh render of the whole scene.
 
-    The direct part comes from rays between the lamp's window and each receiver, the scattered and reflected part
-    from a new trace of this very scene, counted in cells around the readings. Neither the closed-form model nor a
-    response used in a fit takes part.
+    The direct part comes from rays between the lamp's window and each receiver, the scattered and reflected
+    part from a new trace of this very scene, counted in cells around the readings. Neither the closed-form
+    model nor a response used in a fit takes part.
 
     Parameters
     ----------

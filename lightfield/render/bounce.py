@@ -1,8 +1,8 @@
 """Light after exactly one reflection and no scattering, without Monte Carlo noise.
 
 The mirror image of the lamp in the water surface, and an integral over the walls. The transport response
-holds the same light with the noise of its trace; readings lie on few small cells, so there it is noisier than a
-fit can bear. Used for irradiance; what was scattered or reflected again stays with the response.
+holds the same light with the noise of its trace; readings lie on few small cells, so there it is noisier than
+a fit can bear. Used for irradiance; what was scattered or reflected again stays with the response.
 """
 
 from __future__ import annotations

@@ -10,88 +10,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from campaign import (
+    BAND,
+    DARK,
+    ROWS,
+    WAVELENGTH,
+    codes,
+    jaz,
+    oceanview,
+    problems,
+    rate,
+    run,
+    two_exposures,
+)
 
-from lightfield.errors import LightfieldError, MeasurementError
-from lightfield.measurements import ErrorBudget, Readings
-from lightfield.measurements.importer import import_index
-from lightfield.measurements.index import read_index
-from lightfield.measurements.problems import Problems
+from lightfield.errors import MeasurementError
 from lightfield.measurements.reduction import band_mean
-
-WAVELENGTH = 450 + 0.37 * np.arange(400)  # to 597.6 nm; pixels fall on no edge of a band
-DARK = 1100 + 20 * np.sin(WAVELENGTH / 7)
-BAND = (500.0, 550.0)
-
-
-def rate(wavelength, level=1.0):
-    return level * (20000 + 150 * (np.asarray(wavelength) - 450))
-
-
-def oceanview(
-    path: Path, counts, exposure_s=0.05, date="Tue Mar 03 11:12:13 CET 2020", nonlinearity="true", more=()
-):
-    lines = [
-        "Data from x Node",
-        f"Date: {date}",
-        "Spectrometer: TEST1",
-        f"Integration Time (sec): {exposure_s:.6E}",
-        "Boxcar width: 0",
-        f"Nonlinearity correction enabled: {nonlinearity}",
-        *more,
-        f"Number of Pixels in Spectrum: {len(WAVELENGTH)}",
-        ">>>>>Begin Spectral Data<<<<<",
-        *(f"{w:.6f}\t{c:.6f}" for w, c in zip(WAVELENGTH, counts, strict=True)),
-    ]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def jaz(path: Path, dark, signal, exposure_s=0.05):
-    lines = [
-        "Jaz Data File",
-        f"Integration Time (usec): {1e6 * exposure_s:.0f} (J)",
-        ">>>>>Begin Processed Spectral Data<<<<<",
-        "W\tD\tS",
-        *(f"{w:.6f}\t{d:.6f}\t{s:.6f}" for w, d, s in zip(WAVELENGTH, dark, signal, strict=True)),
-        ">>>>>End Processed Spectral Data<<<<<",
-    ]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def write_index(folder: Path, rows: list[str], names="file,z_m,x_m,time_s,role") -> Path:
-    path = folder / "index.csv"
-    path.write_text("\n".join([names, *rows]) + "\n")
-    return path
-
-
-def run(folder: Path, rows: list[str], names="file,z_m,x_m,time_s,role", **options) -> Readings:
-    asked = {"quantity": "irradiance", "units": "counts", "bands_nm": [BAND], **options}
-    return import_index(write_index(folder, rows, names), **asked)
-
-
-def problems(folder: Path, rows: list[str], names="file,z_m,x_m,time_s,role", **options) -> list[str]:
-    with pytest.raises(MeasurementError) as caught:
-        run(folder, rows, names, **options)
-    return list(caught.value.problems)
-
-
-def codes(readings: Readings) -> set[str]:
-    return {warning.code for warning in readings.warnings}
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """Two exposures with a dark spectrum each, and one at which no light was read."""
-    for name, exposure, level in (("a", 0.05, 1.0), ("b", 0.2, 0.3)):
-        oceanview(
-            tmp_path / f"{name}.txt", DARK * (1 + exposure) + exposure * rate(WAVELENGTH, level), exposure
-        )
-        oceanview(tmp_path / f"dark_{name}.txt", DARK * (1 + exposure), exposure)
-    return tmp_path
-
-
-ROWS = ["a.txt,4.5,0,0,signal", "b.txt,5.5,0.1,60,signal", "dark_a.txt,,,10,dark", "dark_b.txt,,,70,dark"]
+    return two_exposures(tmp_path)
 
 
 def test_dark_and_exposure_are_taken_out(campaign):
@@ -325,161 +264,3 @@ def test_jaz_counts_cannot_be_called_an_irradiance(tmp_path):
     jaz(tmp_path / "j.jaz", DARK, DARK + 1)
     assert "say --units counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="uW/cm^2/nm")[0]
     assert "say --units counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="counts/s")[0]
-
-
-# --- header, file, problems
-
-
-def test_the_whole_header_is_kept_through_the_written_table(campaign):
-    oceanview(campaign / "more.txt", DARK, 0.05, more=["Comment: left over"])
-    path = campaign / "readings.csv"
-    run(campaign, [*ROWS, "more.txt,6.5,0,99,signal"], budget=ErrorBudget(position_mm=2)).save(path)
-    again = Readings.load(path)
-    instrument = again.metadata["instrument"]
-    assert instrument["common"]["Spectrometer"] == "TEST1"
-    assert instrument["files"]["more.txt"]["Comment"] == "left over"
-    assert instrument["files"]["b.txt"]["Integration Time (sec)"] == "2.000000E-01"
-    assert again.budget.position_mm == 2 and again.metadata["bands_nm"] == [[500, 550]]
-    assert again.metadata["imported"]["unit_in_files"] == "counts"
-    assert again.extra["file"].tolist() == ["a.txt", "b.txt", "more.txt"]
-
-
-def test_all_problems_of_index_and_files_come_at_once(campaign):
-    (campaign / "bad.txt").write_text("hello\n")
-    found = problems(
-        campaign,
-        ["none.txt,4.5,0,0,signal", "bad.txt,4.5,0,0,signal", "a.txt,-1,x,0,lamp", "b.txt,,0,0,signal",
-         "a.txt,4.5,0,0,signal", ",4.5,0,0,signal"],
-    )  # fmt: skip
-    expected = [
-        (2, "none.txt: cannot be read"),
-        (3, "bad.txt: not a spectrometer file"),
-        (4, "x_m is not a number"),
-        (4, "unknown role"),
-        (4, "impossible position"),
-        (5, "z_m is missing"),
-        (6, "same file as line 4"),
-        (7, "no file is named"),
-    ]
-    for line, word in expected:
-        assert any(text.startswith(f"line {line}: ") and word in text for text in found), (word, found)
-
-
-def test_two_spectrometers_in_one_table_are_refused_unless_calibrated(campaign):
-    content = (campaign / "b.txt").read_text()
-    (campaign / "b.txt").write_text(content.replace("TEST1", "TEST2"))
-    assert "line 3: b.txt: another spectrometer than in line 2" in problems(campaign, ROWS)[0]
-    assert "mixed_settings" in codes(run(campaign, ROWS[:2], units="uW/cm^2/nm"))
-
-
-def test_coordinates_need_their_unit(campaign):
-    found = problems(campaign, ["a.txt,4.5"], "file,z")
-    assert "name it z_m" in found[0]
-
-
-def test_a_band_beyond_the_spectrum(campaign):
-    assert "not within 450" in problems(campaign, ROWS, bands_nm=[(590, 640)])[0]
-
-
-def test_pixels_without_a_number_in_the_band(campaign):
-    content = (campaign / "a.txt").read_text().split("\n")
-    content[9 + 200] = content[9 + 200].split("\t")[0] + "\tNaN"
-    (campaign / "a.txt").write_text("\n".join(content))
-    assert "without a number" in problems(campaign, ROWS)[0]
-    assert len(run(campaign, ROWS, bands_nm=[(460, 470)])) == 2
-
-
-def test_ignored_files_are_not_even_opened(campaign):
-    assert len(run(campaign, [*ROWS, "none.txt,,,,ignore"])) == 2
-
-
-# --- the band average
-
-
-@settings(max_examples=100)
-@given(
-    slope=st.floats(-100, 100),
-    low=st.floats(451, 590),
-    width=st.floats(1, 100),
-    steps=st.lists(st.floats(0.05, 0.9), min_size=300, max_size=300),
-)
-def test_the_band_mean_of_a_straight_line_is_its_middle_on_any_grid(slope, low, width, steps):
-    grid = 450 + np.cumsum(steps)
-    high = low + width
-    values = 3 + slope * (grid - 500)
-    if not grid[0] <= low < high <= grid[-1]:
-        with pytest.raises(ValueError, match="not within"):
-            band_mean(grid, values, low, high)
-    else:
-        middle = 3 + slope * ((low + high) / 2 - 500)
-        assert band_mean(grid, values, low, high) == pytest.approx(
-            middle, abs=1e-9 * (1 + np.abs(values).max())
-        )
-
-
-# --- fuzzing of the index
-
-
-LETTERS = "file,z_mxroleda.t;\t\"'#\n\r 0123456789-+eE"
-
-
-@settings(max_examples=100)
-@given(body=st.text(alphabet=LETTERS, max_size=150), encoding=st.sampled_from(["utf-8", "utf-16", "latin-1"]))
-def test_any_index_is_an_error_of_ours_or_a_table(body, encoding, tmp_path_factory):
-    folder = tmp_path_factory.getbasetemp()
-    oceanview(folder / "a.txt", DARK) if not (folder / "a.txt").exists() else None
-    for start in ("file,z_m,role,x_m\n", "file,z_m\na.txt,4.5\n", ""):
-        path = folder / "fuzz.csv"
-        path.write_bytes((start + body).encode(encoding))
-        try:
-            found = import_index(path, quantity="irradiance", units="counts", bands_nm=[BAND])
-        except LightfieldError as error:
-            assert isinstance(error, MeasurementError)
-            continue
-        assert len(found) > 0 and (found.z_m > 0).all()
-
-
-@settings(max_examples=100)
-@given(data=st.binary(max_size=200))
-def test_any_bytes_as_index(data, tmp_path_factory):
-    path = tmp_path_factory.getbasetemp() / "fuzz.csv"
-    path.write_bytes(data)
-    noted = Problems("fuzz")
-    try:
-        entries = read_index(path, noted)
-    except MeasurementError:
-        return
-    assert entries or noted
-
-
-# --- real files, where they are at hand
-
-
-@pytest.mark.parametrize(
-    ("name", "units", "raw", "exposure_s"),
-    [
-        ("OOusb4000.txt", "counts", ["value"], 0.02),
-        ("OO_comma.txt", "counts", ["value"], 0.07),
-        ("OceanView_halogen_HR.txt", "counts", ["value"], 0.0273),
-        ("OceanView.txt", "relative", ["value"], 1.0),
-        ("jazspec.jaz", "counts", ["signal", "dark"], 0.024),
-        ("irrad.JazIrrad", "counts", ["signal", "dark"], 0.495),
-        ("irrad.JazIrrad", "uW/cm^2/nm", ["processed"], 1.0),
-    ],
-)
-def test_real_files_become_readings(reference, tmp_path, name, units, raw, exposure_s):
-    from lightfield.measurements.formats import read_spectrum
-
-    path = reference / "reference" / "spectrometer" / name
-    path = path if path.exists() else reference / "spectrometer" / name
-    if not path.exists():
-        pytest.skip(f"no real spectrometer files at {path}")
-    readings = run(tmp_path, [f"{path},4.5"], "file,z_m", units=units)
-    spectrum = read_spectrum(path)
-    fine = np.linspace(500, 550, 500_001)
-    means = [np.interp(fine, spectrum.wavelength_nm, spectrum.columns[column]).mean() for column in raw]
-    expected = (means[0] - sum(means[1:])) / exposure_s
-    # A mean on a grid of 1e-4 nm against the exact integral: 140 kinks, each good to 1e-4 nm of 50 nm.
-    scale = max(np.abs(spectrum.columns[column]).max() for column in raw) / exposure_s
-    assert readings.value[0] == pytest.approx(expected, abs=scale * 140 * 1e-4 / 50)
-    assert not readings.saturated.any()
