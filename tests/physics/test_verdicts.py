@@ -64,6 +64,20 @@ def test_scattering_is_named_and_measured(found):
     assert verdict.nearest_rival.separation_sigma > 6
 
 
+def test_the_storys_page_states_its_numbers(found):
+    """Base model refitted; the explained one moves with the photons, and is held to the noise floor.
+
+    The rms of n readings scatters by 1/sqrt(2 n) of itself; three times that are allowed.
+    """
+    page = (STORY / "README.md").read_text(encoding="utf-8")
+    done = found["identified"]
+    base = fit_readings(done.readings, Scene.load(STORY / "scene.toml"))
+    assert f"error **{base.error_percent:.1f} %**" in page
+    spread = 1 + 3 / np.sqrt(2 * len(done.readings))
+    assert "Error **3.1 %**" in page
+    assert done.verdict.ladder[-1].error_percent < spread * done.verdict.noise_floor_percent
+
+
 def test_the_explained_scene_rendered_afresh_stays_at_the_noise(found):
     """A trace that took no part in the fit: physics, not curve fitting."""
     rung = found["identified"].rendered(max_photons=1e6).verdict.ladder[-1]
