@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "tests" / "data" / "verdicts"
 STORY = ROOT / "scenes" / "hidden_effect"
 KINDS = ("none", "identified", "ambiguous", "unexplained")
-quick = partial(response_for, photons=250_000)
+quick = partial(response_for, photons=1_000_000)
 
 
 @pytest.fixture(scope="module")
