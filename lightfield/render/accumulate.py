@@ -20,6 +20,7 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
 LARGEST_LAUNCH = 1 << 20
+PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
 TALLY_BYTES = 900e6
 DIRECTION_BATCHES = 8
 
@@ -40,6 +41,7 @@ def trace_until(
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)
+    largest = int(np.clip(PER_CELL * cells, FIRST_LAUNCH, LARGEST_LAUNCH))
     launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
@@ -72,7 +74,7 @@ def trace_until(
             return response_from(sums, first, setup), average(books, shares), reached
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
-        launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, LARGEST_LAUNCH)))
+        launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
 
 
 def _whole_lanes(photons: float) -> int:

@@ -15,6 +15,7 @@ from lightfield.render.planes import Planes
 from lightfield.render.walk import Water, trace
 
 BATCHES = 8
+LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
 
 
 class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
@@ -72,17 +73,22 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES
         maps = []
         for batch in range(BATCHES):
-            counts, _ = trace(
-                scene,
-                medium.phase_function(),
-                lamp.emission,
-                planes,
-                histories,
-                water,
-                photons,
-                seed * 1009 + batch,
-            )
-            maps.append(counts.sum(axis=0).reshape(grid.shape) * lamp.intensity)
+            total = np.zeros(grid.shape)
+            for first in range(0, photons, LARGEST_LAUNCH):
+                launch = min(LARGEST_LAUNCH, photons - first)
+                counts, _ = trace(
+                    scene,
+                    medium.phase_function(),
+                    lamp.emission,
+                    planes,
+                    histories,
+                    water,
+                    launch,
+                    seed * 1009 + batch,
+                    first=first,
+                )
+                total += counts.sum(axis=0).reshape(grid.shape) * (launch / photons)
+            maps.append(total * lamp.intensity)
         back = np.argsort(order)
         return np.mean(maps, axis=0)[back], (np.std(maps, axis=0, ddof=1) / np.sqrt(BATCHES))[back]
 
