@@ -11,7 +11,7 @@ from benchmarks.hidden_effects import experiment, independent, store, workers
 from benchmarks.hidden_effects.catalogue import Trial
 
 #: After so many own sets comes an independent case.
-BETWEEN = 6
+BETWEEN = 2
 
 
 def _job(job: Trial | Path, folder: Path) -> dict[str, Any]:
