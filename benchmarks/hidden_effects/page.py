@@ -174,7 +174,8 @@ def markdown(rows: Sequence[Row], cases: Sequence[Row], planned: int) -> str:
         "",
         "In brackets: 95 % Clopper-Pearson limits; sets. Sets of one render are not independent of each "
         "other, so the limits are somewhat too narrow for rates that depend on the truth more than on "
-        "the noise.",
+        "the noise. *Reached* compares the measured value with the aims, for false alarms its upper limit; "
+        "where there are few sets it says little.",
         "",
         *_table(["score", "measured", "release aim", "world class", "reached"],
                 [[s.name, s.value, s.release, s.world, s.met] for s in scores(rows)]),
