@@ -7,6 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from lightfield.fields import FOLDER_KEY, Parameter, Part, numbers_of
 from lightfield.files import atomic_path
 from lightfield.scene_errors import scene_error, unknown_key
 from lightfield.scene_parts import Detector, Lamp, Tank, Water
+from lightfield.water.iop import absorption_per_m
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -58,6 +60,24 @@ class Scene(Part):
                     f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, |x| <= {half:g}, "
                     f"{floor:g} <= y <= {top:g}, {back:g} <= z <= {end:g}; remedy: move it, enlarge the tank"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _water_never_amplifies(self) -> Scene:
+        """Less absorption than the base has is possible, less than none is not."""
+        if self.water.absorption_per_m >= 0:
+            return self
+        centres = [0.5 * (low + high) for low, high in self.detector.bands_nm]
+        try:
+            total = absorption_per_m(self.water, centres)
+        except SceneError as error:
+            raise ValueError(str(error)) from error
+        if total.min() < 0:
+            raise ValueError(
+                f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
+                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0; "
+                f"remedy: write at least {self.water.absorption_per_m - total.min():.4g}"
+            )
         return self
 
     # -- files ---------------------------------------------------------------------------------
@@ -188,7 +208,11 @@ class Scene(Part):
 
     def parameters(self) -> dict[str, Parameter]:
         """Every scalar of the scene by dotted path; a scene without a tank has no tank parameters."""
-        return {parameter.path: parameter for parameter in numbers_of(self)}
+        known = {parameter.path: parameter for parameter in numbers_of(self)}
+        if self.water.base == "none":  # nothing that could be clearer
+            absorption = known["water.absorption_per_m"]
+            known[absorption.path] = replace(absorption, low=0.0)
+        return known
 
     def get(self, path: str) -> Any:
         """Value at a dotted path.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from lightfield.fields import Part, TablePath, number
 from lightfield.lamps.photometry import intensity_table
@@ -95,7 +95,12 @@ class Water(Part):
 
     base: str = Field("none", description='"none", "pure", "table" or the name of a preset')
     absorption_per_m: float = number(
-        0.0, "1/m", "grey absorption, added to the base", low=0.0, high=100.0, neutral=0.0
+        0.0,
+        "1/m",
+        "grey absorption, added to the base; below 0 for water clearer than its base",
+        low=-100.0,
+        high=100.0,
+        neutral=0.0,
     )
     scattering_per_m: float = number(
         0.0, "1/m", "grey scattering, added to the base", low=0.0, high=100.0, neutral=0.0
@@ -128,6 +133,16 @@ class Water(Part):
         0.0, "1/m", "q of -ln T = K r - (q r)^2 / 2 (wide band)", low=0.0, high=10.0, neutral=0.0
     )
     phase: PhaseSpec = Field(default_factory=HenyeyGreenstein, description="phase function")
+
+    @field_validator("absorption_per_m")
+    @classmethod
+    def _only_a_base_can_be_clearer(cls, value: float, info: ValidationInfo) -> float:
+        if value < 0 and info.data.get("base") == "none":
+            raise ValueError(
+                f"found {value:g}, a number >= 0 (1/m) in water without a base; "
+                "remedy: write absorption_per_m = a value >= 0, or name a base"
+            )
+        return value
 
     @model_validator(mode="after")
     def _base_is_known(self) -> Water:

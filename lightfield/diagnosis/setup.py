@@ -14,6 +14,8 @@ from lightfield.diagnosis.problem import Problem
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
+from lightfield.scene import Scene
+from lightfield.water.iop import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
@@ -79,9 +81,18 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
         )
     if layout.varies("z_m") and not layout.air.all():
         now = scene.water.absorption_per_m
-        low = 0.0 if scene.water.base == "none" else -now - 0.3
+        low = -_least_absorption(scene, layout)
         out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-4))
     return tuple(out)
+
+
+def _least_absorption(scene: Scene, layout: Layout) -> float:
+    """Least absorption of the base water alone, in 1/m: how much clearer than its base water can be."""
+    centres = [0.5 * (low + high) for low, high in scene.detector.bands_nm]
+    known = layout.wavelength_nm[np.isfinite(layout.wavelength_nm)]
+    added = ("absorption_per_m", "chlorophyll_mg_per_m3", "cdom_440_per_m", "sediment_g_per_m3")
+    base = scene.water.model_copy(update=dict.fromkeys(added, 0.0))
+    return float(absorption_per_m(base, np.unique([*centres, *known])).min())
 
 
 def problem_of(

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from lightfield.errors import SceneError
 from lightfield.fields import bounds
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
+from lightfield.water.iop import absorption_per_m
 
 PAPER = """
 name = "tow tank"
@@ -50,6 +51,8 @@ def numbers(model: type) -> st.SearchStrategy[dict[str, float]]:
 def test_toml_round_trip(lamp: dict, water: dict, detector: dict, name: str) -> None:
     """Every float survives exactly, and so does any text that UTF-8 can hold."""
     name = name.encode("utf-8", "replace").decode()
+    if "absorption_per_m" in water:
+        water["absorption_per_m"] = abs(water["absorption_per_m"])  # there is no base to be clearer than
     scene = Scene(name=name, lamp=Lamp(**lamp), water=Water(**water), detector=Detector(**detector))
     again = Scene.from_toml(scene.to_toml())
     assert again == scene
@@ -168,3 +171,17 @@ def test_saved_scene_finds_its_tables(tmp_path: Path) -> None:
 def test_scene_is_immutable() -> None:
     with pytest.raises(ValueError, match="frozen"):
         Scene().lamp.hwhm_deg = 5.0  # type: ignore[misc]
+
+
+def test_water_may_be_clearer_than_its_base_but_not_than_nothing() -> None:
+    """Pure water absorbs 0.34 per m at 650 nm and 0.009 at 450 (Pope and Fry 1997): one grey number below
+    zero is possible where only red is measured."""
+    text = '[water]\nbase = "pure"\nabsorption_per_m = -0.1\n[detector]\nbands_nm = [[640, 660]]'
+    red = Scene.from_toml(text)
+    assert absorption_per_m(red.water, [650.0])[0] == pytest.approx(0.24, abs=0.01)
+    assert red.parameters()["water.absorption_per_m"].low < 0
+    with pytest.raises(SceneError, match="450 nm"):
+        red.with_values({"detector.bands_nm": ((440.0, 460.0), (640.0, 660.0))})
+    with pytest.raises(SceneError, match=r"found -0\.1"):
+        red.with_values({"water.base": "none"})
+    assert Scene().parameters()["water.absorption_per_m"].low == 0.0
