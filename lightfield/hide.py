@@ -107,14 +107,18 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
 
 
 def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Any:
-    """A layout with times, and no values yet."""
+    """A layout with times, and no values yet; all bands of the scene are read at once."""
     places = positions(scene, kind)
-    n = len(places["x_m"])
+    n, bands = len(places["x_m"]), scene.detector.bands_nm
     sequence = rng.permutation(n) if order == "random" else np.arange(n)
-    time = SECONDS_PER_READING * sequence
-    empty = np.full(n, np.nan)
+    centres = [float(np.mean(band)) for band in bands] if len(bands) > 1 else [np.nan]
     bare = Readings.from_arrays(
-        **places, value=np.ones(n), stderr=empty, time_s=time, quantity=scene.detector.quantity
+        **{name: np.repeat(column, len(centres)) for name, column in places.items()},
+        value=np.ones(n * len(centres)),
+        stderr=np.full(n * len(centres), np.nan),
+        wavelength_nm=np.tile(centres, n),
+        time_s=SECONDS_PER_READING * np.repeat(sequence, len(centres)),
+        quantity=scene.detector.quantity,
     )
     return bare.check_against(scene)
 
@@ -253,7 +257,9 @@ def measure(
 def _displaced(truth: Scene, table: Any, position_m: float, rng: np.random.Generator) -> Array:
     """Light a few millimetres off over light at the stated place; the direct light's gradient is enough."""
     here = [table.x_m, table.y_m, table.z_m]
-    there = [c + position_m * rng.standard_normal(len(c)) for c in here]
+    _, first, moment = np.unique(table.time_s, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))[moment]  # all wavelengths of one moment share it
+    there = [c + position_m * rng.standard_normal(len(first))[place] for c in here]
     one, other = (
         direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
     )

@@ -13,7 +13,12 @@ from lightfield.files import output_folder
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add = parser.add_argument
-    add("scene", type=Path, metavar="SCENE", help="scene file (TOML): what the experimenter believes")
+    add(
+        "scene",
+        type=Path,
+        metavar="SCENE",
+        help="scene file (TOML): what the experimenter believes; every band is read",
+    )
     add(
         "--effect",
         action="append",
