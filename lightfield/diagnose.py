@@ -16,7 +16,7 @@ from lightfield.diagnosis import compose, ledger
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
-from lightfield.diagnosis.setup import budget_of, problem_of
+from lightfield.diagnosis.setup import budget_of, problem_of, spectral
 from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
@@ -185,7 +185,7 @@ def _diagnose(
 ) -> Diagnosis:
     readings = readings.check_against(scene)
     source, reason = _source(diffuse)
-    forward = SceneForward(scene, readings, source)
+    forward = SceneForward(spectral(scene, readings), readings, source)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
     )

@@ -17,7 +17,7 @@ from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
 from lightfield.diagnosis.preparation import bench, prepare
 from lightfield.diagnosis.problem import Explanation, Problem
-from lightfield.diagnosis.setup import budget_of, problem_of
+from lightfield.diagnosis.setup import budget_of, problem_of, spectral
 from lightfield.diagnosis.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fit import Array, Fit, Whiten
@@ -243,6 +243,7 @@ def _fit_readings(
     seed: int,
 ) -> FitReport:
     readings = readings.check_against(scene)
+    scene = spectral(scene, readings)
     forward = SceneForward(scene, readings, diffuse)
     problem, untestable = problem_of(forward, readings, list(effects.table().values()), None)
     explanation = _chosen(problem, with_effects, untestable)

@@ -29,6 +29,8 @@ else:
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
+#: Every point of `water.absorption_at` is a parameter too: "water.absorption_at.450nm".
+AT = "water.absorption_at."
 TABLES = (
     ("lamp", "intensity_table"),
     ("lamp", "spectrum_table"),
@@ -212,6 +214,9 @@ class Scene(Part):
         if self.water.base == "none":  # nothing that could be clearer
             absorption = known["water.absorption_per_m"]
             known[absorption.path] = replace(absorption, low=0.0)
+        for wavelength, value in self.water.absorption_at:
+            path = f"{AT}{wavelength:g}nm"
+            known[path] = Parameter(path, "1/m", f"absorption at {wavelength:g} nm", 0.0, 100.0, None, value)
         return known
 
     def get(self, path: str) -> Any:
@@ -227,6 +232,8 @@ class Scene(Part):
         SceneError
             There is no such parameter in this scene.
         """
+        if path.startswith(AT):
+            return self.water.absorption_at[self._point(path)][1]
         current: Any = self
         for name in path.split("."):
             if not isinstance(current, BaseModel) or name not in type(current).model_fields:
@@ -250,7 +257,7 @@ class Scene(Part):
             Unknown path, or a value that breaks a rule.
         """
         values = {path: _plain(value) for path, value in values.items()}
-        values = self._surface_follows(values)
+        values = self._with_points(self._surface_follows(values))
         if not validate:
             return self._replaced(values)
         data = self.model_dump(exclude_unset=True)
@@ -280,6 +287,8 @@ class Scene(Part):
                 owner = owner[key]
             if owner.get(leaf):
                 owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
+        if not data["water"]["absorption_at"]:
+            del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
         text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -296,6 +305,25 @@ class Scene(Part):
         ):
             return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
         return values
+
+    def _point(self, path: str) -> int:
+        """Which point of `water.absorption_at` a path means."""
+        paths = [f"{AT}{wavelength:g}nm" for wavelength, _ in self.water.absorption_at]
+        if path not in paths:
+            raise self._no_such(path)
+        return paths.index(path)
+
+    def _with_points(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Values of single points of `water.absorption_at` put in their places."""
+        named = [path for path in values if path.startswith(AT)]
+        if not named:
+            return values
+        points = list(self.water.absorption_at)
+        for path in named:
+            k = self._point(path)
+            points[k] = (points[k][0], values[path])
+        others = {path: value for path, value in values.items() if path not in named}
+        return {**others, "water.absorption_at": tuple(points)}
 
     def _replaced(self, values: Mapping[str, Any]) -> Scene:
         scene = self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -15,6 +16,7 @@ from lightfield.water.phase_spec import HenyeyGreenstein, PhaseSpec
 
 Metres = Annotated[float, Field(strict=True)]
 PositiveMetres = Annotated[float, Field(strict=True, gt=0.0)]
+Absorption = Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
 Nanometres = Annotated[float, Field(strict=True, ge=200.0, le=2000.0)]
 
 
@@ -116,6 +118,11 @@ class Water(Part):
         0.014, "1/nm", "exponential slope of that absorption", low=0.0, high=0.1
     )
     sediment_g_per_m3: float = number(0.0, "g/m^3", "non-algal particles", low=0.0, high=1e4, neutral=0.0)
+    absorption_at: tuple[tuple[Nanometres, Absorption], ...] = Field(
+        (),
+        description="[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, "
+        "constant beyond",
+    )
     temperature_c: float = number(20.0, "degC", "of the water", low=-2.0, high=40.0)
     salinity_psu: float = number(0.0, "1", "practical salinity", low=0.0, high=45.0)
     gradient_per_m2: float = number(
@@ -146,6 +153,12 @@ class Water(Part):
 
     @model_validator(mode="after")
     def _base_is_known(self) -> Water:
+        wavelengths = [wavelength for wavelength, _ in self.absorption_at]
+        if any(b <= a for a, b in pairwise(wavelengths)):
+            raise ValueError(
+                f"wavelengths of absorption_at must rise, found {wavelengths}; "
+                "remedy: sort them, drop doubles"
+            )
         if self.base == "table" and self.table is None:
             raise ValueError('base "table" needs table; remedy: add table = "file.csv"')
         if self.table is not None:

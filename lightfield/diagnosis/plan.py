@@ -18,7 +18,7 @@ from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, W
 from lightfield.diagnosis.preparation import whitened_test
 from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, Isolability, Limit, detection_limits, isolability
-from lightfield.diagnosis.setup import budget_of, problem_of
+from lightfield.diagnosis.setup import budget_of, problem_of, spectral
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.fit import Array, Fit
 from lightfield.forward import DiffuseSource, SceneForward
@@ -82,7 +82,9 @@ def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> P
     diffuse : callable, optional
         Source of scattered and reflected light; without it those effects are not planned for.
     """
-    layout_table = planned(readings.check_against(scene), scene)
+    readings = readings.check_against(scene)
+    scene = spectral(scene, readings)
+    layout_table = planned(readings, scene)
     forward = SceneForward(scene, layout_table, diffuse)
     reason = None if diffuse is not None else "scattered and reflected light was not traced"
     problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)

@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem import Problem
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
-from lightfield.scene import Scene
+from lightfield.scene import AT, Scene
 from lightfield.water.iop import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
@@ -48,8 +48,8 @@ def budget_of(readings: Any) -> Budget:
 
 
 def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
-    """Nuisance parameters: gain per channel, half width of the beam, absorption. The scene's values are
-    guesses.
+    """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`). The scene's
+    values are guesses.
 
     Parameters
     ----------
@@ -79,11 +79,39 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
                 "log",
             )
         )
-    if layout.varies("z_m") and not layout.air.all():
+    if scene.water.absorption_at and scene.water.base == "none":
+        out += _spectrum(scene, layout, len(names) == 1)
+    elif layout.varies("z_m") and not layout.air.all():
         now = scene.water.absorption_per_m
         low = -_least_absorption(scene, layout)
         out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-4))
     return tuple(out)
+
+
+def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[Parameter]:
+    """Absorption at each wavelength, where the readings tell it from the gain."""
+    out = []
+    for wavelength, now in scene.water.absorption_at:
+        z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < 1e-3)]
+        if len(z) and (np.ptp(z) > 1e-6 or (one_gain and layout.varies("z_m"))):
+            out.append(Parameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
+    return out
+
+
+def spectral(scene: Scene, readings: Any) -> Scene:
+    """The scene with an absorption of its own at each wavelength of the readings, if its water is unknown.
+
+    Water is never grey over the visible: one absorption for all wavelengths would make its colour an effect.
+    """
+    wet = np.asarray(readings.medium) != "air"
+    wavelengths = np.unique(np.round(np.asarray(readings.wavelength_nm, float)[wet], 3))
+    if scene.water.base != "none" or len(wavelengths) < 2:
+        return scene
+    given = scene.water.absorption_at or ((float(wavelengths[0]), 0.0),)
+    known, there = np.array(given).T
+    now = scene.water.absorption_per_m + np.interp(wavelengths, known, there)
+    points = tuple(zip(wavelengths.tolist(), now.tolist(), strict=True))
+    return scene.with_values({"water.absorption_per_m": 0.0, "water.absorption_at": points})
 
 
 def _least_absorption(scene: Scene, layout: Layout) -> float:

@@ -170,6 +170,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
         "water.base": "none",
         "water.table": None,
         "water.absorption_per_m": 0.0,
+        "water.absorption_at": (),
         "water.scattering_per_m": 0.0,
         "water.chlorophyll_mg_per_m3": 0.0,
         "water.cdom_440_per_m": 0.0,

@@ -37,11 +37,12 @@ def is_grey(water: Water) -> bool:
         and water.chlorophyll_mg_per_m3 == 0.0
         and water.cdom_440_per_m == 0.0
         and water.sediment_g_per_m3 == 0.0
+        and not water.absorption_at
     )
 
 
 def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
-    """Absorption coefficient a: base + grey part + chlorophyll + CDOM + sediment.
+    """Absorption coefficient a: base + grey part + points + chlorophyll + CDOM + sediment.
 
     Parameters
     ----------
@@ -64,6 +65,9 @@ def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     if is_grey(water):
         return np.full(w.shape, water.absorption_per_m)
     a = _base(water, w)[0] + water.absorption_per_m
+    if water.absorption_at:
+        known, there = zip(*water.absorption_at, strict=True)
+        a = a + np.interp(w, known, there)
     if water.chlorophyll_mg_per_m3:
         a = a + chlorophyll_absorption_per_m(water.chlorophyll_mg_per_m3, w)
     if water.cdom_440_per_m:

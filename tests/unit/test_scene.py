@@ -185,3 +185,18 @@ def test_water_may_be_clearer_than_its_base_but_not_than_nothing() -> None:
     with pytest.raises(SceneError, match=r"found -0\.1"):
         red.with_values({"water.base": "none"})
     assert Scene().parameters()["water.absorption_per_m"].low == 0.0
+
+
+@pytest.mark.parametrize("validate", [True, False])
+def test_absorption_at_single_wavelengths(validate: bool) -> None:
+    """Each point is a parameter with a path of its own; linear between the points, constant beyond."""
+    scene = Scene.from_toml("[water]\nabsorption_at = [[450.0, 0.1], [550.5, 0.2]]")
+    assert (scene.get("water.absorption_at.450nm"), scene.get("water.absorption_at.550.5nm")) == (0.1, 0.2)
+    changed = scene.with_values({"water.absorption_at.550.5nm": 0.3}, validate=validate)
+    assert changed.water.absorption_at == ((450.0, 0.1), (550.5, 0.3))
+    assert absorption_per_m(changed.water, [400.0, 500.25, 600.0]) == pytest.approx([0.1, 0.2, 0.3])
+    assert Scene.from_toml(changed.to_toml()) == changed
+    assert changed.parameters()["water.absorption_at.450nm"].unit == "1/m"
+    assert changed.digest() != scene.digest()
+    with pytest.raises(SceneError, match=r"absorption_at\.500nm"):
+        scene.with_values({"water.absorption_at.500nm": 0.3}, validate=validate)

@@ -22,6 +22,10 @@ WRONG = {
         '[water]\nbase = "pure"\nabsorption_per_m = -0.1\n[detector]\nbands_nm = [[440, 460], [640, 660]]',
         ["water.absorption_per_m = -0.1", "450 nm", ">= 0", "write at least -0.00"],
     ),
+    "falling wavelengths": (
+        "[water]\nabsorption_at = [[550.0, 0.1], [450.0, 0.1]]",
+        ["water", "absorption_at", "must rise"],
+    ),
     "text for a number": ('[lamp]\npower_w = "50 W"', ["lamp.power_w", "'50 W'", "without quotes"]),
     "true for a number": ("[lamp]\npower_w = true", ["lamp.power_w", "found True", "a number"]),
     "nan": ("[lamp]\nhwhm_deg = nan", ["lamp.hwhm_deg", "found nan"]),
