@@ -27,6 +27,8 @@ class Diffuse(Protocol):
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
 
+    def error_modes(self, scene: Scene, wavelength_nm: float | None = None) -> Any: ...
+
 
 DiffuseSource = Callable[..., Diffuse]
 
@@ -48,6 +50,12 @@ def needs_diffuse(scene: Scene, names: Sequence[str]) -> bool:
     table = effects.table()
     named = [table[name.partition(":")[0]] for name in names if name.partition(":")[0] in table]
     return has_diffuse_light(scene) or any(effect.diffuse for effect in named)
+
+
+def _optical(values: Mapping[str, float]) -> dict[str, float]:
+    """The values that make the light field, without those that act on the readings afterwards."""
+    later = (*_READOUT, *_TIME)
+    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in later}
 
 
 def beam_width_deg(scene: Scene, readings: Any) -> float:
@@ -102,7 +110,7 @@ class SceneForward:
         self._width = beam_width_deg(scene, readings) if width_deg is None else width_deg
         wavelength = np.asarray(readings.wavelength_nm, float)
         self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
-        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array, Array]] = OrderedDict()
+        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array]] = OrderedDict()
 
     @property
     def size(self) -> int:
@@ -136,7 +144,7 @@ class SceneForward:
         """
         out = SceneForward(self.scene, self.readings, self._source, self._full, self._width)
         out._response = self._response
-        field, _, _ = out._field(values)
+        field, _ = out._field(values)
         out._fields.clear()
         out._correction, out._more_error = light / np.maximum(field, 1e-300), stderr
         return out
@@ -149,17 +157,32 @@ class SceneForward:
 
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""
-        field, _, _ = self._field(values)
+        field, _ = self._field(values)
         return self.read(field, values)
 
-    def stderr(self, values: Mapping[str, float]) -> Array:
-        """Monte Carlo standard error of the predicted readings, shape (n,)."""
-        _, error, _ = self._field(values)
-        return np.asarray(error * self._gain(values) * self.power(values))
+    def error_modes(self, values: Mapping[str, float]) -> Array:
+        """Monte Carlo errors of the predicted readings as independent contributions, shape (n, k).
+
+        Their covariance is modes @ modes.T; k = 0 without scattered and reflected light.
+        """
+        scene = self.scene.with_values(_optical(values), validate=False)
+        modes = np.zeros((self.size, 0))
+        if has_diffuse_light(scene) and self._source is not None:
+            response = self._traced()
+            for k, wavelength in enumerate(self._wavelengths):
+                mine = np.flatnonzero((self._channel == k) & ~self._air)
+                found = response.error_modes(scene, None if np.isnan(wavelength) else float(wavelength))
+                if found.shape[1] > modes.shape[1]:
+                    modes = np.pad(modes, ((0, 0), (0, found.shape[1] - modes.shape[1])))
+                modes[mine, : found.shape[1]] = found[mine]
+        modes = modes * np.broadcast_to(self._correction, (self.size,))[:, None]
+        if np.any(self._more_error):
+            modes = np.hstack([modes, np.diag(np.broadcast_to(self._more_error, (self.size,)))])
+        return np.asarray((self._gain(values) * self.power(values))[:, None] * modes)
 
     def diffuse_part(self, values: Mapping[str, float]) -> Array:
         """What scattered and reflected light adds to the readings, before saturation, shape (n,)."""
-        _, _, diffuse = self._field(values)
+        _, diffuse = self._field(values)
         return np.asarray(diffuse * self._gain(values) * self.power(values))
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -173,32 +196,27 @@ class SceneForward:
 
     # -- inside ------------------------------------------------------------------------------------
 
-    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array, Array]:
-        """Light for unit on-axis intensity, its Monte Carlo error, and its diffuse part."""
-        key = tuple(
-            (k, v)
-            for k, v in sorted(values.items())
-            if not k.startswith(GAIN) and k not in _READOUT and k not in _TIME
-        )
+    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Light for unit on-axis intensity, and its diffuse part."""
+        optical = _optical(values)
+        key = tuple(sorted(optical.items()))
         if key in self._fields:
             self._fields.move_to_end(key)
             return self._fields[key]
-        scene = self.scene.with_values(dict(key), validate=False)
+        scene = self.scene.with_values(optical, validate=False)
         light: Array = self._direct(scene, self.readings)
-        error: Array = np.zeros(self.size)
         more: Array = np.zeros(self.size)
         if has_diffuse_light(scene):
-            more, error = self._diffuse(scene)
+            more = self._diffuse(scene)
             light = light + more
-        light, error = light * self._correction, np.hypot(error, self._more_error)
-        self._fields[key] = (light, error, more)
+        self._fields[key] = (light * self._correction, more)
         if len(self._fields) > _REMEMBERED:
             self._fields.popitem(last=False)
         return self._fields[key]
 
-    def _diffuse(self, scene: Scene) -> tuple[Array, Array]:
-        if self._source is None:
-            return np.zeros(self.size), np.zeros(self.size)
+    def _traced(self) -> Diffuse:
+        """The response of the diffuse light, traced when it is first needed."""
+        assert self._source is not None
         if self._response is None:
             r = self.readings
             # The width that photons are sent with comes from the readings, not from the scene's guess: every
@@ -206,14 +224,18 @@ class SceneForward:
             # numbers again.
             traced = self.scene.with_values({"lamp.hwhm_deg": self._width}, validate=False)
             self._response = self._source(traced, r.x_m, r.y_m, r.z_m)
-        value, error = np.zeros(self.size), np.zeros(self.size)
+        return self._response
+
+    def _diffuse(self, scene: Scene) -> Array:
+        value = np.zeros(self.size)
+        if self._source is None:
+            return value
+        response = self._traced()
         for k, wavelength in enumerate(self._wavelengths):
             mine = self._channel == k
-            all_value, all_error = self._response.evaluate(
-                scene, None if np.isnan(wavelength) else float(wavelength)
-            )
-            value[mine], error[mine] = all_value[mine], all_error[mine]
-        return np.where(self._air, 0.0, value), np.where(self._air, 0.0, error)
+            light, _ = response.evaluate(scene, None if np.isnan(wavelength) else float(wavelength))
+            value[mine] = light[mine]
+        return np.where(self._air, 0.0, value)
 
     def _direct(self, scene: Scene, readings: Any) -> Array:
         return analytic.direct_field(

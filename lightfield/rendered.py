@@ -71,5 +71,6 @@ def _wet_light(rendering: Rendering, wavelength: float, x: Array, y: Array, z: A
     direct = direct_at(scene, x, y, z, attenuation)
     diffuse, error = (field[0].ravel() for field in rendering.relative_maps(one, "diffuse"))
     shift = Shift(rendering.grid, x, y, z)
-    finite = np.where(np.isfinite(error), error, 0.0)
-    return direct + shift.apply(diffuse), shift.pick(finite)
+    relative = np.divide(error, diffuse, out=np.zeros_like(error), where=np.isfinite(error) & (diffuse > 0))
+    moved = shift.apply(diffuse)
+    return direct + moved, moved * np.linalg.norm(shift.spread(np.diag(relative)), axis=1)

@@ -17,11 +17,9 @@ Array = NDArray[np.float64]
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5
-#: Smooth relative error of the diffuse light's response: interpolation in g, beams of a finite basis,
-#: photons that count in several planes.
+#: Smooth relative error of the diffuse light's response: interpolation in g, beams of a finite basis, light
+#: that counts in several planes.
 RESPONSE_ERROR = 0.02
-#: Reach of the correlation between the Monte Carlo errors of cells of one plane.
-PHOTONS_SHARED_M = 0.4
 _TALL = 2.0
 
 
@@ -92,8 +90,8 @@ class Noise:
         Smoothed standard error, and the model reading it belongs to.
     position_slope : array, shape (n,)
         |gradient| of the prediction with respect to x, y, z, per metre.
-    model_variance : array, shape (n,)
-        Monte Carlo variance of the predictions.
+    model_error : array, shape (n, k), optional
+        Monte Carlo errors of the predictions as independent contributions.
     diffuse : array, shape (n,)
         Scattered and reflected part of the predictions.
     """
@@ -103,7 +101,7 @@ class Noise:
     prediction: Array
     budget: Budget
     position_slope: Array
-    model_variance: Array
+    model_error: Array | None = None
     diffuse: Array | None = None
 
     def extra(self, tolerance: float) -> Array:
@@ -130,13 +128,8 @@ class Noise:
             kernel *= np.where(lay.channel[:, None] == lay.channel[None], 1.0, 0.7)
             for relative, part in smooth:
                 out += relative**2 * np.outer(part, part) * kernel
-        out[np.diag_indices(lay.size)] += self.model_variance
-        if self.model_variance.any():
-            # Neighbouring cells share photons, and light from walls is smoothed across a plane.
-            error = np.sqrt(self.model_variance)
-            near = np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
-            same = lay.plane[:, None] == lay.plane[None]
-            out += np.outer(error, error) * np.exp(-0.5 * near / PHOTONS_SHARED_M**2) * same
+        if self.model_error is not None:
+            out += self.model_error @ self.model_error.T
         return out
 
     def serial(self, rho: float) -> Array:

@@ -80,7 +80,7 @@ def _plain(problem: Problem, quoted: Array, prediction: Array, rho: float = 0.0)
     layout = problem.layout
     zero = np.zeros(layout.size)
     sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
-    return Whitener(Noise(layout, sigma, prediction, Budget(0.0, 0.0, 0.0), zero, zero), rho)
+    return Whitener(Noise(layout, sigma, prediction, Budget(0.0, 0.0, 0.0), zero), rho)
 
 
 def _without_outliers(
@@ -146,7 +146,7 @@ def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Gene
         serial = Serial(min(found.rho, 0.9) if found.rho > spread else 0.0, SERIAL_SPREAD * spread)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
-    plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope, np.zeros(layout.size))
+    plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope)
     noise = with_response_error(problem, plain, base)
     return Prepared(problem, noise, serial, reference, explanation, stated)
 
@@ -163,7 +163,7 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
     """The noise with the error that the response of the diffuse light has at a fit."""
     return replace(
         noise,
-        model_variance=problem.forward.stderr(fit.values) ** 2,
+        model_error=problem.forward.error_modes(fit.values),
         diffuse=problem.forward.diffuse_part(fit.values),
     )
 
@@ -171,8 +171,7 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
-    zero = np.zeros(problem.layout.size)
-    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_variance=zero, diffuse=None), rho)
+    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_error=None, diffuse=None), rho)
     reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
     rich = _rich(problem, plain, reference)
     about = with_response_error(problem, noise, reference)

@@ -1,4 +1,4 @@
-"""From cells to readings: the field of a lamp that stands a little aside, a reading beside its cell."""
+"""From cells to readings: the mean of a cell is not its middle, and the lamp may stand a little aside."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from lightfield.render.grid import Grid, cell_of
 
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
 WIDE_1D, WIDE_2D = 11, 21
+#: Cells this near to each other are smoothed together.
+SMOOTHED_M = 0.11
 
 
 class Shift:
     """Local quadratic expansion of the logarithm of a field over its cells (exact for a Gaussian beam).
+
+    Neighbouring cells share their photons, the mean over a cell becomes the value in its middle, and the
+    field is moved.
 
     Parameters
     ----------
@@ -22,31 +27,63 @@ class Shift:
     """
 
     def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
-        cx, cy, cz = grid.centres()
-        cx, cy, cz = cx.ravel(), cy.ravel(), cz.ravel()
+        cx, cy, cz = (v.ravel() for v in grid.centres())
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(len(cx))
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
         self.cell_z_m = cz
         self.dx, self.dy = x_m - cx[self.cell], y_m - cy[self.cell]
+        self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
         n = len(cx)
         # Rows: d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell, as weights of all cells.
         self.derivatives = np.zeros((5, n, n))
+        self.smooth = np.eye(n)
         for i in range(n):
             near, terms, weights = _expansion(cx, cy, cz, i, NEIGHBOURS_1D, NEIGHBOURS_2D)
             for row, term in zip(weights[1:], terms[1:] - 1, strict=True):
                 self.derivatives[term, i, near] = row
+            apart = np.maximum(np.abs(cx[near] - cx[i]), np.abs(cy[near] - cy[i]))
+            beside = np.count_nonzero(apart <= SMOOTHED_M)
+            if beside > 2 and apart.max() <= 2 * SMOOTHED_M:
+                self.smooth[i] = 0.0
+                self.smooth[i, near] = weights[0]
+        # Readings along one line through the axis do not show the curvature across it: that of a round field.
+        self.across: int | None = None
+        if np.ptp(cy) == 0 and np.abs(cy).max() < 1e-6:
+            self.across = 1
+        elif np.ptp(cx) == 0 and np.abs(cx).max() < 1e-6:
+            self.across = 0
+        self.radius_m = cx if self.across == 1 else cy
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Field at the readings, when its source stands at (offset_x, offset_y); shape (n,)."""
-        dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
-        if not dx.any() and not dy.any():
+        top = field.max(initial=0.0)
+        if top <= 0:
             return np.asarray(field[self.cell])
-        floor = 1e-6 * np.abs(field).max() + 1e-300
-        log = np.log(np.maximum(field, floor))
-        gx, gy, gxx, gxy, gyy = (d[self.cell] @ log for d in self.derivatives)
+        log = np.log(np.maximum(field, 1e-6 * top))
+        slopes = [d @ log for d in self.derivatives]
+        middle = np.where(field > 1e-6 * top, np.exp(self.smooth @ log), field)
+        middle = middle / self._mean_over_middle(slopes)
+        gx, gy, gxx, gxy, gyy = (d[self.cell] for d in slopes)
+        dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
         change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
-        return np.asarray(field[self.cell] * np.exp(np.clip(change, -3, 3)))
+        return np.asarray(middle[self.cell] * np.exp(np.clip(change, -3, 3)))
+
+    def _mean_over_middle(self, slopes: list[np.ndarray]) -> np.ndarray:
+        """Mean of the field over each cell, relative to its middle: 1 + h^2/24 f''/f along both edges."""
+        gx, gy, gxx, _, gyy = slopes
+        if self.across is not None:
+            along, second = (gx, gxx) if self.across == 1 else (gy, gyy)
+            off = np.abs(self.radius_m) > 0.6 * min(self.pitch_m)
+            curvature = np.where(off, along / np.where(off, self.radius_m, 1.0), second)
+            gxx, gyy = (gxx, curvature) if self.across == 1 else (curvature, gyy)
+        hx, hy = self.pitch_m
+        mean = 1 + (hx * hx * (gxx + gx * gx) + hy * hy * (gyy + gy * gy)) / 24
+        return np.asarray(np.clip(mean, 0.8, 1.25))
+
+    def spread(self, relative: np.ndarray) -> np.ndarray:
+        """Relative errors of the readings from those of the cells, (n_cells, k) to (n, k)."""
+        return np.asarray((self.smooth @ relative)[self.cell])
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

@@ -47,9 +47,7 @@ def test_whitened_noise_is_white() -> None:
     """Draws from the covariance, whitened, have unit variance and no correlation (20000 draws: 1 %)."""
     lay = layout(3, 5)
     sigma = np.linspace(0.01, 0.02, lay.size)
-    noise = Noise(
-        lay, sigma, np.ones(lay.size), Budget(0.003, 0.0, 0.0), np.zeros(lay.size), np.zeros(lay.size)
-    )
+    noise = Noise(lay, sigma, np.ones(lay.size), Budget(0.003, 0.0, 0.0), np.zeros(lay.size))
     whiten = Whitener(noise, rho=0.4, phi=1.3, tolerance=0.003)
     root = np.linalg.cholesky(noise.covariance(0.4, 1.3, 0.003))
     draws = whiten(root @ RNG.standard_normal((lay.size, 20000)))
@@ -61,7 +59,7 @@ def test_an_assumed_plane_gain_needs_a_stay() -> None:
     ordered, random = layout(order="plane"), layout(order="random")
     for lay, wide in ((ordered, True), (random, False)):
         zero = np.zeros(lay.size)
-        noise = Noise(lay, zero + 0.01, np.ones(lay.size), Budget(0.003, 0.0, 0.0), zero, zero)
+        noise = Noise(lay, zero + 0.01, np.ones(lay.size), Budget(0.003, 0.0, 0.0), zero)
         stays = np.bincount(lay.visit)[lay.visit]
         np.testing.assert_allclose(np.diag(noise.extra(0.0)), np.where(stays > 1, 0.003**2, 0.0))
         assert (stays > 1).all() == wide

@@ -1,0 +1,290 @@
+"""Scattered and reflected light at the places of a measurement, fast enough to fit with.
+
+A few traces (one per node of the asymmetry parameter g) are tallied by history *and* by direction of
+emission. From then on any beam, absorption, scattering, wall albedo and surface costs a millisecond, with no
+new trace:
+
+    E_diffuse(p) = sum over directions w  I(w)
+                   sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
+
+Followed to first order only: an offset of the lamp moves the scattered field with it (the walls stay), and an
+apparent source behind the window stretches the beam plane by plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.errors import RenderError
+from lightfield.render.beamnodes import BeamNodes, is_round
+from lightfield.render.reflected import ReflectedLight
+from lightfield.render.response import (
+    CLASSES,
+    FROM_WALLS,
+    HERMITE_NODES,
+    HERMITE_SHARES,
+    NEVER_SCATTERED,
+    Array,
+    TransportResponse,
+    light_classes,
+)
+from lightfield.render.shift import Shift
+from lightfield.scene import Lamp, Scene
+from lightfield.water.iop import absorption_per_m, scattering_per_m
+
+KEPT_BEAMS = 256
+BEAM = (
+    "profile",
+    "hwhm_deg",
+    "shape_exponent",
+    "skirt_fraction",
+    "skirt_hwhm_deg",
+    "ellipticity",
+    "tilt_x_deg",
+    "tilt_y_deg",
+    "apparent_distance_m",
+)
+
+
+@dataclass(frozen=True)
+class DiffuseResponse:
+    """Response of the diffuse light at n positions to beam, water, walls and surface.
+
+    Parameters
+    ----------
+    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells), one per node of g
+    relative_stderr : array, shape (n_g, 5, n_cells)
+        Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
+    g_nodes : tuple of float
+        Empty when the phase function has no g (one tally then).
+    rows : TransportResponse
+        Histories of the rows, with an empty tally.
+    beam_nodes : BeamNodes
+    shift : Shift
+        From cells to positions.
+    images : array of 0 and 1, shape (n_cells, n_sets)
+        Which cells are mirror images of each other and share their photons.
+    wall_smoother : array, shape (n_cells, n_cells)
+        By which the tallies of light from walls were smoothed.
+    under_surface : DiffuseResponse, optional
+        The same tank with a water surface in place of its lid; for light that was reflected.
+    reflected : ReflectedLight, optional
+        Light that was reflected and not scattered, known better than from a trace.
+    """
+
+    tallies: list[Array]
+    relative_stderr: Array
+    g_nodes: tuple[float, ...]
+    rows: TransportResponse
+    beam_nodes: BeamNodes
+    shift: Shift
+    images: Array
+    wall_smoother: Array
+    under_surface: DiffuseResponse | None = None
+    reflected: ReflectedLight | None = None
+    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
+        """Scattered and reflected part for unit on-axis intensity.
+
+        Parameters
+        ----------
+        scene : Scene
+            Any beam of the Gaussian family, water and walls; geometry and detector as in the traced scene.
+        wavelength_nm : float, optional
+            Default: the middle of the scene's first band.
+
+        Returns
+        -------
+        value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
+        """
+        a, b = self._water(scene, wavelength_nm)
+        light = sum(v for v, _ in self._light(scene, a, b).values())
+        uneven = self._inhomogeneous(scene)
+        seen = light * uneven * self._path_change(scene, a + b)
+        moved = self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
+        unscattered = self._unscattered(scene, a + b) * self.shift.pick(uneven)
+        return moved + unscattered, np.linalg.norm(self._modes(scene, a, b) * moved[:, None], axis=1)
+
+    def error_modes(self, scene: Scene, wavelength_nm: float | None = None) -> Array:
+        """Monte Carlo errors as independent contributions, shape (n, k): covariance = modes @ modes.T, m^-4.
+
+        Mirror images share their photons, and light from walls is smoothed over a plane: such readings share
+        contributions.
+        """
+        a, b = self._water(scene, wavelength_nm)
+        light = sum(v for v, _ in self._light(scene, a, b).values())
+        seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
+        moved = self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
+        return np.asarray(self._modes(scene, a, b) * moved[:, None])
+
+    @staticmethod
+    def _water(scene: Scene, wavelength_nm: float | None) -> tuple[float, float]:
+        """Absorption and scattering coefficient, m^-1."""
+        middle = float(np.mean(scene.detector.bands_nm[0]))
+        at = np.array([middle if wavelength_nm is None else wavelength_nm])
+        return float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
+
+    def _light(self, scene: Scene, a: float, b: float) -> dict[int, tuple[Array, Array]]:
+        """Light of every class in every cell, and its variance, in uniform water."""
+        if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
+            return self._classes(scene, a, b, range(CLASSES))
+        # Light that was only scattered is the same under either top, and known for every g here.
+        scattered = self._classes(scene, a, b, range(1))
+        return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES))
+
+    def _modes(self, scene: Scene, a: float, b: float) -> Array:
+        """Relative errors of the moved light at the readings as independent contributions, shape (n, k)."""
+        parts = self._light(scene, a, b)
+        if not parts:
+            return np.zeros((len(self.shift.cell), 0))
+        total = np.maximum(sum(v for v, _ in parts.values()), 1e-300)
+        plain = sum((e for k, (_, e) in parts.items() if k not in FROM_WALLS), np.zeros(len(total)))
+        modes = [self.shift.spread((np.sqrt(plain) / total)[:, None] * self.images)]
+        for kind in FROM_WALLS:
+            if kind in parts:
+                error = self.wall_smoother @ (np.sqrt(parts[kind][1])[:, None] * self.images)
+                modes.append(self.shift.spread(error / total[:, None]))
+        return np.hstack(modes)
+
+    def _unscattered(self, scene: Scene, attenuation: float) -> Array:
+        """Light that was reflected and never scattered, at the readings, free of Monte Carlo noise."""
+        if self.reflected is None:
+            return np.zeros(len(self.shift.cell))
+        q = scene.water.hardening_per_m
+        light = np.zeros(len(self.shift.cell))
+        for share, at in zip(HERMITE_SHARES, HERMITE_NODES, strict=True) if q else [(1.0, 0.0)]:
+            light += share * self.reflected.evaluate(scene, attenuation + q * at)
+        return light
+
+    def _classes(self, scene: Scene, a: float, b: float, kinds: range) -> dict[int, tuple[Array, Array]]:
+        """Light of some classes in every cell, and its variance before any smoothing, in uniform water."""
+        tank, q = scene.tank, scene.water.hardening_per_m
+        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        spread = a + q * HERMITE_NODES if q else np.array([a])
+        history = self.rows.histories
+        used = self.counted & np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
+        used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0) | (history[:, 0] == 0))
+        out: dict[int, tuple[Array, Array]] = {}
+        if not used.any():
+            return out
+        ones, reference = np.ones_like(spread), self.rows.reference
+        weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
+        change = spread + b - reference.absorption_per_m - reference.scattering_per_m
+        along = np.exp(-change[:, None] * self.rows.straight_m)
+        average = HERMITE_SHARES if q else np.ones(1)
+        shares = self._g_shares(scene)
+        for kind in np.unique(self.classes[used]):
+            rows = self.counted & (self.classes == kind)
+            # Light that was never scattered knows no g: its tally is the same at every node.
+            value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
+            for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
+                beam = self._beam(index, int(kind), scene)
+                part = share * (average @ ((weights[:, rows] @ beam) * along))
+                value += part
+                variance += (part * self.relative_stderr[index, kind]) ** 2
+            out[int(kind)] = value, variance
+        return out
+
+    @cached_property
+    def counted(self) -> NDArray[np.bool_]:
+        """Rows that are not known better without a trace."""
+        n = self.rows.histories[:, 0]
+        return n > 0 if self.reflected is not None else np.ones(len(n), bool)
+
+    @cached_property
+    def classes(self) -> NDArray[np.integer[Any]]:
+        """Class of every row, see `light_classes`."""
+        return light_classes(self.rows.histories)
+
+    def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
+        """Lagrange interpolation in log(1 - g) over the traced nodes."""
+        if len(self.g_nodes) < 2:
+            return [(1.0, 0)]
+        g = float(scene.get("water.phase.g"))
+        if not self.g_nodes[0] - 0.1 <= g <= 0.99:
+            raise RenderError(
+                "g is outside the traced range",
+                where="water.phase.g",
+                found=g,
+                rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
+            )
+        nodes, at = np.log1p(-np.array(self.g_nodes)), np.log1p(-g)
+        shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
+        return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
+
+    def _beam(self, index: int, kind: int, scene: Scene) -> Array:
+        """Tally of one g node and class of light, contracted with the scene's beam, (n_rows, n_cells)."""
+        lamp = scene.lamp
+        key = (index, kind, *(getattr(lamp, name) for name in BEAM))
+        if key not in self._beams:
+            while len(self._beams) >= KEPT_BEAMS:
+                self._beams.pop(next(iter(self._beams)))
+            tally = self._tally(index, kind, is_round(lamp))
+            contracted = np.empty(tally.shape[1:], np.float32)
+            for stretch, cells in self._stretches(lamp.apparent_distance_m):
+                values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
+                mine = tally if cells is None else tally[:, :, cells]
+                flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
+                contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
+            self._beams[key] = contracted
+        return np.asarray(self._beams[key])
+
+    def _tally(self, index: int, kind: int, rings: bool) -> Array:
+        """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
+        key = (index, kind, rings)
+        if key not in self._tallies:
+            tally = self.tallies[index][:, self.counted & (self.classes == kind)]
+            if rings:
+                nodes = self.beam_nodes.nodes
+                tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
+            self._tallies[key] = np.ascontiguousarray(tally)
+        return np.asarray(self._tallies[key])
+
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, NDArray[np.integer[Any]] | None]]:
+        """Factor on the beam's angles at each plane, and the cells of that plane.
+
+        Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
+        order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
+        """
+        if apparent_distance_m == 0:
+            return [(1.0, None)]
+        planes = self.shift.cell_z_m
+        return [
+            (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
+        ]
+
+    def _path_change(self, scene: Scene, attenuation: float) -> Array:
+        """Less attenuation for light from behind the window, which crosses the water less obliquely."""
+        behind = scene.lamp.apparent_distance_m
+        z, r = self.shift.cell_z_m, self.rows.straight_m
+        radius = np.sqrt(np.maximum(r * r - z * z, 0))
+        return np.asarray(np.exp(-attenuation * (np.hypot(radius, z + behind) * z / (z + behind) - r)))
+
+    def _inhomogeneous(self, scene: Scene) -> Array:
+        """Attenuation by a gradient or layer along the straight path, which diffuse light nearly follows."""
+        water = scene.water
+        z, r = self.shift.cell_z_m, self.rows.straight_m
+        tau = water.gradient_per_m2 * (0.5 * z - water.gradient_centre_m) * r
+        if water.layer_absorption_per_m:
+            half = 0.5 * water.layer_width_m
+            low, high = water.layer_centre_m - half, water.layer_centre_m + half
+            tau = (
+                tau
+                + water.layer_absorption_per_m * np.clip(np.minimum(z, high) - max(low, 0.0), 0, None) * r / z
+            )
+        return np.asarray(np.exp(-tau))
+
+
+def _stretched(lamp: Lamp, factor: float) -> Lamp:
+    """The beam with all its angles multiplied."""
+    if factor == 1:
+        return lamp
+    names = ("hwhm_deg", "skirt_hwhm_deg", "tilt_x_deg", "tilt_y_deg")
+    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in names})

@@ -1,0 +1,163 @@
+"""Patches on the walls of a tank, and the light that they send to each other and to receivers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.scene import Scene
+
+PATCHES = 900
+NEAR, SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
+
+Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Patches(NamedTuple):
+    """Rectangles on the walls: centres and inward normals, (k, 3); half edges across and along, (k,)."""
+
+    centre: np.ndarray
+    normal: np.ndarray
+    half_across: np.ndarray
+    half_along: np.ndarray
+
+    @property
+    def across(self) -> np.ndarray:
+        """Unit vectors of the first edge, (k, 3); the second one runs along z, or along y on an end."""
+        n = self.normal
+        return np.stack([np.abs(n[:, 1]) + np.abs(n[:, 2]), np.abs(n[:, 0]), np.zeros(len(n))], axis=1)
+
+    @property
+    def along(self) -> np.ndarray:
+        """Unit vectors along the second edge, shape (k, 3)."""
+        end = np.abs(self.normal[:, 2:])
+        return np.hstack([np.zeros_like(end), end, 1 - end])
+
+    @property
+    def area(self) -> np.ndarray:
+        """m^2, shape (k,)."""
+        return np.asarray(4 * self.half_across * self.half_along)
+
+    def divided(self, parts: int) -> Patches:
+        """Every patch in parts x parts equal ones, those of a patch in a row."""
+        at = (2 * np.arange(parts) + 1) / parts - 1
+        u, v = (g.ravel() for g in np.meshgrid(at, at, indexing="ij"))
+        move = self.across[:, None] * (self.half_across[:, None] * u)[..., None]
+        move = move + self.along[:, None] * (self.half_along[:, None] * v)[..., None]
+        repeated = [np.repeat(a, parts**2, axis=0) for a in (self.normal, self.half_across, self.half_along)]
+        centre = (self.centre[:, None] + move).reshape(-1, 3)
+        return Patches(centre, repeated[0], repeated[1] / parts, repeated[2] / parts)
+
+    def mirrored(self, top_m: float) -> Patches:
+        """Mirror images in the water surface y = top."""
+        flip = np.array([1.0, -1.0, 1.0])
+        return self._replace(
+            centre=self.centre * flip + np.array([0.0, 2 * top_m, 0.0]), normal=self.normal * flip
+        )
+
+    def some(self, which: np.ndarray) -> Patches:
+        """A selection."""
+        return Patches(*(a[which] for a in self))
+
+
+class Transfer(NamedTuple):
+    """Irradiance at receivers from unit radiosity of patches, and distance; (n, k), single precision."""
+
+    factor: np.ndarray
+    distance: np.ndarray
+
+    def through(self, attenuation_per_m: float) -> np.ndarray:
+        """Factors in water of this attenuation."""
+        return np.asarray(self.factor * np.exp(np.float32(-attenuation_per_m) * self.distance))
+
+
+def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transfer:
+    """Irradiance at places from unit radiosity of patches.
+
+    Parameters
+    ----------
+    places : array, shape (n, 3), m
+    response : callable
+        Of the receivers with these numbers to light that flies along these directions.
+    patches : Patches
+        k of them.
+    """
+    every = np.arange(len(places))[:, None]
+    factor, distance = _exchange(places[:, None], patches.centre, patches.normal, response, every)
+    factor *= patches.area
+    size = 2 * np.maximum(patches.half_across, patches.half_along)
+    near, mine = np.nonzero(distance < NEAR * size)
+    if len(near):
+        parts = patches.some(mine).divided(SUBDIVIDED)
+        shape = (len(near), SUBDIVIDED**2, 3)
+        centre, normal = parts.centre.reshape(shape), parts.normal.reshape(shape)
+        close, _ = _exchange(places[near][:, None], centre, normal, response, near[:, None])
+        factor[near, mine] = close.mean(axis=1) * patches.area[mine]
+    return Transfer(factor.astype(np.float32), distance.astype(np.float32))
+
+
+def _exchange(
+    places: np.ndarray, centre: np.ndarray, normal: np.ndarray, response: Response, which: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lambert's cosines over pi d^2, per area of the patch, and d."""
+    way = places - centre
+    distance = np.linalg.norm(way, axis=-1)
+    direction = way / np.maximum(distance, 1e-9)[..., None]
+    leaving = np.maximum((direction * normal).sum(axis=-1), 0)
+    seen = leaving * response(direction, which)
+    return np.where(distance > 1e-6, seen / (pi * np.maximum(distance, 1e-6) ** 2), 0.0), distance
+
+
+def walls(scene: Scene, farthest_m: float, lid: bool) -> Patches:
+    """Patches of about equal size that cover what matters of the walls."""
+    tank = scene.tank
+    assert tank is not None
+    half, top = 0.5 * tank.width_m, tank.lamp_depth_m
+    floor = top - tank.depth_m
+    front, back = -tank.behind_lamp_m, tank.length_m - tank.behind_lamp_m
+    # What went past the readings comes back only by two more reflections, from not too far.
+    end = min(back, farthest_m + 2 * max(tank.width_m, tank.depth_m))
+    # Before the front wall lies as little.
+    start = max(front, -2 * max(tank.width_m, tank.depth_m))
+    around = 2 * tank.depth_m + (2 if lid else 1) * tank.width_m
+    step = sqrt((around * (end - start) + 2 * tank.width_m * tank.depth_m) / PATCHES)
+    z = (start, end)
+    x_side, y_side = (-half, half), (floor, top)
+    made = [_rectangle((sign * half, None, None), (y_side, z), (-sign, 0, 0), step) for sign in (-1.0, 1.0)]
+    made += [_rectangle((None, floor, None), (x_side, z), (0, 1, 0), step)]
+    if lid:
+        made += [_rectangle((None, top, None), (x_side, z), (0, -1, 0), step)]
+    made += [
+        _rectangle((None, None, at), (x_side, y_side), (0, 0, sign), step)
+        for at, wall, sign in ((start, front, 1), (end, back, -1))
+        if at == wall
+    ]
+    return Patches(*(np.concatenate(column) for column in zip(*made, strict=True)))
+
+
+def _rectangle(
+    at: tuple[float | None, ...],
+    sides: tuple[tuple[float, float], ...],
+    normal: tuple[float, ...],
+    step: float,
+) -> Patches:
+    """Equal patches of a wall; `at` holds its fixed coordinate and None for the two that vary."""
+    first, second = (_midpoints(*side, step) for side in sides)
+    u, v = (g.ravel() for g in np.meshgrid(first, second, indexing="ij"))
+    varying = iter((u, v))
+    centre = np.stack([next(varying) if c is None else np.full(len(u), c) for c in at], axis=1)
+    edges = [0.5 * (high - low) / n for (low, high), n in zip(sides, (len(first), len(second)), strict=True)]
+    return Patches(
+        centre,
+        np.tile(np.array(normal, float), (len(u), 1)),
+        np.full(len(u), edges[0]),
+        np.full(len(u), edges[1]),
+    )
+
+
+def _midpoints(low: float, high: float, step: float) -> np.ndarray:
+    count = max(2, ceil((high - low) / step))
+    return low + (np.arange(count) + 0.5) * ((high - low) / count)

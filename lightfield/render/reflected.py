@@ -1,0 +1,228 @@
+"""Light that walls and surface reflected, any number of times, and nothing scattered: free of noise.
+
+The mirror image of the lamp in the water surface, and radiosity between patches of the walls (Goral,
+Torrance, Greenberg and Battaile 1984; here with attenuation on the way, and with mirror images of the patches
+in the surface):
+
+    E_i = E0_i + sum over j of  rho E_j F_ij e^{-c d_ij}
+
+The transport response holds the same light with the noise of its trace; readings lie in few small cells, so
+there it is noisier than a fit can bear. Used for irradiance; what was scattered as well stays with the
+response.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import log, radians, sqrt
+from typing import Any
+
+import numpy as np
+
+from lightfield.lamps.profile import relative_intensity
+from lightfield.render.beamnodes import beam_angles
+from lightfield.render.patches import Patches, Transfer, transfer, walls
+from lightfield.scene import Lamp, Scene
+
+WATER_INDEX = 1.34
+MOST_PAIRS = 1_500_000  # of fine patch and reading
+FINEST_M = 0.05
+BOUNCES = 40
+KEPT = 12
+
+
+class ReflectedLight:
+    """Reflected, unscattered light at n readings in the tank of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a tank, and an irradiance detector.
+    x_m, y_m, z_m : arrays, shape (n,), m
+    """
+
+    def __init__(self, scene: Scene, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
+        self.scene = scene
+        self.places = np.stack([x_m, y_m, z_m], axis=1).astype(float)
+        self._rooms: dict[bool, Room] = {}
+
+    def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
+        """Light for unit on-axis intensity, shape (n,), m^-2.
+
+        Parameters
+        ----------
+        scene : Scene
+            Its lamp, wall albedo and surface reflectance count; the tank is that of the constructor.
+        attenuation_per_m : float, m^-1
+        """
+        tank = scene.tank
+        assert tank is not None
+        light = np.zeros(len(self.places))
+        if tank.surface_reflectance > 0:
+            light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m)
+        if tank.wall_albedo > 0:
+            room = self.room(tank.surface_reflectance == 0)
+            light += room.light(scene.lamp, attenuation_per_m, tank.wall_albedo, tank.surface_reflectance)
+        return light
+
+    def room(self, lid: bool) -> Room:
+        """The walls, with a lid or with an open top."""
+        if lid not in self._rooms:
+            self._rooms[lid] = Room(self.scene, self.places, lid)
+        return self._rooms[lid]
+
+    def _image(self, lamp: Lamp, attenuation_per_m: float) -> np.ndarray:
+        """Light mirrored by the water surface alone, for unit reflectance multiplier."""
+        tank = self.scene.tank
+        assert tank is not None
+        arriving, light = image_of_lamp(lamp, tank.lamp_depth_m, self.places, attenuation_per_m)
+        return np.asarray(light * _response(self.scene, arriving))
+
+
+class Room:
+    """The walls of a tank as patches: the light that they send to each other and to the readings."""
+
+    def __init__(self, scene: Scene, places: np.ndarray, lid: bool) -> None:
+        assert scene.tank is not None
+        self.scene, self.places = scene, places
+        self.top = scene.tank.lamp_depth_m
+        self.patches = walls(scene, float(places[:, 2].max()), lid)
+        # A receiver that faces the lamp sees only walls before it.
+        before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
+        self.before = np.flatnonzero(before)
+        size = 2 * float(np.median(np.sqrt(self.patches.half_across * self.patches.half_along)))
+        parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
+        self.parts = int(np.clip(parts, 1, max(1, round(size / FINEST_M))))
+        self.fine = self.patches.divided(self.parts)
+        self._kernels: dict[tuple[str, float], np.ndarray] = {}
+
+    def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
+        """Light at the readings that was reflected by a wall at least once, shape (n,)."""
+        total = self.irradiance(lamp, attenuation_per_m, albedo, surface).astype(np.float32)
+        seen = total.reshape(-1, self.parts**2)[self.before].ravel()
+        found = self._kernel("reading", attenuation_per_m) @ seen
+        if surface:
+            found = found + np.float32(surface) * (self._kernel("reading image", attenuation_per_m) @ seen)
+        return np.asarray(albedo * found, float)
+
+    def irradiance(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp and by each other, for unit on-axis intensity, (k,)."""
+        lit = _lit(lamp, self.fine, attenuation_per_m)
+        kernel = self._kernel("among", attenuation_per_m)
+        if surface:
+            arriving, light = image_of_lamp(lamp, self.top, self.fine.centre, attenuation_per_m)
+            lit += surface * light * np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
+            kernel = kernel + np.float32(surface) * self._kernel("among image", attenuation_per_m)
+        order = lit.reshape(-1, self.parts**2).mean(axis=1).astype(np.float32)
+        again = np.zeros_like(order)
+        for _ in range(BOUNCES):
+            order = np.float32(albedo) * (kernel @ order)
+            again += order
+            if order.max(initial=0.0) < 1e-4 * again.max(initial=0.0):
+                break
+        return np.asarray(lit + np.repeat(again, self.parts**2), float)
+
+    def _kernel(self, name: str, attenuation_per_m: float) -> np.ndarray:
+        key = (name, attenuation_per_m)
+        if key not in self._kernels:
+            while len(self._kernels) >= 4 * KEPT:
+                self._kernels.pop(next(iter(self._kernels)))
+            exchange: Transfer = getattr(self, "_" + name.replace(" ", "_"))
+            self._kernels[key] = exchange.through(attenuation_per_m)
+        return self._kernels[key]
+
+    @cached_property
+    def _among(self) -> Transfer:
+        return transfer(self.patches.centre, self._facing, self.patches)
+
+    @cached_property
+    def _among_image(self) -> Transfer:
+        return self._in_surface(self.patches.centre, self._facing, self.patches)
+
+    @cached_property
+    def _reading(self) -> Transfer:
+        return transfer(self.places, self._read, self._seen)
+
+    @cached_property
+    def _reading_image(self) -> Transfer:
+        return self._in_surface(self.places, self._read, self._seen)
+
+    @cached_property
+    def _seen(self) -> Patches:
+        return self.fine.some((self.before[:, None] * self.parts**2 + np.arange(self.parts**2)).ravel())
+
+    def _in_surface(self, places: np.ndarray, response: Any, patches: Patches) -> Transfer:
+        def mirrored(direction: np.ndarray, which: np.ndarray) -> np.ndarray:
+            return np.asarray(response(direction, which) * fresnel(np.abs(direction[..., 1])))
+
+        return transfer(places, mirrored, patches.mirrored(self.top))
+
+    def _facing(self, direction: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Response of the patches themselves to light along `direction`."""
+        return np.maximum(-(direction * self.patches.normal[which]).sum(axis=-1), 0)
+
+    def _read(self, direction: np.ndarray, which: np.ndarray) -> np.ndarray:
+        return _response(self.scene, direction)
+
+
+def _lit(lamp: Lamp, patches: Patches, attenuation_per_m: float) -> np.ndarray:
+    """Irradiance of patches by the lamp itself, shape (k,)."""
+    source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
+    light = np.zeros(len(patches.centre))
+    ahead = patches.centre[:, 2] > 0  # the window lets nothing out behind it
+    way = patches.centre[ahead] - source
+    r = np.linalg.norm(way, axis=1)
+    direction = way / r[:, None]
+    facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0)
+    in_water = r * patches.centre[ahead, 2] / way[:, 2]
+    light[ahead] = _intensity(lamp, direction) * facing / r**2 * np.exp(-attenuation_per_m * in_water)
+    return light
+
+
+def image_of_lamp(
+    lamp: Lamp, top_m: float, places: np.ndarray, attenuation_per_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Light by way of the surface y = top: direction of arrival (n, 3), normal irradiance (n,), m^-2."""
+    image = np.array([lamp.offset_x_m, 2 * top_m - lamp.offset_y_m, -lamp.apparent_distance_m])
+    way = places - image
+    r = np.linalg.norm(way, axis=1)
+    arriving = way / r[:, None]
+    ahead = places[:, 2] > 0
+    leaving = arriving * np.array([1.0, -1.0, 1.0])
+    in_water = np.where(ahead, r * places[:, 2] / np.where(ahead, way[:, 2], 1.0), 0.0)
+    light = _intensity(lamp, leaving) * fresnel(np.abs(arriving[:, 1])) / r**2
+    return arriving, np.where(ahead, light * np.exp(-attenuation_per_m * in_water), 0.0)
+
+
+def _response(scene: Scene, direction: np.ndarray) -> np.ndarray:
+    """Irradiance response to light that flies along `direction`, shape (..., 3)."""
+    detector = scene.detector
+    tilt = radians(detector.tilt_x_deg)
+    axis = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    cosine = np.clip(-(direction @ axis), 0, 1)
+    if detector.acceptance_hwhm_deg:
+        ratio = np.arccos(cosine) / radians(detector.acceptance_hwhm_deg)
+        return np.asarray(cosine * np.exp(-log(2) * ratio**2))
+    return np.asarray(cosine)
+
+
+def applies(scene: Scene) -> bool:
+    """Is the reflected, unscattered light of this scene known without a trace?"""
+    detector = scene.detector
+    return scene.tank is not None and detector.quantity == "irradiance" and detector.aim == "axis"
+
+
+def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:
+    """Reflectance of a water surface from below, unpolarised; 1 beyond the critical angle (Fresnel)."""
+    c = np.clip(cos_incidence, 0, 1)
+    sine = n * np.sqrt(1 - c * c)
+    t = np.sqrt(np.maximum(1 - sine * sine, 0))
+    s_part, p_part = (n * c - t) / (n * c + t), (c - n * t) / (c + n * t + 1e-300)
+    return np.where(sine >= 1, 1.0, 0.5 * (s_part**2 + p_part**2))
+
+
+def _intensity(lamp: Lamp, direction: np.ndarray) -> np.ndarray:
+    """Relative intensity in directions given in the frame of the tank, shape (n, 3)."""
+    theta = np.arccos(np.clip(direction[:, 2], -1, 1))
+    phi = np.arctan2(direction[:, 1], direction[:, 0])
+    return np.asarray(relative_intensity(lamp, *beam_angles(lamp, theta, phi)))
