@@ -25,9 +25,9 @@ _REMEMBERED = 24
 class Diffuse(Protocol):
     """Scattered and reflected light at the readings' places."""
 
-    def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
+    def light(self, scene: Scene, wavelength_nm: float | None = None) -> Any: ...
 
-    def error_modes(self, scene: Scene, wavelength_nm: float | None = None) -> Any: ...
+    def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
 
 
 DiffuseSource = Callable[..., Diffuse]
@@ -110,7 +110,7 @@ class SceneForward:
         self._width = beam_width_deg(scene, readings) if width_deg is None else width_deg
         wavelength = np.asarray(readings.wavelength_nm, float)
         self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
-        self._fields: OrderedDict[tuple[tuple[str, float], ...], tuple[Array, Array]] = OrderedDict()
+        self._fields: OrderedDict[tuple[tuple[str, float], ...], Array] = OrderedDict()
 
     @property
     def size(self) -> int:
@@ -144,7 +144,7 @@ class SceneForward:
         """
         out = SceneForward(self.scene, self.readings, self._source, self._full, self._width)
         out._response = self._response
-        field, _ = out._field(values)
+        field = out._field(values)
         out._fields.clear()
         out._correction, out._more_error = light / np.maximum(field, 1e-300), stderr
         return out
@@ -157,33 +157,35 @@ class SceneForward:
 
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""
-        field, _ = self._field(values)
-        return self.read(field, values)
+        return self.read(self._field(values), values)
 
-    def error_modes(self, values: Mapping[str, float]) -> Array:
-        """Monte Carlo errors of the predicted readings as independent contributions, shape (n, k).
+    def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Errors of the predicted readings by their scattered and reflected light, before saturation.
 
-        Their covariance is modes @ modes.T; k = 0 without scattered and reflected light.
+        Returns
+        -------
+        modes : array, shape (n, k)
+            Monte Carlo errors as independent contributions: covariance = modes @ modes.T; k = 0 without
+            scattered and reflected light.
+        smooth : array, shape (n,)
+            Size of an error that varies little between neighbours.
         """
         scene = self.scene.with_values(_optical(values), validate=False)
-        modes = np.zeros((self.size, 0))
+        modes, smooth = np.zeros((self.size, 0)), np.zeros(self.size)
         if has_diffuse_light(scene) and self._source is not None:
             response = self._traced()
             for k, wavelength in enumerate(self._wavelengths):
                 mine = np.flatnonzero((self._channel == k) & ~self._air)
-                found = response.error_modes(scene, None if np.isnan(wavelength) else float(wavelength))
-                if found.shape[1] > modes.shape[1]:
-                    modes = np.pad(modes, ((0, 0), (0, found.shape[1] - modes.shape[1])))
-                modes[mine, : found.shape[1]] = found[mine]
-        modes = modes * np.broadcast_to(self._correction, (self.size,))[:, None]
+                found, slow = response.errors(scene, None if np.isnan(wavelength) else float(wavelength))
+                if (more := found.shape[1] - modes.shape[1]) > 0:
+                    modes = np.pad(modes, ((0, 0), (0, more)))
+                modes[mine, : found.shape[1]], smooth[mine] = found[mine], slow[mine]
+        correction = np.broadcast_to(self._correction, (self.size,))
+        modes, smooth = modes * correction[:, None], smooth * correction
         if np.any(self._more_error):
             modes = np.hstack([modes, np.diag(np.broadcast_to(self._more_error, (self.size,)))])
-        return np.asarray((self._gain(values) * self.power(values))[:, None] * modes)
-
-    def diffuse_part(self, values: Mapping[str, float]) -> Array:
-        """What scattered and reflected light adds to the readings, before saturation, shape (n,)."""
-        _, diffuse = self._field(values)
-        return np.asarray(diffuse * self._gain(values) * self.power(values))
+        factor = self._gain(values) * self.power(values)
+        return np.asarray(factor[:, None] * modes), np.asarray(factor * smooth)
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
@@ -196,8 +198,8 @@ class SceneForward:
 
     # -- inside ------------------------------------------------------------------------------------
 
-    def _field(self, values: Mapping[str, float]) -> tuple[Array, Array]:
-        """Light for unit on-axis intensity, and its diffuse part."""
+    def _field(self, values: Mapping[str, float]) -> Array:
+        """Light for unit on-axis intensity."""
         optical = _optical(values)
         key = tuple(sorted(optical.items()))
         if key in self._fields:
@@ -205,11 +207,9 @@ class SceneForward:
             return self._fields[key]
         scene = self.scene.with_values(optical, validate=False)
         light: Array = self._direct(scene, self.readings)
-        more: Array = np.zeros(self.size)
         if has_diffuse_light(scene):
-            more = self._diffuse(scene)
-            light = light + more
-        self._fields[key] = (light * self._correction, more)
+            light = light + self._diffuse(scene)
+        self._fields[key] = np.asarray(light * self._correction)
         if len(self._fields) > _REMEMBERED:
             self._fields.popitem(last=False)
         return self._fields[key]
@@ -233,8 +233,7 @@ class SceneForward:
         response = self._traced()
         for k, wavelength in enumerate(self._wavelengths):
             mine = self._channel == k
-            light, _ = response.evaluate(scene, None if np.isnan(wavelength) else float(wavelength))
-            value[mine] = light[mine]
+            value[mine] = response.light(scene, None if np.isnan(wavelength) else float(wavelength))[mine]
         return np.where(self._air, 0.0, value)
 
     def _direct(self, scene: Scene, readings: Any) -> Array:

@@ -17,9 +17,6 @@ Array = NDArray[np.float64]
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5
-#: Smooth relative error of the diffuse light's response: interpolation in g, beams of a finite basis, light
-#: that counts in several planes.
-RESPONSE_ERROR = 0.02
 _TALL = 2.0
 
 
@@ -90,10 +87,10 @@ class Noise:
         Smoothed standard error, and the model reading it belongs to.
     position_slope : array, shape (n,)
         |gradient| of the prediction with respect to x, y, z, per metre.
-    model_error : array, shape (n, k), optional
+    photon_modes : array, shape (n, k), optional
         Monte Carlo errors of the predictions as independent contributions.
-    diffuse : array, shape (n,)
-        Scattered and reflected part of the predictions.
+    response_error : array, shape (n,), optional
+        Size of a smooth error of the predictions' scattered and reflected light.
     """
 
     layout: Layout
@@ -101,8 +98,8 @@ class Noise:
     prediction: Array
     budget: Budget
     position_slope: Array
-    model_error: Array | None = None
-    diffuse: Array | None = None
+    photon_modes: Array | None = None
+    response_error: Array | None = None
 
     def extra(self, tolerance: float) -> Array:
         """Covariance that does not scale with the quoted errors, shape (n, n)."""
@@ -118,8 +115,8 @@ class Noise:
         if self.budget.position_m > 0:
             out[np.diag_indices(lay.size)] += (self.budget.position_m * self.position_slope) ** 2
         smooth = [(tolerance, f)] if tolerance > 0 else []
-        if self.diffuse is not None and self.diffuse.any():
-            smooth.append((RESPONSE_ERROR, self.diffuse))
+        if self.response_error is not None and self.response_error.any():
+            smooth.append((1.0, self.response_error))
         if smooth:
             apart = (
                 np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
@@ -128,8 +125,8 @@ class Noise:
             kernel *= np.where(lay.channel[:, None] == lay.channel[None], 1.0, 0.7)
             for relative, part in smooth:
                 out += relative**2 * np.outer(part, part) * kernel
-        if self.model_error is not None:
-            out += self.model_error @ self.model_error.T
+        if self.photon_modes is not None:
+            out += self.photon_modes @ self.photon_modes.T
         return out
 
     def serial(self, rho: float) -> Array:

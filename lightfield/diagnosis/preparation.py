@@ -161,17 +161,15 @@ def whitened_test(
 
 def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
     """The noise with the error that the response of the diffuse light has at a fit."""
-    return replace(
-        noise,
-        model_error=problem.forward.error_modes(fit.values),
-        diffuse=problem.forward.diffuse_part(fit.values),
-    )
+    modes, smooth = problem.forward.errors(fit.values)
+    return replace(noise, photon_modes=modes, response_error=smooth)
 
 
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
-    plain = Whitener(replace(noise, budget=Budget(0.0, 0.0, 0.0), model_error=None, diffuse=None), rho)
+    quoted_alone = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+    plain = Whitener(quoted_alone, rho)
     reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
     rich = _rich(problem, plain, reference)
     about = with_response_error(problem, noise, reference)

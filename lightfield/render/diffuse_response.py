@@ -38,6 +38,8 @@ from lightfield.scene import Lamp, Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 KEPT_BEAMS = 256
+#: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
+SCATTERED_ERROR, REFLECTED_ERROR = 0.02, 0.005
 BEAM = (
     "profile",
     "hwhm_deg",
@@ -103,26 +105,38 @@ class DiffuseResponse:
         Returns
         -------
         value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
+            The Monte Carlo error alone, see `errors`.
+        """
+        modes, _ = self.errors(scene, wavelength_nm)
+        return self.light(scene, wavelength_nm), np.linalg.norm(modes, axis=1)
+
+    def light(self, scene: Scene, wavelength_nm: float | None = None) -> Array:
+        """The value of `evaluate` without its error, which costs as much again."""
+        a, b = self._water(scene, wavelength_nm)
+        return self._moved(scene, a, b) + self._unscattered(scene, a + b)
+
+    def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
+        """Errors of the light.
+
+        Returns
+        -------
+        modes : array, shape (n, k), m^-2
+            Monte Carlo errors as independent contributions: covariance = modes @ modes.T. Mirror images share
+            their photons, and light from walls is smoothed over a plane: such readings share contributions.
+        smooth : array, shape (n,), m^-2
+            Size of an error that varies little between neighbours: interpolation in g, beams of a finite
+            basis, patches of the walls.
         """
         a, b = self._water(scene, wavelength_nm)
-        light = sum(v for v, _ in self._light(scene, a, b).values())
-        uneven = self._inhomogeneous(scene)
-        seen = light * uneven * self._path_change(scene, a + b)
-        moved = self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
-        unscattered = self._unscattered(scene, a + b) * self.shift.pick(uneven)
-        return moved + unscattered, np.linalg.norm(self._modes(scene, a, b) * moved[:, None], axis=1)
+        moved = self._moved(scene, a, b)
+        smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * self._unscattered(scene, a + b)
+        return self._modes(scene, a, b) * moved[:, None], smooth
 
-    def error_modes(self, scene: Scene, wavelength_nm: float | None = None) -> Array:
-        """Monte Carlo errors as independent contributions, shape (n, k): covariance = modes @ modes.T, m^-4.
-
-        Mirror images share their photons, and light from walls is smoothed over a plane: such readings share
-        contributions.
-        """
-        a, b = self._water(scene, wavelength_nm)
-        light = sum(v for v, _ in self._light(scene, a, b).values())
+    def _moved(self, scene: Scene, a: float, b: float) -> Array:
+        """The traced light at the readings, shape (n,)."""
+        light = sum((v for v, _ in self._light(scene, a, b).values()), np.zeros(len(self.rows.straight_m)))
         seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
-        moved = self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
-        return np.asarray(self._modes(scene, a, b) * moved[:, None])
+        return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
     @staticmethod
     def _water(scene: Scene, wavelength_nm: float | None) -> tuple[float, float]:
@@ -161,7 +175,7 @@ class DiffuseResponse:
         light = np.zeros(len(self.shift.cell))
         for share, at in zip(HERMITE_SHARES, HERMITE_NODES, strict=True) if q else [(1.0, 0.0)]:
             light += share * self.reflected.evaluate(scene, attenuation + q * at)
-        return light
+        return light * self.shift.pick(self._inhomogeneous(scene))
 
     def _classes(self, scene: Scene, a: float, b: float, kinds: range) -> dict[int, tuple[Array, Array]]:
         """Light of some classes in every cell, and its variance before any smoothing, in uniform water."""

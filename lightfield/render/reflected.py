@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import log, radians, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,9 @@ from lightfield.scene import Lamp, Scene
 WATER_INDEX = 1.34
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FINEST_M = 0.05
-BOUNCES = 40
-KEPT = 12
+#: Reflections followed one by one; the rest is a geometric series.
+REFLECTIONS = 7
+C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
 
 
 class ReflectedLight:
@@ -79,6 +80,44 @@ class ReflectedLight:
         return np.asarray(light * _response(self.scene, arriving))
 
 
+class Operators(NamedTuple):
+    """What reaches the readings of the light on the walls, after one reflection and after more.
+
+    Parameters
+    ----------
+    first : array, shape (n, k)
+        From the fine patches that the readings see.
+    seen : array of int, shape (k,)
+        Their numbers.
+    more : list of arrays, shape (n, n_patches)
+        After 2, 3 and more reflections, from the patches.
+    """
+
+    first: np.ndarray
+    seen: np.ndarray
+    more: list[np.ndarray]
+
+    @classmethod
+    def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, parts: int) -> Operators:
+        """Products of the exchange between patches (n_patches, n_patches) and with the readings (n, k)."""
+        onward = np.zeros((len(reading), len(among)), np.float32)
+        onward[:, before] = reading.reshape(len(reading), len(before), parts).sum(axis=2)
+        more = []
+        for _ in range(REFLECTIONS - 1):
+            onward = onward @ among
+            more.append(onward)
+        return cls(reading, (before[:, None] * parts + np.arange(parts)).ravel(), more)
+
+    def apply(self, lit: np.ndarray, albedo: float) -> np.ndarray:
+        """Light at the readings when the lamp lights the fine patches, for one albedo, shape (n,)."""
+        patches = lit.reshape(self.more[0].shape[1], -1).mean(axis=1).astype(np.float32)
+        found = albedo * (self.first @ lit[self.seen].astype(np.float32))
+        orders = [albedo ** (m + 2) * (operator @ patches) for m, operator in enumerate(self.more)]
+        last, before = orders[-1].sum(), orders[-2].sum()
+        ratio = min(float(last / before), 0.99) if before > 0 else 0.0
+        return np.asarray(found + sum(orders) + orders[-1] * ratio / (1 - ratio), float)
+
+
 class Room:
     """The walls of a tank as patches: the light that they send to each other and to the readings."""
 
@@ -94,57 +133,56 @@ class Room:
         parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
         self.parts = int(np.clip(parts, 1, max(1, round(size / FINEST_M))))
         self.fine = self.patches.divided(self.parts)
-        self._kernels: dict[tuple[str, float], np.ndarray] = {}
+        self._operators: dict[tuple[float, float], Operators] = {}
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
-        """Light at the readings that was reflected by a wall at least once, shape (n,)."""
-        total = self.irradiance(lamp, attenuation_per_m, albedo, surface).astype(np.float32)
-        seen = total.reshape(-1, self.parts**2)[self.before].ravel()
-        found = self._kernel("reading", attenuation_per_m) @ seen
-        if surface:
-            found = found + np.float32(surface) * (self._kernel("reading image", attenuation_per_m) @ seen)
-        return np.asarray(albedo * found, float)
+        """Light at the readings that was reflected by a wall at least once, shape (n,).
 
-    def irradiance(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
-        """Irradiance of the fine patches by the lamp and by each other, for unit on-axis intensity, (k,)."""
+        How the light travels between walls and readings is worked out at a few attenuations and reflectances
+        and interpolated: its logarithm is nearly linear in the first, itself a low polynomial in the second.
+        """
+        lit = self.lit(lamp, attenuation_per_m, surface)
+        step = round(attenuation_per_m / C_STEP)
+        nodes = C_STEP * np.arange(step - 1, step + 2)
+        mirrors = SURFACE_NODES if surface else (0.0,)
+        total = np.zeros(len(self.places))
+        for mirror, share in zip(mirrors, _lagrange(np.array(mirrors), surface), strict=True):
+            found = np.array([self._operator(round(float(c), 6), mirror).apply(lit, albedo) for c in nodes])
+            total += share * np.exp(_lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, 1e-300)))
+        return total
+
+    def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (k,)."""
         lit = _lit(lamp, self.fine, attenuation_per_m)
-        kernel = self._kernel("among", attenuation_per_m)
         if surface:
             arriving, light = image_of_lamp(lamp, self.top, self.fine.centre, attenuation_per_m)
             lit += surface * light * np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
-            kernel = kernel + np.float32(surface) * self._kernel("among image", attenuation_per_m)
-        order = lit.reshape(-1, self.parts**2).mean(axis=1).astype(np.float32)
-        again = np.zeros_like(order)
-        for _ in range(BOUNCES):
-            order = np.float32(albedo) * (kernel @ order)
-            again += order
-            if order.max(initial=0.0) < 1e-4 * again.max(initial=0.0):
-                break
-        return np.asarray(lit + np.repeat(again, self.parts**2), float)
+        return lit
 
-    def _kernel(self, name: str, attenuation_per_m: float) -> np.ndarray:
-        key = (name, attenuation_per_m)
-        if key not in self._kernels:
-            while len(self._kernels) >= 4 * KEPT:
-                self._kernels.pop(next(iter(self._kernels)))
-            exchange: Transfer = getattr(self, "_" + name.replace(" ", "_"))
-            self._kernels[key] = exchange.through(attenuation_per_m)
-        return self._kernels[key]
+    def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
+        key = (attenuation_per_m, surface)
+        if key not in self._operators:
+            among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
+            if surface:
+                among += np.float32(surface) * self.among_image.through(attenuation_per_m)
+                reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
+            self._operators[key] = Operators.of(among, reading, self.before, self.parts**2)
+        return self._operators[key]
 
     @cached_property
-    def _among(self) -> Transfer:
+    def among(self) -> Transfer:
         return transfer(self.patches.centre, self._facing, self.patches)
 
     @cached_property
-    def _among_image(self) -> Transfer:
+    def among_image(self) -> Transfer:
         return self._in_surface(self.patches.centre, self._facing, self.patches)
 
     @cached_property
-    def _reading(self) -> Transfer:
+    def reading(self) -> Transfer:
         return transfer(self.places, self._read, self._seen)
 
     @cached_property
-    def _reading_image(self) -> Transfer:
+    def reading_image(self) -> Transfer:
         return self._in_surface(self.places, self._read, self._seen)
 
     @cached_property
@@ -226,3 +264,8 @@ def _intensity(lamp: Lamp, direction: np.ndarray) -> np.ndarray:
     theta = np.arccos(np.clip(direction[:, 2], -1, 1))
     phi = np.arctan2(direction[:, 1], direction[:, 0])
     return np.asarray(relative_intensity(lamp, *beam_angles(lamp, theta, phi)))
+
+
+def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
+    """Weights of polynomial interpolation at one place."""
+    return np.array([np.prod([(at - y) / (x - y) for y in nodes if y != x]) for x in nodes])

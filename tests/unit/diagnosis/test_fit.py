@@ -19,11 +19,11 @@ class Decay:
     def predict(self, values: Mapping[str, float]) -> np.ndarray:
         return values["a"] * np.exp(-values["k"] * T) + values.get("c", 0.0)
 
-    def error_modes(self, values: Mapping[str, float]) -> np.ndarray:
-        return np.zeros(self.size)
+    def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros((self.size, 0)), np.zeros(self.size)
 
-    position_slope = error_modes
-    diffuse_part = error_modes
+    def position_slope(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.zeros(self.size)
 
 
 def model(low_c: float = -1.0) -> Model:
