@@ -192,7 +192,7 @@ def _diagnose(
     problem, untestable = problem_of(forward, readings, chosen, reason)
     rng = np.random.default_rng(seed)
     budget = budget_of(readings)
-    prepared = prepare(problem, np.asarray(readings.stderr, float), budget, rng)
+    prepared = prepare(problem, np.asarray(readings.stderr, float), budget, rng, alpha)
     finding = search(prepared, budget.tolerance, rng, alpha)
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]

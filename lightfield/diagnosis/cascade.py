@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy import Adequacy, AdequacyTest
+from lightfield.diagnosis.adequacy import ALPHA, Adequacy, AdequacyTest
 from lightfield.diagnosis.preparation import Bench, Prepared, bench, own_bench
 from lightfield.diagnosis.problem import Explanation
 from lightfield.diagnosis.search import (
@@ -28,8 +28,6 @@ from lightfield.diagnosis.search import (
 )
 from lightfield.fit import Fit, Whiten
 
-#: Family-wise level at which the base model is given up.
-ALPHA = 0.03
 #: Level at which an explanation is given up; a true one is lost in one case of a hundred.
 ALPHA_EXPLANATION = 0.01
 #: Relative evidence that makes one of several accepted explanations the answer.

@@ -165,14 +165,6 @@ class Whitener:
             self._diagonal * columns if columns.ndim == 1 else self._diagonal[:, None] * columns
         )
 
-    def replicates(self, rng: np.random.Generator, count: int, rho_stderr: float) -> Array:
-        """Whitened noise, shape (n, count); five levels of the serial correlation carry its uncertainty."""
-        white = rng.standard_normal((self.noise.layout.size, count))
-        if rho_stderr <= 0:
-            return white
-        for i, shift in enumerate((-1.2, -0.5, 0.0, 0.5, 1.2)):
-            rho = float(np.clip(self.rho + shift * rho_stderr, 0.0, 0.9))
-            if abs(rho - self.rho) > 1e-3:
-                factor = np.linalg.cholesky(self.noise.covariance(rho, self.phi, self.tolerance))
-                white[:, i::5] = self(factor @ white[:, i::5])
-        return white
+    def replicates(self, rng: np.random.Generator, count: int) -> Array:
+        """Whitened noise, shape (n, count)."""
+        return rng.standard_normal((self.noise.layout.size, count))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from lightfield.diagnosis.adequacy import AdequacyTest
+from lightfield.diagnosis.adequacy import ALPHA, AdequacyTest
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.diagnosis.robust import (
@@ -27,14 +27,13 @@ from lightfield.diagnosis.robust import (
     serial_correlation,
 )
 from lightfield.diagnosis.search import Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.subspace import orthonormal
 from lightfield.diagnosis.templates import bank, smooth_unknowns
 from lightfield.fit import Fit
 
 Array = NDArray[np.float64]
 
 REPLICATES = 999
-#: How much of the standard error of the serial correlation goes into the calibration.
-SERIAL_SPREAD = 1.5
 #: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
 _WORTH = 1.1
 
@@ -84,16 +83,18 @@ def _plain(problem: Problem, quoted: Array, prediction: Array, rho: float = 0.0)
 
 
 def _without_outliers(
-    problem: Problem, quoted: Array, explanation: Explanation, fit: Fit, usable: Array
+    problem: Problem, quoted: Array, explanation: Explanation, fit: Fit, usable: Array, by_effects: bool
 ) -> tuple[Problem, Whitener, Fit]:
     problem = replace(problem, keep=usable)
     whiten = _plain(problem, quoted, fit.prediction)
     fit = problem.fit(explanation, whiten, [fit.u])
     for _ in range(3):
-        bad = outliers(fit, _rich(problem, whiten, fit), problem.keep)
+        basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
+        bad = outliers(fit.residual, basis, problem.keep)
         if not bad.any():
             break
-        left_out = scattered((usable > 0) & ((problem.keep == 0) | bad), problem.layout)
+        every = (usable > 0) & ((problem.keep == 0) | bad)
+        left_out = scattered(every, problem.value - fit.prediction, problem.layout)
         problem = replace(problem, keep=usable * ~left_out)
         fit = problem.fit(explanation, whiten, [fit.u])
         whiten = _plain(problem, quoted, fit.prediction)
@@ -121,29 +122,53 @@ def _describe(problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool
     return best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
 
 
-def prepare(problem: Problem, quoted: Array, budget: Budget, rng: np.random.Generator) -> Prepared:
+def prepare(
+    problem: Problem, quoted: Array, budget: Budget, rng: np.random.Generator, alpha: float = ALPHA
+) -> Prepared:
     """Outliers, smoothed errors and serial correlation.
+
+    A reading that stands out beside the base model may carry an effect; so outliers are what even the rich
+    model misses. But what one reading alone calls for is a slip, not an effect: when the base model passes
+    with at most one outlier more, judged beside it alone, the readings are described so.
 
     Parameters
     ----------
     quoted : array, shape (n,)
         Standard errors of the table; NaN where unknown.
+    alpha : float
+        Level of the test of the base model.
     """
+    rich = _prepared(problem, quoted, budget, by_effects=True)
+    if _base_passes(rich, rng, alpha):
+        return rich
+    alone = _prepared(problem, quoted, budget, by_effects=False)
+    if (alone.problem.keep == rich.problem.keep).all():
+        return rich
+    few = alone.problem.keep.sum() >= rich.problem.keep.sum() - 1
+    return alone if few and _base_passes(alone, rng, alpha) else rich
+
+
+def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> bool:
+    made = bench(prepared, 0.0, rng)
+    problem = prepared.problem
+    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
+    return made.test(problem.fit((), made.whiten, starts)).passes(alpha)
+
+
+def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool) -> Prepared:
+    """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
     usable, layout = problem.keep, problem.layout
     stated = bool(np.isfinite(quoted).any())
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
-    problem, whiten, base = _without_outliers(problem, quoted, (), base, usable)
-    explanation, reference = _describe(problem, whiten, base, stated)
+    problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
+    explanation, reference = _describe(problem, whiten, base, stated) if by_effects else ((), base)
     if explanation:
-        problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable)
+        problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable, True)
     still = _rich(problem, whiten, reference, with_time=False)
-    serial = Serial(0.0, 0.0)
+    serial = Serial()
     if problem.keep.sum() - still.shape[1] > 25:
-        rest = reference.residual - still @ (still.T @ reference.residual)
-        found = serial_correlation(rest, still, problem.keep, layout, rng)
-        spread = min(found.stderr, 0.2)
-        serial = Serial(min(found.rho, 0.9) if found.rho > spread else 0.0, SERIAL_SPREAD * spread)
+        serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
     plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope)
@@ -155,7 +180,7 @@ def whitened_test(
     problem: Problem, whiten: Whitener, rng: np.random.Generator, replicates: int = REPLICATES
 ) -> AdequacyTest:
     """The adequacy test under a given noise, for readings that are planned rather than measured."""
-    noise = whiten.replicates(rng, replicates, 0.0)
+    noise = whiten.replicates(rng, replicates)
     return AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), noise, False)
 
 
@@ -180,9 +205,20 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
 def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
     problem = prepared.problem
     unknowns = _whitened_unknowns(problem, whiten)
-    replicates = whiten.replicates(rng, REPLICATES, prepared.serial.stderr)
+    replicates = _replicates(whiten, prepared.serial, rng)
     test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, whiten.phi)
     return Bench(whiten, test, unknowns, whiten.phi)
+
+
+def _replicates(whiten: Whitener, serial: Serial, rng: np.random.Generator) -> Array:
+    """Whitened noise that carries the uncertainty of the serial correlation, shape (n, REPLICATES)."""
+    white = whiten.replicates(rng, REPLICATES)
+    for i, rho in enumerate(serial.levels):
+        if abs(rho - whiten.rho) > 1e-3:
+            mine = slice(i, None, len(serial.levels))
+            factor = np.linalg.cholesky(whiten.noise.covariance(rho, whiten.phi, whiten.tolerance))
+            white[:, mine] = whiten(factor @ white[:, mine])
+    return white
 
 
 def own_bench(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special, stats
 
 from lightfield.diagnosis.layout import Layout
 from lightfield.diagnosis.noise import Whitener
@@ -24,16 +24,30 @@ Array = NDArray[np.float64]
 
 MAX_OUTLIERS = 0.08
 _MANY = 80
+#: Readings this many spreads off are proposed as outliers.
+_PROPOSED = 3.0
+#: Correlations considered, all equally likely beforehand.
+RHO_GRID = np.linspace(0.0, 0.95, 20)
+#: Spread of ln(variance of the noise over the stated one) in the prior.
+SCALE_SPREAD = 0.5
 #: An overstated part of the error budget must not make the readings look better than they can be.
 _SMALLEST_SCALE = 0.5
 
 
 @dataclass(frozen=True)
 class Serial:
-    """Lag-one correlation of the noise in scan order and its standard error."""
+    """Lag-one correlation of the noise in scan order: what is known of it beside the richest model.
 
-    rho: float
-    stderr: float
+    Parameters
+    ----------
+    rho : float
+        Mean of the posterior.
+    levels : tuple of float
+        Equally likely values, which stand for the posterior in simulations.
+    """
+
+    rho: float = 0.0
+    levels: tuple[float, ...] = (0.0,)
 
 
 def rich_basis(
@@ -49,93 +63,122 @@ def rich_basis(
     return orthonormal(np.hstack(parts))
 
 
-def outliers(fit: Fit, rich: Array, keep: Array) -> NDArray[np.bool_]:
-    """Readings that even the rich model misses: externally studentised residual of a Cauchy regression.
+def outliers(residual: Array, basis: Array, keep: Array) -> NDArray[np.bool_]:
+    """Readings that a model misses: externally studentised residuals (Cook and Weisberg 1982, section 2.2).
+
+    A Cauchy regression proposes them. Each is then judged by least squares on the readings that are left,
+    with the error of the prediction itself: a reading that alone fixes a parameter is never an outlier.
 
     Parameters
     ----------
-    rich : array, shape (n, k)
-        Orthonormal basis from `rich_basis`.
+    residual : array, shape (n,)
+        Whitened residual of the fit.
+    basis : array, shape (n, k)
+        Orthonormal basis of what the model can still do.
     """
-    residual, n = fit.residual, len(keep)
-    weight = keep.copy()
-    misfit = residual
-    for _ in range(8):
-        root = np.sqrt(weight)
-        misfit = residual - rich @ np.linalg.lstsq(rich * root[:, None], residual * root, rcond=None)[0]
-        inflate = np.sqrt(n / max(n - 0.8 * rich.shape[1], 0.25 * n))
-        spread = 1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate
-        weight = keep / (1 + (misfit / (2.5 * spread)) ** 2)
-    leverage = np.clip((rich**2 * weight[:, None]).sum(1), 0, 0.95)
-    good = (weight > 0.4) & (keep > 0)
-    sigma = np.sqrt((misfit[good] ** 2).sum() / max(float((1 - leverage[good]).sum()), 5.0))
-    studentised = np.abs(misfit) / (sigma * np.sqrt(1 - leverage))
-    nu = max(float(keep.sum()) - rich.shape[1], 6.0)
-    threshold = stats.t.isf((0.005 if n >= _MANY else 0.0005) / n, 0.7 * nu)
-    bad = (studentised > threshold) & (keep > 0)
+    n, usable = len(keep), keep > 0
+    bad = usable & (_cauchy_misfit(residual, basis, keep) > _PROPOSED)
     most = max(int(MAX_OUTLIERS * n) - int(n - keep.sum()), 0)
-    if bad.sum() > most:
-        bad &= studentised >= np.sort(np.where(bad, studentised, 0.0))[-most] if most else False
+    level = (0.005 if n >= _MANY else 0.0005) / n
+    while bad.any():
+        t, nu = _studentised(residual, basis, usable & ~bad)
+        weakest = int(np.where(bad, t, np.inf).argmin())
+        if t[weakest] > stats.t.isf(level, nu) and bad.sum() <= most:
+            break
+        bad[weakest] = False
     return np.asarray(bad)
 
 
-def scattered(bad: NDArray[np.bool_], layout: Layout) -> NDArray[np.bool_]:
-    """Outliers without those that share a place: a shadow or a cloud is a finding, not a slip of the pen.
+def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
+    """|misfit| of a Cauchy regression in units of its robust spread."""
+    n, weight, misfit = len(keep), keep.copy(), np.abs(residual)
+    spread = 1.0
+    for _ in range(8):
+        root = np.sqrt(weight)
+        misfit = residual - basis @ np.linalg.lstsq(basis * root[:, None], residual * root, rcond=None)[0]
+        inflate = np.sqrt(n / max(n - 0.8 * basis.shape[1], 0.25 * n))
+        spread = max(1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate, 1e-300)
+        weight = keep / (1 + (misfit / (2.5 * spread)) ** 2)
+    return np.asarray(np.abs(misfit) / spread)
+
+
+def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tuple[Array, int]:
+    """|misfit| of readings that were not used over its standard error, and the degrees of freedom."""
+    u, s, vt = np.linalg.svd(basis[judges], full_matrices=False)
+    firm = s > 1e-6
+    misfit = residual - basis @ (vt[firm].T @ ((u[:, firm].T @ residual[judges]) / s[firm]))
+    nu = max(int(judges.sum()) - int(firm.sum()), 1)
+    sigma = np.sqrt((misfit[judges] ** 2).sum() / nu)
+    loose = basis @ vt.T
+    # Directions that the judges leave open could have produced any misfit.
+    open_part = (loose[:, ~firm] ** 2).sum(1) > 1e-6
+    variance = 1 + ((loose[:, firm] / s[firm]) ** 2).sum(1)
+    return np.where(open_part, 0.0, np.abs(misfit) / (sigma * np.sqrt(variance))), nu
+
+
+def scattered(bad: NDArray[np.bool_], misfit: Array, layout: Layout) -> NDArray[np.bool_]:
+    """Outliers without those that share a place and a sign: a shadow or a cloud is a finding, not a slip of
+    the pen.
 
     Parameters
     ----------
     bad : array of bool, shape (n,)
         All readings left out so far.
+    misfit : array, shape (n,)
+        Reading minus model.
     """
     alone = bad.copy()
     for coordinate in (layout.x_m, layout.y_m, layout.z_m):
         _, label = np.unique(np.round(coordinate, 3), return_inverse=True)
         size, hit = np.bincount(label), np.bincount(label, weights=bad)
-        together = (hit >= 3) & (hit > 0.4 * size) & (len(size) > 2)
+        above = np.bincount(label, weights=bad & (misfit > 0))
+        together = (hit >= 3) & (hit > 0.4 * size) & (len(size) > 2) & ((above == 0) | (above == hit))
         alone &= ~together[label]
     return alone
 
 
 def serial_correlation(
-    residual: Array, rich: Array, keep: Array, layout: Layout, rng: np.random.Generator
+    residual: Array, rich: Array, keep: Array, layout: Layout, stated: float | None
 ) -> Serial:
-    """Lag-one correlation of the residual in scan order, corrected for what the rich model took out by
-    simulation.
+    """Posterior of an AR(1) correlation in scan order from the restricted likelihood (Patterson and Thompson
+    1971, Biometrika 58, 545), which does not mistake for independence what the rich model took out.
+
+    Correlated noise is quiet from one reading to the next, so that the stated errors have a say: noise of
+    the stated size is not both correlated and rough. Their scale has a wide Student prior.
 
     Parameters
     ----------
     residual : array, shape (n,)
-        Whitened residual beside `rich`.
+        Whitened by the quoted errors alone.
+    rich : array, shape (n, k)
+        Orthonormal basis of what the rich model can do.
+    stated : float, optional
+        Expected variance of the residual; None where the table quotes no errors.
     """
-    order, place = layout.order, layout.position
-    kept = keep[order] > 0
-    gap = np.diff(place[order])
-    pair = kept[1:] & kept[:-1] & (np.diff(layout.channel[order]) == 0) & (gap > 0) & (gap <= 2)
-    if pair.sum() < 20:
-        return Serial(0.0, 0.0)
-
-    def lag_one(rows: Array) -> Array:
-        sorted_rows = rows[order]
-        product = (sorted_rows[1:] * sorted_rows[:-1])[pair].sum(0)
-        square = 0.5 * (sorted_rows[1:] ** 2 + sorted_rows[:-1] ** 2)[pair].sum(0)
-        return np.asarray(product / square)
-
-    seen = float(lag_one(residual[:, None])[0])
-    levels = np.array([0.0, 0.25, 0.5, 0.75, 0.9])
-    mean, spread = [], 0.0
-    same = np.diff(layout.channel[order]) == 0
-    for rho in levels:
-        noise = rng.standard_normal((layout.size, 100))
-        for i in range(1, layout.size):
-            if rho and same[i - 1]:
-                noise[i] = rho * noise[i - 1] + np.sqrt(1 - rho**2) * noise[i]
-        unsorted = np.empty_like(noise)
-        unsorted[order] = noise
-        found = lag_one(beside(rich, unsorted * keep[:, None]))
-        mean.append(float(found.mean()))
-        spread = float(found.std()) if rho == 0 else spread
-    slope = max((mean[1] - mean[0]) / 0.25, 0.2)
-    return Serial(float(np.interp(seen, mean, levels)), spread / slope)
+    order = layout.order[keep[layout.order] > 0]
+    gap, same = np.diff(layout.position[order]), np.diff(layout.channel[order]) == 0
+    if (same & (gap <= 2)).sum() < 20:
+        return Serial()
+    rows = np.column_stack([rich, residual])[order]
+    nu = len(order) - rich.shape[1]
+    log_scale = np.linspace(-3.0, 9.0, 121)
+    prior = np.zeros_like(log_scale)
+    if stated is not None:
+        prior = stats.t.logpdf((log_scale - np.log(stated)) / SCALE_SPREAD, 4)
+    evidence = []
+    for rho in RHO_GRID:
+        lag = np.where(same, rho ** np.maximum(gap, 1.0), 0.0)[:, None]
+        root = np.sqrt(1 - lag**2)
+        white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
+        q, r = np.linalg.qr(white[:, :-1])
+        rest = white[:, -1] - q @ (q.T @ white[:, -1])
+        log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
+        determinant = np.log(root).sum() + np.log(np.abs(np.diag(r))).sum()
+        evidence.append(special.logsumexp(log_likelihood) - determinant)
+    weight = np.exp(np.array(evidence) - max(evidence))
+    share = np.cumsum(weight) / weight.sum()
+    levels = tuple(float(RHO_GRID[int(np.searchsorted(share, p))]) for p in (0.1, 0.3, 0.5, 0.7, 0.9))
+    return Serial(float(weight @ RHO_GRID / weight.sum()), levels)
 
 
 def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array) -> float:

@@ -6,6 +6,7 @@ Numbers of sets are small here; benchmarks/hidden_effects has the large ones.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,18 @@ def test_false_alarms_keep_their_level() -> None:
             table, scene = readings(seed=1000 + seed, order=order, **kind)
             alarms += diagnose(table, scene, diffuse=None, advise=False).verdict.verdict != "none"
     assert alarms <= stats.binom.isf(0.001, 60, ALPHA)
+
+
+@pytest.mark.parametrize("place", [0, 10, 84, 104])
+def test_one_wrong_reading_calls_for_no_effect(place: int) -> None:
+    """A slip of 15 sigma where the rich model has its freedom, at a corner or on the axis, is left out."""
+    for seed in (7, 8):
+        table, scene = readings(seed=seed)
+        value = table.value.copy()
+        value[place] += 15 * table.stderr[place]
+        verdict = diagnose(replace(table, value=value), scene, diffuse=None, advise=False).verdict
+        assert verdict.verdict == "none"
+        assert place in verdict.outliers
 
 
 @pytest.mark.parametrize("name", SINGLE)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.diagnosis.layout import layout_of
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
-from lightfield.diagnosis.robust import scattered, serial_correlation
+from lightfield.diagnosis.robust import outliers, scattered, serial_correlation
 
 RNG = np.random.default_rng(5)
 
@@ -65,28 +65,81 @@ def test_an_assumed_plane_gain_needs_a_stay() -> None:
         assert (stays > 1).all() == wide
 
 
+def correlated(rho: float, n: int, rng: np.random.Generator) -> np.ndarray:
+    noise = rng.standard_normal(n)
+    for i in range(1, n):
+        noise[i] = rho * noise[i - 1] + np.sqrt(1 - rho**2) * noise[i]
+    return noise
+
+
 def test_serial_correlation_is_recovered() -> None:
-    """Lag-one correlation 0.5 of 315 readings, without the bias of what a fit of 40 terms takes out."""
+    """Correlation 0.5 of 315 readings, without the bias of what a fit of 40 smooth terms takes out; the true
+    value lies below the lowest and the highest of five equally likely ones as often as it should."""
     lay = layout(15, 21)
-    found, stated = [], []
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        noise = rng.standard_normal(lay.size)
-        for i in range(1, lay.size):
-            noise[i] = 0.5 * noise[i - 1] + np.sqrt(0.75) * noise[i]
-        taken = np.linalg.qr(rng.standard_normal((lay.size, 40)))[0]
-        rest = noise - taken @ (taken.T @ noise)
-        one = serial_correlation(rest, taken, np.ones(lay.size), lay, rng)
+    taken = np.linalg.qr(np.cos(np.pi * np.outer(np.arange(lay.size), np.arange(40)) / lay.size))[0]
+    found, low, high = [], [], []
+    for seed in range(60):
+        noise = correlated(0.5, lay.size, np.random.default_rng(seed))
+        one = serial_correlation(noise, taken, np.ones(lay.size), lay, 1.0)
         found.append(one.rho)
-        stated.append(one.stderr)
-    assert abs(np.mean(found) - 0.5) < 4 * np.mean(stated) / np.sqrt(12)
+        low.append(one.levels[0])
+        high.append(one.levels[-1])
+    assert abs(np.mean(found) - 0.5) < 4 * np.std(found) / np.sqrt(60) + 0.025  # half a step of the grid
+    # 10 % each, 4 binomial standard deviations; a step of the grid counts as half.
+    for beyond in (np.array(low) - 0.5, 0.5 - np.array(high)):
+        assert np.mean((beyond > 0.01) + 0.5 * (np.abs(beyond) < 0.01)) < 0.1 + 4 * 0.039
+
+
+def test_noise_of_the_stated_size_is_not_strongly_correlated() -> None:
+    """Correlation 0.9 that a rich fit hides would mean noise of many times the stated size."""
+    lay = layout()
+    rng = np.random.default_rng(3)
+    x = np.linspace(0, 1, lay.size)
+    taken = np.linalg.qr(np.cos(np.pi * np.outer(x, np.arange(60))))[0]
+    mean = {}
+    for stated in (1.0, None):
+        runs = [rng.standard_normal(lay.size) for _ in range(20)]
+        all_rho = [serial_correlation(r, taken, np.ones(lay.size), lay, stated).rho for r in runs]
+        mean[stated] = float(np.mean(all_rho))
+    assert mean[1.0] < 0.3
+    assert mean[1.0] < mean[None]
+
+
+def test_outliers_do_not_drag_their_neighbours_along() -> None:
+    """Of 105 readings beside 40 free terms, five slips of 10 to 30 sigma: found, and nothing else."""
+    lay = layout()
+    slips = np.array([3, 29, 52, 77, 97])
+    found = np.zeros(lay.size)
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        taken = np.linalg.qr(rng.standard_normal((lay.size, 40)))[0]
+        residual = rng.standard_normal(lay.size)
+        residual[slips] += rng.choice([-1, 1], 5) * rng.uniform(10, 30, 5)
+        found += outliers(residual, taken, np.ones(lay.size))
+    assert found[slips].mean() > 0.9 * 30
+    # One set in twenty, and three standard deviations.
+    assert found.sum() - found[slips].sum() <= 0.05 * 30 + 3
+
+
+def test_a_reading_that_alone_fixes_a_term_is_no_outlier() -> None:
+    lay = layout()
+    term = np.zeros((lay.size, 1))
+    term[10] = 1.0
+    residual = np.random.default_rng(1).standard_normal(lay.size)
+    residual[[10, 60]] = 25.0
+    bad = outliers(residual, term, np.ones(lay.size))
+    assert bad[60] and not bad[10]
 
 
 def test_a_shadow_is_not_an_outlier() -> None:
-    """Wrong readings at one x in every plane are a finding; wrong readings anywhere are slips."""
+    """Wrong readings of one sign at one x in every plane are a finding; wrong readings anywhere, or here too
+    high and there too low, are slips."""
     lay = layout()
     shadow = np.isclose(lay.x_m, 0.3)
+    misfit = -np.ones(lay.size)
     slips = np.zeros(lay.size, bool)
     slips[[3, 40, 77]] = True
-    assert not scattered(shadow, lay).any()
-    assert (scattered(slips, lay) == slips).all()
+    assert not scattered(shadow, misfit, lay).any()
+    assert (scattered(slips, misfit, lay) == slips).all()
+    misfit[np.flatnonzero(shadow)[0]] = 1.0
+    assert (scattered(shadow, misfit, lay) == shadow).all()
