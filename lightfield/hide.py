@@ -234,11 +234,12 @@ def measure(
             truth, table, seed=seed, max_photons=PHOTONS if photons is None else photons
         )
     bright = light * factor
-    gain = 1.0 / float((bright * SceneForward(truth, table, full=1.0).power({})).max())
+    forward = SceneForward(truth, table, full=1.0)
+    gains = dict.fromkeys(forward.gain_names, 1.0 / float((bright * forward.power({})).max()))
     # Saturation is stated relative to the largest reading, which itself is saturated.
     full = 1.0
     for _ in range(60):
-        clean = SceneForward(truth, table, full=full).read(bright, {"gain": gain})
+        clean = SceneForward(truth, table, full=full).read(bright, gains)
         full = float(clean.max())
     layout = layout_of(table)
     shown = clean * (1 + plane_gain * rng.standard_normal(int(layout.visit.max()) + 1)[layout.visit])

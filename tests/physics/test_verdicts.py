@@ -125,6 +125,29 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
     assert base.error_percent == pytest.approx(done.verdict.ladder[0].error_percent, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("name", "path", "truth"),
+    [
+        ("cdom", "water.cdom_440_per_m", 0.1),
+        ("chlorophyll", "water.chlorophyll_mg_per_m3", 0.4),
+        ("sediment", "water.sediment_g_per_m3", 0.5),
+    ],
+)
+def test_what_is_dissolved_or_floats_in_pure_water_is_named(name, path, truth):
+    """Four bands, 450 to 650 nm, half width and grey absorption refitted: the spectrum tells them apart.
+
+    With water that is unknown at every wavelength none of them can be tested.
+    """
+    table, scene = Readings.load(DATA / f"{name}.csv"), Scene.load(DATA / "colour.toml")
+    verdict = diagnose(table, scene, diffuse=quick, advise=False).verdict
+    assert (verdict.verdict, verdict.effects) == ("identified", [name])
+    estimate = verdict.explanations[0].parameters[path]
+    assert abs(estimate.value - truth) < 4 * estimate.stderr
+    unknown = scene.with_values({"water.base": "none"})
+    bare = diagnose(table, unknown, diffuse=None, advise=False, only=[name]).verdict
+    assert "free at every wavelength" in bare.untestable[name]
+
+
 def test_plan_promises_what_diagnose_can_see(found):
     """Limits before the measurement (noise as stated) and after it (noise as seen), at the same fitted scene.
 
