@@ -39,7 +39,7 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 KEPT_BEAMS = 256
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
-SCATTERED_ERROR, REFLECTED_ERROR = 0.02, 0.005
+SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
 BEAM = (
     "profile",
     "hwhm_deg",
