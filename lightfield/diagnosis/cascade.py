@@ -24,6 +24,7 @@ from lightfield.diagnosis.search import (
     fit_singles,
     search_pairs,
     search_singles,
+    settled,
     weights,
 )
 from lightfield.fit import Fit, Whiten
@@ -118,6 +119,7 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
         return refit
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
+        found = settled(problem, found)
         return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried)
 
     exact = prepare_level(0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -36,18 +36,22 @@ _SHOWN = 8
 _CREDIBLE = 2.0
 
 
-def estimates(fit: Fit, scale: float, units: dict[str, str]) -> dict[str, Estimate]:
+def estimates(
+    fit: Fit, scale: float, units: dict[str, str], least: Mapping[str, float] | None = None
+) -> dict[str, Estimate]:
     """Fitted values with errors, or the reason why there is none.
 
     Parameters
     ----------
     scale : float
         Pure-error variance in units of the whitening.
+    least : mapping, optional
+        Smallest errors by path, from a profile.
     """
     errors, bound = fit.stderr(scale), fit.at_bound()
     out = {}
     for i, path in enumerate(fit.paths):
-        value, error = fit.values[path], errors[path]
+        value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
         reason = None
         if bound[i]:
             reason = "at boundary"
@@ -70,7 +74,13 @@ def units_of(scene: Any) -> dict[str, str]:
     return {path: parameter.unit for path, parameter in scene.parameters().items()}
 
 
-def _rungs(steps: list[Step], forward: Any, scale: float, units: dict[str, str]) -> list[Rung]:
+def _rungs(
+    steps: list[Step], forward: Any, scale: float, units: dict[str, str], best: Tried | None
+) -> list[Rung]:
+    def least(step: Step) -> Mapping[str, float] | None:
+        same = best is not None and {c.key for c in step.explanation} == {c.key for c in best.explanation}
+        return best.errors if best is not None and same else None
+
     return [
         Rung(
             label=s.label,
@@ -78,7 +88,7 @@ def _rungs(steps: list[Step], forward: Any, scale: float, units: dict[str, str])
             error_percent=s.error_percent,
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
-            parameters=estimates(s.fit, scale, units),
+            parameters=estimates(s.fit, scale, units, least(s)),
             scene=forward.scene_at(s.fit.values).to_toml(),
         )
         for s in steps
@@ -109,7 +119,7 @@ def _explanations(
                 families=[c.effect.family for c in tried.explanation],
                 forms=[c.form.name for c in tried.explanation],
                 weight=weight,
-                parameters=estimates(tried.fit, tried.adequacy.phi, units),
+                parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors),
                 chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
                 error_percent=percent(problem, tried.fit.prediction, counted),
                 held_out_percent=None if np.isnan(left_out) else left_out,
@@ -289,7 +299,7 @@ def verdict_of(
         detection_limits=limits,
         untestable=untestable,
         unexplained_coordinate=coordinate,
-        ladder=_rungs(steps, forward, level.phi, units),
+        ladder=_rungs(steps, forward, level.phi, units, best),
         noise_floor_percent=floor,
         next_measurement=advice,
         assumed=list(prepared.noise.budget.assumed),

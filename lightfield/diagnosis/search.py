@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lightfield.diagnosis.adequacy import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.problem import Explanation, Problem
+from lightfield.diagnosis.profile import profiled, restarted
 from lightfield.fit import Fit
 
 Array = NDArray[np.float64]
@@ -19,17 +20,26 @@ Array = NDArray[np.float64]
 #: Explanations worse than the best by more than this in BIC are out of the question.
 FAR_BEHIND = 25.0
 _PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
+#: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
+_RESTARTED, _PROFILED = 5, 3
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A fitted explanation; its test is missing when it was too far behind to be worth one."""
+    """A fitted explanation; its test is missing when it was too far behind to be worth one.
+
+    Parameters
+    ----------
+    errors : mapping
+        Standard errors by path that the profile over the shapes asks for.
+    """
 
     explanation: Explanation
     fit: Fit
     bic: float
     adequacy: Adequacy | None = None
     test: AdequacyTest | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -210,6 +220,9 @@ def fit_pairs(
     for starts in chosen.values():
         fits = [(pair, problem.fit(pair, test.whiten, [start])) for pair, start in starts]
         out.append(min(fits, key=lambda f: f[1].chi2))
+    out.sort(key=lambda f: f[1].chi2)
+    for i, (pair, fit) in enumerate(out[:_RESTARTED]):
+        out[i] = (pair, restarted(problem, pair, fit, test.whiten))
     return out
 
 
@@ -231,6 +244,20 @@ def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
             out.setdefault(one.names, one)
     inside = [one for one in out.values() if not one.at_edge]
     return inside or list(out.values())
+
+
+def settled(problem: Problem, found: list[Tried]) -> list[Tried]:
+    """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors."""
+    out = []
+    for i, one in enumerate(found):
+        if i < _PROFILED and one.test is not None and one.adequacy is not None:
+            phi = one.adequacy.phi
+            fit, errors = profiled(problem, one.explanation, one.fit, one.test.whiten, phi)
+            gain = (one.fit.chi2 - fit.chi2) / phi
+            tested = one.test(fit) if gain > 0 else one.adequacy
+            one = replace(one, fit=fit, errors=errors, bic=one.bic - gain, adequacy=tested)
+        out.append(one)
+    return sorted(out, key=lambda t: t.bic)
 
 
 def weights(explanations: list[Tried]) -> list[float]:
