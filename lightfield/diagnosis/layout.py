@@ -22,7 +22,8 @@ class Layout:
         NaN where unknown.
     air : array of bool, shape (n,)
     channel, plane, visit : array of int, shape (n,)
-        Labels: wavelength; distance and medium; uninterrupted stay at one distance.
+        Labels: wavelength; distance and medium; stay at one distance, as the table says or, where it does
+        not, between two moves to another distance.
     order : array of int, shape (n,)
         Readings in scan order within each channel, channels one after the other.
     position : array, shape (n,)
@@ -78,7 +79,11 @@ def layout_of(readings: Any) -> Layout:
     known = bool(np.isfinite(time).all())
     sequence = time if known else np.arange(len(z), dtype=float)
     by_time = np.argsort(sequence, kind="stable")
-    if known and np.ptp(time) > 0:
+    named = np.asarray(readings.visit, float)
+    if np.isfinite(named).all():
+        _, visit = np.unique(np.stack([plane, named], axis=1), axis=0, return_inverse=True)
+        position = np.unique(sequence, return_inverse=True)[1] if known else np.arange(len(z))
+    elif known and np.ptp(time) > 0:
         turn = np.r_[True, np.diff(plane[by_time]) != 0]
         visit = np.empty(len(z), int)
         visit[by_time] = np.cumsum(turn) - 1

@@ -11,6 +11,7 @@ from lightfield.diagnosis.candidates import Setting, candidates
 from lightfield.diagnosis.layout import Layout, layout_of
 from lightfield.diagnosis.noise import Budget
 from lightfield.diagnosis.problem import Problem
+from lightfield.diagnosis.repeats import plane_gain, repeats_of
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
@@ -25,10 +26,15 @@ _FEWEST_TO_SPARE = 1
 
 
 def budget_of(readings: Any) -> Budget:
-    """The stated error budget; what is missing is assumed, and named."""
+    """The stated error budget; what is missing is estimated from repeats or assumed, and named."""
     stated, assumed = readings.budget, []
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
-    if gain is None:
+    repeats = repeats_of(readings) if gain is None else None
+    if repeats is not None:
+        gain = 100 * plane_gain(repeats, PLANE_GAIN_PERCENT / 100)
+        where = "the reference position" if repeats.reference else "one position"
+        assumed.append(f"plane_gain_percent = {gain:.2g} from {repeats.visits} repeats of {where}")
+    elif gain is None:
         assumed.append(
             f"plane_gain_percent = {PLANE_GAIN_PERCENT:g} for every stay of several readings at one distance"
         )

@@ -88,7 +88,8 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     if missing:
         warn(
             "no_error_budget",
-            f"the error budget does not say {' and '.join(missing)}: values will be assumed",
+            f"the error budget does not say {' and '.join(missing)}: values will be assumed, "
+            "the gain estimated where a position is read in three visits",
             "state them in the head of the file",
         )
     return tuple(found)

@@ -1,0 +1,88 @@
+"""Gain errors between visits, estimated from readings repeated at one place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.repeats import plane_gain, repeats_of
+from lightfield.diagnosis.setup import PLANE_GAIN_PERCENT, budget_of
+from lightfield.measurements.readings import Readings
+
+ASSUMED = PLANE_GAIN_PERCENT / 100
+
+
+def repeated(gain: float, visits: int, seed: int, drift: float = 0.0, error: float = 0.001) -> Readings:
+    """A reference position read `visits` times, with another plane read in between."""
+    rng = np.random.default_rng(seed)
+    n = 2 * visits
+    here = np.arange(n) % 2 == 0
+    true = np.where(here, 1.0, 0.4) * (1 + gain * rng.standard_normal(n) + drift * np.linspace(0, 1, n))
+    return Readings.from_arrays(
+        z_m=np.where(here, 4.5, 6.5), value=true * (1 + error * rng.standard_normal(n)), stderr=error * true,
+        time_s=60.0 * np.arange(n), role=np.where(here, "reference", "signal"),
+    )  # fmt: skip
+
+
+def estimate(table: Readings) -> float:
+    found = repeats_of(table)
+    assert found is not None and found.reference
+    return plane_gain(found, ASSUMED)
+
+
+@pytest.mark.parametrize("gain", [0.002, 0.01])
+def test_the_gain_is_found_beyond_the_stated_errors(gain: float) -> None:
+    """Variances are unbiased but for the pull of one degree of freedom (here of 11) to the assumed 0.3 %."""
+    found = np.array([estimate(repeated(gain, 12, seed)) for seed in range(60)])
+    dof = 11
+    expected = (dof * gain**2 + ASSUMED**2) / (dof + 1)
+    # A variance from 10 degrees of freedom scatters by sqrt(2/10); the reading error adds its own.
+    scatter = np.sqrt(2 / 10) * (gain**2 + 0.001**2) / np.sqrt(60)
+    assert abs((found**2).mean() - expected) < 4 * scatter
+
+
+def test_repeats_that_agree_lower_the_assumed_gain() -> None:
+    found = np.array([estimate(repeated(0.0, 12, seed)) for seed in range(20)])
+    assert np.sqrt((found**2).mean()) < ASSUMED / 2
+
+
+def test_a_drift_of_the_lamp_is_not_called_repositioning() -> None:
+    """1 % in a straight line over ten visits: an effect to be found, which must not widen the errors."""
+    found = [estimate(repeated(0.0, 10, seed, drift=0.01)) for seed in range(20)]
+    assert np.median(found) < 0.0015
+
+
+def test_one_bad_reading_does_not_set_the_gain() -> None:
+    table = repeated(0.002, 12, 1)
+    value = np.array(table.value)
+    value[4] *= 1.2
+    assert estimate(replace(table, value=value)) < 0.004
+
+
+def test_two_visits_say_nothing_and_a_stated_gain_is_kept() -> None:
+    table = repeated(0.01, 2, 0)
+    assert repeats_of(table) is None
+    assert "plane_gain_percent = 0.3 for every stay" in budget_of(table).assumed[0]
+    three = repeated(0.01, 3, 0)
+    told = budget_of(three)
+    assert told.gain_stated and told.plane_gain == pytest.approx(estimate(three))
+    shown = f"plane_gain_percent = {100 * estimate(three):.2g} from 3 repeats of the reference position"
+    assert told.assumed[0] == shown
+    stated = replace(three, budget=replace(three.budget, plane_gain_percent=0.1))
+    assert budget_of(stated).plane_gain == pytest.approx(0.001)
+
+
+def test_readings_of_one_visit_are_not_repeats_of_it() -> None:
+    """Four readings in a row share the visit's gain and cannot show it; a visit column decides."""
+    table, _ = readings(seed=3)
+    assert repeats_of(table) is None, "every position is read once"
+    n = 8
+    columns = {"z_m": np.full(n, 4.5), "value": np.ones(n), "stderr": np.full(n, 0.01)}
+    in_a_row = Readings.from_arrays(**columns, time_s=np.arange(n) * 10.0)
+    assert repeats_of(in_a_row) is None
+    named = Readings.from_arrays(**columns, time_s=np.arange(n) * 10.0, visit=np.arange(n) // 2)
+    found = repeats_of(named)
+    assert found is not None and found.visits == 4
