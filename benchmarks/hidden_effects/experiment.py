@@ -13,6 +13,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.benches import BENCHES, believed_scene, held_out_places, table_of, true_scene
 from benchmarks.hidden_effects.catalogue import NOISE_KINDS, Trial
+from benchmarks.hidden_effects.follow_up import follow
 from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.hidden_effects.oracle import Oracle
 from lightfield import unknowns
@@ -110,6 +111,8 @@ def _run(trial: Trial, folder: Path) -> Row:
     }
     if truth.stratum == "one" and oracle.delta > SEEN:
         row["rival"], row["D"] = oracle.nearest(truth.hidden)
+    if truth.stratum in ("one", "two") and truth.bench != "colour":
+        row |= follow(trial, found, clean, light[:n], Tracing())
     if truth.stratum == "two":
         row["second"] = oracle.second(truth.hidden, dict(truth.values))
     if truth.stratum == "one" and found.verdict.verdict == "identified":

@@ -82,6 +82,18 @@ def coordinate_right(row: Row) -> bool:
     return row.get("coordinate") in COORDINATE.get(row["unknown"], ())
 
 
+def rival_of_truth(row: Row) -> list[str]:
+    """The explanation that the advised readings should tell from the truth; empty if the truth is not one."""
+    pair = row["advice"]["between"]
+    others = [names for names in pair if not is_truth(row, names)]
+    return others[0] if len(pair) == 2 and len(others) == 1 else []
+
+
+def rival_rejected(row: Row) -> bool:
+    """With the advised readings: is the rival no longer an explanation?"""
+    return rival_of_truth(row) not in row["advice"]["accepted"]
+
+
 def outcome(row: Row) -> str:
     """One word: "right", "in set" (reported as one of several), "not seen", "unexplained",
     "one of two" or "wrong"."""

@@ -184,7 +184,8 @@ def _numbers(rows: Sequence[Row]) -> list[Score]:
     ]
     worse = rate(held, lambda r: r["held_out"][1] > r["held_out"][0])
     out.append(_rate("held-out planes worse after a claim", worse, 5, 2, "<="))
-    out.append(Score("predicted D > 5: rival rejected", "not measured", ">= 90 %", ">= 97 %", "-"))
+    asked = [r for r in rows if "advice" in r and judge.rival_of_truth(r) and r["advice"]["predicted"] > 5]
+    out.append(_rate("predicted D > 5: rival rejected", rate(asked, judge.rival_rejected), 90, 97, ">="))
     times = [r for r in rows if r.get("n", 999) <= 400 and "seconds" in r]
     if times:
         for name, key in (("wall clock", "seconds"), ("processor", "cpu_seconds")):

@@ -16,6 +16,7 @@ from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_p
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
 from lightfield.render.response import (
+    CLASSES,
     FROM_WALLS,
     NEVER_SCATTERED,
     Array,
@@ -68,11 +69,15 @@ def response_for(
     nodes = tuple(sorted(g_nodes)) if has_g else ()
     open_top = bool(scene.tank and scene.tank.surface_reflectance > 0)
     reflected = ReflectedLight(scene, *places) if applies(scene) else None
-    main = replace(_response(scene, places, nodes, open_top, photons, seed, cache), reflected=reflected)
+    known = NEVER_SCATTERED if reflected is not None else ()
+    needed = [kind for kind in range(CLASSES) if kind not in known]
+    main = _response(scene, places, nodes, open_top, needed, photons, seed, cache)
+    main = replace(main, reflected=reflected)
     if scene.tank is None or open_top:
         return main
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
-    below = replace(_response(scene, places, middle, True, photons, seed, cache), reflected=reflected)
+    # Light that was only scattered is the same under either top.
+    below = _response(scene, places, middle, True, needed[1:], photons, seed, cache)
     return replace(main, under_surface=below)
 
 
@@ -81,11 +86,12 @@ def _response(
     places: tuple[Array, Array, Array],
     nodes: tuple[float, ...],
     surface: bool,
+    needed: Sequence[int],
     photons: int,
     seed: int,
     cache: bool,
 ) -> DiffuseResponse:
-    """Response with or without a water surface on top of the tank."""
+    """Response of the needed classes of light, with or without a water surface on top of the tank."""
     grid = positions_grid(*places, CELL_M)
     width = _bucket(scene.lamp.hwhm_deg)
     traced = _traced_scene(scene, width, surface)
@@ -96,13 +102,14 @@ def _response(
         "kind": "diffuse",
         **transport_key(traced, grid, reference),
         "g": nodes,
+        "classes": list(needed),
         "photons": photons,
         "seed": seed,
         "nodes": asdict(beam_nodes.nodes),
     }
     stored = store.load(key) if cache else None
     if stored is None:
-        stored = _trace(traced, grid, reference, beam_nodes, nodes, photons, seed)
+        stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, photons, seed)
         if cache:
             store.save(key, stored)
     histories = np.asarray(stored["histories"], int)
@@ -142,6 +149,7 @@ def _trace(
     reference: Reference,
     beam_nodes: BeamNodes,
     g_nodes: tuple[float, ...],
+    needed: Sequence[int],
     photons: int,
     seed: int,
 ) -> dict[str, Array]:
@@ -159,7 +167,7 @@ def _trace(
     stacked[:, :, once] = stacked[:, :, once].mean(axis=0)
     kinds = list(NEVER_SCATTERED)
     relative[:, kinds] = np.sqrt((relative[:, kinds] ** 2).mean(axis=0) / len(relative))
-    used = stacked.any(axis=(0, 1, 3))
+    used = stacked.any(axis=(0, 1, 3)) & np.isin(light_classes(histories), needed)
     return {
         "tallies": stacked[:, :, used],
         "relative_stderr": relative,

@@ -183,7 +183,7 @@ class DiffuseResponse:
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         spread = a + q * HERMITE_NODES if q else np.array([a])
         history = self.rows.histories
-        used = self.counted & np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
+        used = np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
         used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0) | (history[:, 0] == 0))
         out: dict[int, tuple[Array, Array]] = {}
         if not used.any():
@@ -195,7 +195,7 @@ class DiffuseResponse:
         average = HERMITE_SHARES if q else np.ones(1)
         shares = self._g_shares(scene)
         for kind in np.unique(self.classes[used]):
-            rows = self.counted & (self.classes == kind)
+            rows = self.classes == kind
             # Light that was never scattered knows no g: its tally is the same at every node.
             value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
@@ -205,12 +205,6 @@ class DiffuseResponse:
                 variance += (part * self.relative_stderr[index, kind]) ** 2
             out[int(kind)] = value, variance
         return out
-
-    @cached_property
-    def counted(self) -> NDArray[np.bool_]:
-        """Rows that are not known better without a trace."""
-        n = self.rows.histories[:, 0]
-        return n > 0 if self.reflected is not None else np.ones(len(n), bool)
 
     @cached_property
     def classes(self) -> NDArray[np.integer[Any]]:
@@ -254,7 +248,7 @@ class DiffuseResponse:
         """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
         key = (index, kind, rings)
         if key not in self._tallies:
-            tally = self.tallies[index][:, self.counted & (self.classes == kind)]
+            tally = self.tallies[index][:, self.classes == kind]
             if rings:
                 nodes = self.beam_nodes.nodes
                 tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
