@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from lightfield.diagnosis.adequacy import ALPHA, AdequacyTest
+from lightfield.diagnosis.adequacy import ALPHA, VARIANCE_EXCESS, AdequacyTest
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.diagnosis.robust import (
@@ -25,6 +25,7 @@ from lightfield.diagnosis.robust import (
     rich_basis,
     scattered,
     serial_correlation,
+    unstated_error,
 )
 from lightfield.diagnosis.search import Tried, fit_pairs, fit_singles
 from lightfield.diagnosis.subspace import orthonormal
@@ -43,7 +44,8 @@ class Prepared:
     """Problem without its outliers, noise model, and the description that both were made about.
 
     `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
-    explanations by diffuse light add their own.
+    explanations by diffuse light add their own. `excess` is the mean factor of the variances of `noise` over
+    the stated ones.
     """
 
     problem: Problem
@@ -52,6 +54,7 @@ class Prepared:
     reference: Fit
     explanation: Explanation
     errors_stated: bool
+    excess: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,14 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool)
     explanation, reference = _describe(problem, whiten, base, stated) if by_effects else ((), base)
     if explanation:
         problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable, True)
+    quoted_sigma = whiten.noise.sigma
+    if stated:
+        rich, relative = _rich(problem, whiten, reference), np.clip(reference.prediction, 0, None)
+        factor = unstated_error(
+            reference.residual, rich, problem.keep, relative / quoted_sigma, VARIANCE_EXCESS
+        )
+        whiten = Whitener(replace(whiten.noise, sigma=factor * quoted_sigma))
+        reference = problem.fit(explanation, whiten, [reference.u])
     still = _rich(problem, whiten, reference, with_time=False)
     serial = Serial()
     if problem.keep.sum() - still.shape[1] > 25:
@@ -173,7 +184,8 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool)
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
     plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope)
     noise = with_response_error(problem, plain, base)
-    return Prepared(problem, noise, serial, reference, explanation, stated)
+    excess = float(((whiten.noise.sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess)
 
 
 def whitened_test(
@@ -206,7 +218,8 @@ def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Be
     problem = prepared.problem
     unknowns = _whitened_unknowns(problem, whiten)
     replicates = _replicates(whiten, prepared.serial, rng)
-    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, whiten.phi)
+    scale = whiten.phi * prepared.excess
+    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, scale)
     return Bench(whiten, test, unknowns, whiten.phi)
 
 

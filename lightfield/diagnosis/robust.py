@@ -160,25 +160,64 @@ def serial_correlation(
     if (same & (gap <= 2)).sum() < 20:
         return Serial()
     rows = np.column_stack([rich, residual])[order]
-    nu = len(order) - rich.shape[1]
-    log_scale = np.linspace(-3.0, 9.0, 121)
-    prior = np.zeros_like(log_scale)
-    if stated is not None:
-        prior = stats.t.logpdf((log_scale - np.log(stated)) / SCALE_SPREAD, 4)
     evidence = []
     for rho in RHO_GRID:
         lag = np.where(same, rho ** np.maximum(gap, 1.0), 0.0)[:, None]
         root = np.sqrt(1 - lag**2)
         white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
-        q, r = np.linalg.qr(white[:, :-1])
-        rest = white[:, -1] - q @ (q.T @ white[:, -1])
-        log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
-        determinant = np.log(root).sum() + np.log(np.abs(np.diag(r))).sum()
-        evidence.append(special.logsumexp(log_likelihood) - determinant)
+        evidence.append(_log_evidence(white, stated) - float(np.log(root).sum()))
     weight = np.exp(np.array(evidence) - max(evidence))
     share = np.cumsum(weight) / weight.sum()
     levels = tuple(float(RHO_GRID[int(np.searchsorted(share, p))]) for p in (0.1, 0.3, 0.5, 0.7, 0.9))
     return Serial(float(weight @ RHO_GRID / weight.sum()), levels)
+
+
+def _log_evidence(white: Array, stated: float | None) -> float:
+    """Restricted likelihood of a residual beside columns, both whitened, the variance scale integrated out.
+
+    Parameters
+    ----------
+    white : array, shape (n, k + 1)
+        Columns and, last, residual.
+    """
+    log_scale = np.linspace(-3.0, 9.0, 121)
+    prior = np.zeros_like(log_scale)
+    if stated is not None:
+        prior = stats.t.logpdf((log_scale - np.log(stated)) / SCALE_SPREAD, 4)
+    q, r = np.linalg.qr(white[:, :-1])
+    rest = white[:, -1] - q @ (q.T @ white[:, -1])
+    nu = len(white) - r.shape[1]
+    log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
+    return float(special.logsumexp(log_likelihood) - np.log(np.abs(np.diag(r))).sum())
+
+
+def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, most: float) -> Array:
+    """Factor on the stated errors for an error in proportion to the reading that they leave out, shape (n,).
+
+    Stated errors tell how well a reading repeats; what goes with its place (position, a restless lamp,
+    photons of a simulation) is often missing, and counts where it is bright.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened by the stated errors.
+    relative : array, shape (n,)
+        Reading over its stated error.
+    most : float
+        Largest factor on a variance that is believed.
+    """
+    kept = keep > 0
+    rows, bright = np.column_stack([rich, residual])[kept], relative[kept] ** 2
+    if not bright.any():
+        return np.ones_like(relative)
+    evidence, shares = [], np.linspace(0.0, 1.0, 11) * (most - 1) / float(bright.max())
+    for share in shares:
+        root = np.sqrt(1 + share * bright)[:, None]
+        evidence.append(_log_evidence(rows / root, 1.0) - float(np.log(root).sum()))
+    best = int(np.argmax(evidence))
+    # Without evidence of two standard deviations the stated errors are taken as they are.
+    share = shares[best] if evidence[best] - evidence[0] > 2.0 else 0.0
+    return np.asarray(np.sqrt(1 + share * relative**2))
 
 
 def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.diagnosis.layout import layout_of
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
-from lightfield.diagnosis.robust import outliers, scattered, serial_correlation
+from lightfield.diagnosis.robust import outliers, scattered, serial_correlation, unstated_error
 
 RNG = np.random.default_rng(5)
 
@@ -103,6 +103,22 @@ def test_noise_of_the_stated_size_is_not_strongly_correlated() -> None:
         mean[stated] = float(np.mean(all_rho))
     assert mean[1.0] < 0.3
     assert mean[1.0] < mean[None]
+
+
+def test_an_error_that_was_not_stated_is_seen_where_it_is_bright() -> None:
+    """Twice the stated error at the brightest of 105 readings, nothing at the faintest; and none where all is
+    as stated, but for the one set in twenty or so that a level of two standard deviations allows."""
+    lay = layout()
+    relative = np.exp(-2 * np.abs(lay.x_m))
+    most = np.sqrt(1 + 3 * relative**2)
+    rich = np.linalg.qr(np.random.default_rng(0).standard_normal((lay.size, 40)))[0]
+    seen, mistaken = [], 0
+    for seed in range(40):
+        noise = np.random.default_rng(seed).standard_normal(lay.size)
+        seen.append(unstated_error(most * noise, rich, np.ones(lay.size), 100 * relative, 4.0).max())
+        mistaken += unstated_error(noise, rich, np.ones(lay.size), 100 * relative, 4.0).max() > 1
+    assert 1.5 < np.mean(seen) <= 2.0
+    assert mistaken <= 6
 
 
 def test_outliers_do_not_drag_their_neighbours_along() -> None:
