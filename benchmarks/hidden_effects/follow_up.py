@@ -1,4 +1,4 @@
-"""The advice followed: the readings that an ambiguous verdict asks for are taken, and judged with the rest."""
+"""The advice followed: the readings that an ambiguous verdict asks for are taken and judged with the rest."""
 
 from __future__ import annotations
 

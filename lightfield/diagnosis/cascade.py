@@ -8,6 +8,7 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from lightfield.diagnosis.adequacy import ALPHA, Adequacy, AdequacyTest
 from lightfield.diagnosis.preparation import Bench, Prepared, bench, own_bench
 from lightfield.diagnosis.problem import Explanation
 from lightfield.diagnosis.search import (
+    Fitted,
     Own,
     Tried,
     accepted,
@@ -127,32 +129,33 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
         return finding(0, exact, [], [])
     # What passes must pass better than the base model does.
     level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, 0.2))
-    test = exact.bench.test
-    singles = search_singles(
-        problem, test, fit_singles(problem, test, exact.base, exact.adequacy), own(exact)
-    )
+
+    def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
+        fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
+        return fits, search_singles(problem, level.bench.test, fits, own(level))
+
+    def two_more(
+        level: Level, singles: list[Tried], known: Sequence[Fitted]
+    ) -> tuple[list[Fitted], list[Tried]]:
+        fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
+        return fits, search_pairs(problem, level.bench.test, fits, own(level))
+
+    fitted, singles = one_more(exact, prepared.known)
     if found := accepted(singles, level_alpha):
         return finding(1, exact, found, singles)
     tolerant = prepare_level(tolerance) if tolerance > 0 else exact
     if tolerance > 0 and tolerant.adequacy.passes(alpha):
         return finding(0, tolerant, [], [])
-    pairs = search_pairs(
-        problem, test, fit_pairs(problem, test, exact.base, exact.adequacy, singles), own(exact)
-    )
+    fitted_pairs, pairs = two_more(exact, singles, prepared.known)
     if found := accepted(pairs, level_alpha):
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
     level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, 0.2))
-    test = tolerant.bench.test
-    singles = search_singles(
-        problem, test, fit_singles(problem, test, tolerant.base, tolerant.adequacy), own(tolerant)
-    )
+    _, singles = one_more(tolerant, fitted)
     if found := accepted(singles, level_alpha):
         return finding(1, tolerant, found, singles)
-    pairs = search_pairs(
-        problem, test, fit_pairs(problem, test, tolerant.base, tolerant.adequacy, singles), own(tolerant)
-    )
+    _, pairs = two_more(tolerant, singles, fitted_pairs)
     if found := accepted(pairs, level_alpha):
         return finding(2, tolerant, found, pairs)
     return finding(None, tolerant, [], pairs + singles)

@@ -27,7 +27,7 @@ from lightfield.diagnosis.robust import (
     serial_correlation,
     unstated_error,
 )
-from lightfield.diagnosis.search import Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.search import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.diagnosis.subspace import orthonormal
 from lightfield.diagnosis.templates import bank, smooth_unknowns
 from lightfield.fit import Fit
@@ -45,7 +45,7 @@ class Prepared:
 
     `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
     explanations by diffuse light add their own. `excess` is the mean factor of the variances of `noise` over
-    the stated ones.
+    the stated ones, `known` what was fitted on the way.
     """
 
     problem: Problem
@@ -55,6 +55,7 @@ class Prepared:
     explanation: Explanation
     errors_stated: bool
     excess: float = 1.0
+    known: tuple[Fitted, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,25 +105,29 @@ def _without_outliers(
     return problem, whiten, fit
 
 
-def _describe(problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool) -> tuple[Explanation, Fit]:
-    """One or two effects that bring the model to the readings, if the base model is not there."""
+def _describe(
+    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool
+) -> tuple[Explanation, Fit, tuple[Fitted, ...]]:
+    """One or two effects that bring the model to the readings, if the base is not there; and all fits."""
     n = int(problem.keep.sum())
     unknowns = _whitened_unknowns(problem, whiten)
     few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
     test = AdequacyTest(problem, whiten, unknowns, few, errors_stated)
     at_base = test(base)
     if min(at_base.tests.values()) > 1e-4:
-        return (), base
+        return (), base, ()
     singles = fit_singles(problem, test, base, at_base)
     if not singles:
-        return (), base
+        return (), base, ()
     ranked = [Tried(e, f, f.chi2) for e, f in sorted(singles, key=lambda s: s[1].chi2)]
     best: tuple[Explanation, Fit] = (ranked[0].explanation, ranked[0].fit)
     best_test = test(best[1])
+    pairs: list[Fitted] = []
     if min(best_test.tests.values()) < 1e-4:
         pairs = fit_pairs(problem, test, base, at_base, ranked[:4])
         best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
-    return best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
+    explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
+    return explanation, fit, (*singles, *pairs)
 
 
 def prepare(
@@ -165,7 +170,8 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool)
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
     problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
-    explanation, reference = _describe(problem, whiten, base, stated) if by_effects else ((), base)
+    nothing: tuple[Explanation, Fit, tuple[Fitted, ...]] = ((), base, ())
+    explanation, reference, known = _describe(problem, whiten, base, stated) if by_effects else nothing
     if explanation:
         problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable, True)
     quoted_sigma = whiten.noise.sigma
@@ -185,7 +191,7 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool)
     plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope)
     noise = with_response_error(problem, plain, base)
     excess = float(((whiten.noise.sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
-    return Prepared(problem, noise, serial, reference, explanation, stated, excess)
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess, known)
 
 
 def whitened_test(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -16,10 +16,13 @@ from lightfield.diagnosis.profile import profiled, restarted
 from lightfield.fit import Fit
 
 Array = NDArray[np.float64]
+Fitted = tuple[Explanation, Fit]
 
 #: Explanations worse than the best by more than this in BIC are out of the question.
 FAR_BEHIND = 25.0
 _PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
+#: Steps after which a pair shows what it is worth, and how many of the new ones are then fitted to the end.
+_ROUGH, _FINISHED = 5, 12
 #: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
 _RESTARTED, _PROFILED = 5, 3
 
@@ -92,10 +95,21 @@ def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
     return fit.chi2 / phi + np.log(n) * sum(len(c.parameters) for c in explanation)
 
 
+def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:
+    return frozenset(c.key for c in explanation)
+
+
 def fit_singles(
-    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy
-) -> list[tuple[Explanation, Fit]]:
-    """Every testable form added alone, from the score's start at each shape and from a typical size."""
+    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, known: Sequence[Fitted] = ()
+) -> list[Fitted]:
+    """Every testable form added alone, from the score's start at each shape and from a typical size.
+
+    Parameters
+    ----------
+    known : sequence of (explanation, fit)
+        Fits under other errors, to begin from instead.
+    """
+    before = {_key(explanation): fit.u for explanation, fit in known}
     starts: dict[tuple[str, str], list[Array]] = {}
     forms: dict[tuple[str, str], Candidate] = {}
     for score, amplitude in zip(at_base.scores, at_base.amplitudes, strict=True):
@@ -105,10 +119,12 @@ def fit_singles(
         forms[candidate.key] = candidate
         first = starts.setdefault(candidate.key, [])
         first.append(_start(base.u, [(score, amplitude)], (candidate,)))
-    out: list[tuple[Explanation, Fit]] = []
+    out: list[Fitted] = []
     for key, candidate in forms.items():
         chosen = starts[key]
-        if len(chosen) > 1:
+        if (done := before.get(_key((candidate,)))) is not None:
+            chosen = [done]
+        elif len(chosen) > 1:
             # A few steps from every grid point of the shape, then all the way from the best.
             rough = [problem.fit((candidate,), test.whiten, [s], max_steps=4) for s in chosen]
             best = sorted(rough, key=lambda f: f.chi2)[:2]
@@ -172,9 +188,7 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
     return out
 
 
-def _ranked(
-    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
-) -> list[Tried]:
+def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
     for explanation, fit in fits:
@@ -188,17 +202,26 @@ def _ranked(
     return [Tried(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
 
 
-def search_singles(
-    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
-) -> list[Tried]:
+def search_singles(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Single effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), 3, _TESTED) if fits else []
 
 
 def fit_pairs(
-    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, singles: list[Tried]
-) -> list[tuple[Explanation, Fit]]:
-    """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base."""
+    problem: Problem,
+    test: AdequacyTest,
+    base: Fit,
+    at_base: Adequacy,
+    singles: list[Tried],
+    known: Sequence[Fitted] = (),
+) -> list[Fitted]:
+    """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base.
+
+    Parameters
+    ----------
+    known : sequence of (explanation, fit)
+        Fits under other errors, to begin from instead.
+    """
     extended: list[tuple[float, Explanation, Array]] = []
     for single in singles[:_SINGLES_EXTENDED]:
         extended += _extensions(problem, single, single.adequacy or (single.test or test)(single.fit))
@@ -209,26 +232,29 @@ def fit_pairs(
     ):
         new = 0
         for _, pair, start in ranked:
-            key = frozenset(c.key for c in pair)
+            key = _key(pair)
             if key not in chosen:
                 if new == limit:
                     continue
                 new += 1
             if len(chosen.setdefault(key, [])) < 2:
                 chosen[key].append((pair, start))
-    out = []
-    for starts in chosen.values():
-        fits = [(pair, problem.fit(pair, test.whiten, [start])) for pair, start in starts]
-        out.append(min(fits, key=lambda f: f[1].chi2))
-    out.sort(key=lambda f: f[1].chi2)
-    for i, (pair, fit) in enumerate(out[:_RESTARTED]):
-        out[i] = (pair, restarted(problem, pair, fit, test.whiten))
-    return out
+    before = {_key(explanation): (explanation, fit.u) for explanation, fit in known}
+    begun: list[Fitted] = []
+    for key, starts in chosen.items():
+        if key not in before:
+            rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=_ROUGH)) for pair, u in starts]
+            begun.append(min(rough, key=lambda f: f[1].chi2))
+    begun.sort(key=lambda f: f[1].chi2)
+    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:_FINISHED]]
+    finished.sort(key=lambda f: f[1].chi2)
+    for i, (pair, fit) in enumerate(finished[:_RESTARTED]):
+        finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
+    again = [before[key] for key in chosen if key in before]
+    return finished + [(pair, problem.fit(pair, test.whiten, [u])) for pair, u in again]
 
 
-def search_pairs(
-    problem: Problem, test: AdequacyTest, fits: list[tuple[Explanation, Fit]], own: Own
-) -> list[Tried]:
+def search_pairs(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Pairs of effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
 
