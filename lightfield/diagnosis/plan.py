@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from lightfield import effects
 from lightfield.diagnosis.adequacy import Adequacy
@@ -82,6 +83,11 @@ def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> P
     diffuse : callable, optional
         Source of scattered and reflected light; without it those effects are not planned for.
     """
+    with threadpool_limits(1, "blas"):  # many small matrices, as in a diagnosis
+        return _plan(readings, scene, diffuse)
+
+
+def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)

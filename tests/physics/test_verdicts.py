@@ -165,6 +165,19 @@ def test_plan_promises_what_diagnose_can_see(found):
     assert made.limits["beam_tilt"].value < 0.06, "the tilt of the ambiguous set is seen"
 
 
+def test_plan_with_traced_light_promises_what_diagnose_can_see(found):
+    """Scattering and walls: the limit before the measurement and after it, each from a trace."""
+    table, scene = found["none"].readings, found["none"].scene
+    after = found["none"].verdict.detection_limits
+    made = plan(table, scene, partial(response_for, photons=200_000))
+    limit = made.limits["scattering"]
+    assert limit.reachable and limit.path == "water.scattering_per_m"
+    for name in ("scattering", "wall_reflection", "surface_reflection"):
+        if name in after and after[name].within_range:
+            assert 1 / 1.5 < made.limits[name].value / after[name].value < 1.5, name
+    assert "scattering" in made.isolability.names
+
+
 def test_four_numbers_say_little_and_say_so():
     """Three parameters leave one number: any effect that moves it explains it, unless rounding does."""
     table = ROOT / "scenes" / "unh_tow_tank"
