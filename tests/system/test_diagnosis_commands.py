@@ -1,0 +1,114 @@
+"""hide, diagnose, compare and plan, as a user runs them one after the other.
+
+Rationale: each command's files are the next one's input. Set-up: readings of unbounded, unscattering water
+(nothing to trace, so it is quick) with a tilted lamp hidden in them. Expected: the verdict is valid JSON of
+the published schema, every rung can be climbed again by hand, and wrong input ends with exit code 2.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from lightfield import cli
+from lightfield.diagnosis.verdict import json_schema
+
+SCENE = """
+[lamp]
+hwhm_deg = 4.0
+[water]
+absorption_per_m = 0.1
+[detector]
+planes_m = [2.5, 3.5, 4.5, 5.5, 6.5]
+width_m = 1.6
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    made = tmp_path_factory.mktemp("hidden")
+    (made / "scene.toml").write_text(SCENE)
+    hide = f"hide {made}/scene.toml --effect beam_tilt --size lamp.tilt_x_deg=0.4 --seed 3 -o {made}/set"
+    assert cli.main(hide.split()) == 0
+    run = f"diagnose {made}/set/data.csv --scene {made}/scene.toml --no-trace -o {made}/found"
+    assert cli.main([*run.split(), "--json", f"{made}/v.json", "--report", f"{made}/v.html"]) == 0
+    return made
+
+
+def test_hide_keeps_the_truth_apart(folder: Path) -> None:
+    truth = json.loads((folder / "set" / "truth.json").read_text())
+    assert truth["parameters"]["lamp.tilt_x_deg"] == 0.4
+    assert "tilt" not in (folder / "set" / "scene.toml").read_text()
+    assert "tilt" not in (folder / "set" / "data.csv").read_text()
+
+
+def test_diagnose_writes_verdict_and_report(folder: Path) -> None:
+    verdict = json.loads((folder / "v.json").read_text())
+    jsonschema.validate(verdict, json_schema())
+    assert (verdict["verdict"], verdict["effects"]) == ("identified", ["beam_tilt"])
+    page = (folder / "v.html").read_text()
+    assert "<svg" in page and "beam tilt" in page.lower()
+    assert "http://" not in page.replace("http://www.w3.org", "").replace("http://purl.org", ""), (
+        "self-contained"
+    )
+
+
+def _fit(folder: Path, capsys, *more: str) -> dict:
+    where = ["compare", f"{folder}/set/data.csv", "--fit-json", f"{folder}/fit.json"]
+    assert cli.main([*where, *more]) == 0
+    return json.loads((folder / "fit.json").read_text())
+
+
+def test_every_stored_rung_gives_its_error_again(folder: Path, capsys) -> None:
+    ladder = json.loads((folder / "v.json").read_text())["ladder"]
+    assert len(ladder) == 2
+    for k, rung in enumerate(ladder):
+        again = _fit(folder, capsys, "--scene", f"{folder}/found/rung{k}.toml")
+        assert again["error_percent"] == pytest.approx(rung["error_percent"], rel=5e-3)
+
+
+def test_climbing_by_hand_appends_to_the_ledger(folder: Path, capsys) -> None:
+    errors = []
+    for names in ("beam_offset", "beam_offset,beam_tilt"):
+        more = ["--scene", f"{folder}/scene.toml", "--with", names, "-o", f"{folder}/byhand"]
+        errors.append(_fit(folder, capsys, *more)["error_percent"])
+    assert errors[1] < errors[0]
+    text = next(p for p in (folder / "byhand").iterdir() if "ledger" in p.name).read_text()
+    assert text.index("+ beam_offset") < text.index("beam_offset + beam_tilt")
+    assert sorted(p.name for p in (folder / "byhand").glob("rung*.toml")) == ["rung0.toml", "rung1.toml"]
+
+
+def test_the_render_agrees_where_the_formula_is_exact(folder: Path, capsys) -> None:
+    """No scattering, no walls: a fresh render of the fitted scene moves no parameter."""
+    more = ["--scene", f"{folder}/found/rung1.toml"]
+    fast, rendered = _fit(folder, capsys, *more), _fit(folder, capsys, *more, "--solver", "render")
+    assert rendered["solver"] == "render"
+    assert rendered["error_percent"] == pytest.approx(fast["error_percent"], rel=5e-3)
+
+
+def test_plan_says_what_the_layout_can_see(folder: Path, capsys) -> None:
+    run = f"plan {folder}/set/data.csv --scene {folder}/scene.toml --no-trace --json {folder}/plan.json"
+    assert cli.main(run.split()) == 0
+    plan = json.loads((folder / "plan.json").read_text())
+    limit = plan["detection_limits"]["beam_tilt"]
+    assert limit["within_range"] and limit["value"] < 0.4, "the hidden tilt was found"
+    assert "was not traced" in plan["untestable"]["scattering"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "diagnose {f}/set/data.csv --scene {f}/no.toml",
+        "diagnose {f}/set/data.csv --scene {f}/scene.toml --effects nonsense",
+        "compare {f}/set/data.csv --scene {f}/scene.toml --with beam_ellipticity",
+        "plan {f}/no.csv --scene {f}/scene.toml",
+        "hide {f}/scene.toml --effect cdom -o {f}/never",
+    ],
+)
+def test_wrong_input_ends_with_2(folder: Path, wrong: str, capsys) -> None:
+    assert cli.main(wrong.format(f=folder).split()) == 2
+    assert capsys.readouterr().err.startswith("lightfield: ")
+    assert not list((folder / "never").glob("*")), "a wrong input left a file"
