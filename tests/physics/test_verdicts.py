@@ -74,7 +74,7 @@ def test_the_storys_page_states_its_numbers(found):
     base = fit_readings(done.readings, Scene.load(STORY / "scene.toml"))
     assert f"error **{base.error_percent:.1f} %**" in page
     spread = 1 + 3 / np.sqrt(2 * len(done.readings))
-    assert "Error **3.1 %**" in page
+    assert "Error **2.7 %**" in page
     assert done.verdict.ladder[-1].error_percent < spread * done.verdict.noise_floor_percent
 
 
