@@ -171,7 +171,8 @@ class SceneForward:
             Size of an error that varies little between neighbours.
         """
         scene = self.scene.with_values(_optical(values), validate=False)
-        modes, smooth = np.zeros((self.size, 0)), np.zeros(self.size)
+        modes: Array = np.zeros((self.size, 0))
+        smooth: Array = np.zeros(self.size)
         if has_diffuse_light(scene) and self._source is not None:
             response = self._traced()
             for k, wavelength in enumerate(self._wavelengths):
