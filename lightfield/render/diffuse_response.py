@@ -154,11 +154,15 @@ class DiffuseResponse:
         return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES))
 
     def _modes(self, scene: Scene, a: float, b: float) -> Array:
-        """Relative errors of the moved light at the readings as independent contributions, shape (n, k)."""
+        """Relative errors of the moved light at the readings as independent contributions, shape (n, k).
+
+        At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
+        """
         parts = self._light(scene, a, b)
         if not parts:
             return np.zeros((len(self.shift.cell), 0))
-        total = np.maximum(sum(v for v, _ in parts.values()), 1e-300)
+        total = sum((v for v, _ in parts.values()), np.full(len(self.rows.straight_m), 1e-300))
+        total = np.maximum(total, np.sqrt(sum(e for _, e in parts.values())))
         plain = sum((e for k, (_, e) in parts.items() if k not in FROM_WALLS), np.zeros(len(total)))
         modes = [self.shift.spread((np.sqrt(plain) / total)[:, None] * self.images)]
         for kind in FROM_WALLS:

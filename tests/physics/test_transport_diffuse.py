@@ -108,3 +108,14 @@ def test_stated_error_is_the_scatter_of_seeds() -> None:
     # 11 degrees of freedom at each of ten places, neighbours of which share photons: at least those of one.
     low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
     assert 1 / high < ratio < 1 / low
+
+
+def test_errors_stay_finite_where_interpolation_in_g_leaves_nothing(response: DiffuseResponse) -> None:
+    """Beyond the last node, and with hardly any scattering, an error is at most the light itself."""
+    edge = SCENE.with_values(
+        {"water.phase.g": 0.985, "water.scattering_per_m": 1e-4, "tank.wall_albedo": 0.0}
+    )
+    value, error = response.evaluate(edge)
+    modes, smooth = response.errors(edge)
+    assert np.isfinite(value).all() and np.isfinite(modes).all() and np.isfinite(smooth).all()
+    assert (error <= value * (1 + 1e-9)).all()
