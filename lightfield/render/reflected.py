@@ -27,6 +27,7 @@ from lightfield.scene import Lamp, Scene
 WATER_INDEX = 1.34
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FINEST_M = 0.05
+DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
@@ -148,7 +149,7 @@ class Room:
         total = np.zeros(len(self.places))
         for mirror, share in zip(mirrors, _lagrange(np.array(mirrors), surface), strict=True):
             found = np.array([self._operator(round(float(c), 6), mirror).apply(lit, albedo) for c in nodes])
-            total += share * np.exp(_lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, 1e-300)))
+            total += share * np.exp(_lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return total
 
     def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
@@ -207,12 +208,12 @@ def _lit(lamp: Lamp, patches: Patches, attenuation_per_m: float) -> np.ndarray:
     """Irradiance of patches by the lamp itself, shape (k,)."""
     source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
     light = np.zeros(len(patches.centre))
-    ahead = patches.centre[:, 2] > 0  # the window lets nothing out behind it
+    ahead = _before_lamp(lamp, patches.centre[:, 2])
     way = patches.centre[ahead] - source
     r = np.linalg.norm(way, axis=1)
     direction = way / r[:, None]
     facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0)
-    in_water = r * patches.centre[ahead, 2] / way[:, 2]
+    in_water = _in_water(lamp, r, patches.centre[ahead, 2])
     light[ahead] = _intensity(lamp, direction) * facing / r**2 * np.exp(-attenuation_per_m * in_water)
     return light
 
@@ -225,11 +226,27 @@ def image_of_lamp(
     way = places - image
     r = np.linalg.norm(way, axis=1)
     arriving = way / r[:, None]
-    ahead = places[:, 2] > 0
+    # A ray that seems to start behind the window meets the surface only beyond it.
+    met = image[2] + way[:, 2] * (top_m - image[1]) / np.where(way[:, 1] < 0, way[:, 1], -1e-9)
+    ahead = _before_lamp(lamp, places[:, 2]) & _before_lamp(lamp, met)
     leaving = arriving * np.array([1.0, -1.0, 1.0])
-    in_water = np.where(ahead, r * places[:, 2] / np.where(ahead, way[:, 2], 1.0), 0.0)
-    light = _intensity(lamp, leaving) * fresnel(np.abs(arriving[:, 1])) / r**2
-    return arriving, np.where(ahead, light * np.exp(-attenuation_per_m * in_water), 0.0)
+    light = np.zeros(len(places))
+    in_water = _in_water(lamp, r[ahead], places[ahead, 2])
+    light[ahead] = _intensity(lamp, leaving[ahead]) * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
+    light[ahead] *= np.exp(-attenuation_per_m * in_water)
+    return arriving, light
+
+
+def _before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
+    """Where its light can be: nothing comes out behind the window, but an isotropic lamp has none."""
+    everywhere = lamp.profile == "isotropic" and lamp.apparent_distance_m == 0
+    return np.asarray((z_m > 0) | everywhere)
+
+
+def _in_water(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+    """The part of a path of length r from the apparent source that lies beyond the window."""
+    behind = lamp.apparent_distance_m
+    return r_m if behind == 0 else r_m * z_m / (z_m + behind)
 
 
 def _response(scene: Scene, direction: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.lamps.profile import solid_angle_sr
-from lightfield.render.reflected import ReflectedLight, fresnel
+from lightfield.render.reflected import ReflectedLight, fresnel, image_of_lamp
 from lightfield.scene import Scene
 
 SCENE = """
@@ -67,10 +67,14 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
     assert mean.mean() == pytest.approx(expected.mean(), rel=0.02)
 
 
-@pytest.mark.parametrize("albedo", [0.3, 0.8])
-def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float) -> None:
-    """All that the lamp sends out ends in the walls: sum of (1 - rho) E A = power in a closed box, c = 0."""
-    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": albedo, "tank.length_m": 8.0})
+@pytest.mark.parametrize(("albedo", "profile"), [(0.3, "gaussian"), (0.8, "gaussian"), (0.5, "isotropic")])
+def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str) -> None:
+    """All that the lamp sends out ends in the walls: sum of (1 - rho) E A = power in a closed box, c = 0.
+
+    An isotropic lamp lights the wall behind it too: 4 pi sr, of which half would be missing without it.
+    """
+    values = {"tank.wall_albedo": albedo, "tank.length_m": 8.0, "lamp.profile": profile}
+    scene = Scene.from_toml(SCENE).with_values(values)
     light = ReflectedLight(scene, *(np.array([v]) for v in (0.0, 0.0, 6.0)))
     room = light.room(lid=True)
     lit = room.lit(scene.lamp, 0.0, 0.0).reshape(len(room.patches.centre), -1).mean(axis=1)
@@ -78,3 +82,24 @@ def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float) -> None:
     irradiance = np.linalg.solve(np.eye(len(lit)) - albedo * among, lit)
     power = float(((1 - albedo) * irradiance * room.patches.area).sum())
     assert power == pytest.approx(solid_angle_sr(scene.lamp), rel=0.03)
+
+
+def test_light_from_behind_the_window_meets_the_surface_beyond_it() -> None:
+    """From 1.5 m behind the window a ray to a reading on the axis meets the surface halfway, at
+    (z - 1.5 m) / 2: beyond the window only from z = 1.5 m on."""
+    lamp = Scene.from_toml(SCENE).lamp.model_copy(update={"apparent_distance_m": 1.5, "hwhm_deg": 40.0})
+    places = np.array([[0.0, 0.0, z] for z in (0.5, 1.4, 1.6, 4.5)])
+    _, light = image_of_lamp(lamp, 0.6, places, 0.1)
+    assert (light[:2] == 0).all()
+    assert (light[2:] > 0).all()
+
+
+def test_opaque_water_stays_dark() -> None:
+    """Attenuation 2 to 3 /m over 36 m is exp(-72) and less, where single precision ends and so does what
+    can be interpolated: never more than the direct light, or than 1e-39."""
+    scene = Scene.from_toml("[tank]\nwall_albedo = 0.3\n")
+    z = np.array([30.0, 35.9])
+    reflected = ReflectedLight(scene, np.zeros(2), np.zeros(2), z)
+    for attenuation in np.arange(2.0, 3.0, 0.03):
+        light = reflected.evaluate(scene, attenuation)
+        assert (light < np.exp(-attenuation * z) / z**2 + 1e-39).all()
