@@ -143,7 +143,7 @@ def problem_of(
     Raises
     ------
     FitError
-        Too few readings for the base model.
+        Too few readings for the base model, or none but zeros.
     """
     layout, value = layout_of(readings), np.asarray(readings.value, float)
     keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
@@ -158,6 +158,14 @@ def problem_of(
         )
     low, high = forward.scene.detector.bands_nm[0]
     signal = float(np.max(np.abs(value[keep > 0])))
+    if signal == 0:
+        raise FitError(
+            "there is no light in these readings",
+            where=readings.source or None,
+            found="every usable reading is 0",
+            rule="at least one reading differs from 0",
+            remedy="check the column value",
+        )
     setting = Setting(forward.scene, layout, signal, float(high - low))
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable

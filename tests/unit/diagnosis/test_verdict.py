@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,6 +115,13 @@ def test_too_few_readings_are_refused() -> None:
     table, scene = readings(seed=1)
     with pytest.raises(FitError, match="more than its 3 parameters"):
         diagnose(table.subset(np.arange(3) * 21), scene, diffuse=None)
+
+
+def test_readings_without_light_are_refused() -> None:
+    """A column of zeros is a mistake in the table, not a measurement."""
+    table, scene = readings(seed=1)
+    with pytest.raises(FitError, match="no light"):
+        diagnose(replace(table, value=np.zeros(len(table))), scene, diffuse=None)
 
 
 def test_plan_predicts_what_cannot_be_told_apart() -> None:
