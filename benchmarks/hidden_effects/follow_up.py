@@ -45,8 +45,8 @@ def follow(trial: Trial, found: Diagnosis, clean: np.ndarray, light: np.ndarray,
         lit_scene(trial.truth), extra, seed=1 + trial.seed % 1000, rel_error=REL_ERROR, max_photons=PHOTONS
     )
     own = SceneForward(scene, before, full=float(clean.max()))
-    gain = 1.0 / float((light * own.power({})).max())
-    expected = SceneForward(scene, extra, full=float(clean.max())).read(there, {"gain": gain})
+    gains = dict.fromkeys(own.gain_names, 1.0 / float((light * own.power({})).max()))
+    expected = SceneForward(scene, extra, full=float(clean.max())).read(there, gains)
     sigma = np.hypot(trial.noise * expected, FLOOR)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
     extra = replace(extra, value=expected + sigma * rng.standard_normal(n), stderr=quoted)
