@@ -97,7 +97,7 @@ def test_light_from_behind_the_window_meets_the_surface_beyond_it() -> None:
 def test_opaque_water_stays_dark() -> None:
     """Attenuation 2 to 3 /m over 36 m is exp(-72) and less, where single precision ends and so does what
     can be interpolated: never more than the direct light, or than 1e-39."""
-    scene = Scene.from_toml("[tank]\nwall_albedo = 0.3\n")
+    scene = Scene.from_toml("[lamp]\nhwhm_deg = 5.0\n[tank]\nwall_albedo = 0.3\n")
     z = np.array([30.0, 35.9])
     reflected = ReflectedLight(scene, np.zeros(2), np.zeros(2), z)
     for attenuation in np.arange(2.0, 3.0, 0.03):
