@@ -99,6 +99,11 @@ def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:
     return frozenset(c.key for c in explanation)
 
 
+def _determined(problem: Problem, explanation: Explanation) -> bool:
+    """Are there more readings than parameters? Any curve goes through as many points as it has parameters."""
+    return problem.keep.sum() > len(problem.base) + sum(len(c.parameters) for c in explanation)
+
+
 def fit_singles(
     problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, known: Sequence[Fitted] = ()
 ) -> list[Fitted]:
@@ -114,7 +119,7 @@ def fit_singles(
     forms: dict[tuple[str, str], Candidate] = {}
     for score, amplitude in zip(at_base.scores, at_base.amplitudes, strict=True):
         candidate = score.template.candidate
-        if not score.testable:
+        if not score.testable or not _determined(problem, (candidate,)):
             continue
         forms[candidate.key] = candidate
         first = starts.setdefault(candidate.key, [])
@@ -145,6 +150,8 @@ def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[flo
             continue
         if candidate.one_sided and amplitude[0] <= 0:
             continue
+        if not _determined(problem, (held, candidate)):
+            continue
         gain = float(np.linalg.norm(score.direction.T @ single.fit.residual) ** 2)
         pair = (held, candidate)
         start = _start(single.fit.u, [(score, amplitude)], (candidate,), part=0.5)
@@ -154,13 +161,13 @@ def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[flo
     return list(found.values())
 
 
-def _pairs_at_base(base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
     """All pairs by linear least squares of both templates: finds two effects that hide each other."""
     scores = [(s, a) for s, a in zip(at.scores, at.amplitudes, strict=True) if s.testable]
     found: dict[tuple[tuple[str, str], tuple[str, str]], tuple[float, Explanation, Array]] = {}
     for (one, _), (two, _) in combinations(scores, 2):
         first, second = one.template.candidate, two.template.candidate
-        if not first.effect.combines_with(second.effect):
+        if not first.effect.combines_with(second.effect) or not _determined(problem, (first, second)):
             continue
         columns = np.hstack([one.direction, two.direction])
         gram = columns.T @ columns
@@ -228,7 +235,7 @@ def fit_pairs(
     chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
     for ranked, limit in (
         (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
-        (sorted(_pairs_at_base(base, at_base), key=lambda c: c[0]), _PAIRS_FROM_BASE),
+        (sorted(_pairs_at_base(problem, base, at_base), key=lambda c: c[0]), _PAIRS_FROM_BASE),
     ):
         new = 0
         for _, pair, start in ranked:

@@ -16,6 +16,7 @@ from lightfield.diagnosis.verdict import Verdict, json_schema
 from lightfield.errors import FitError, UsageError
 from lightfield.fitreport import fit_readings
 from lightfield.fittext import as_data, as_text
+from lightfield.measurements.readings import Readings
 from lightfield.scene import Scene
 
 HIDDEN = {"lamp.tilt_x_deg": 0.25, "detector.background": 0.01}
@@ -115,6 +116,15 @@ def test_too_few_readings_are_refused() -> None:
     table, scene = readings(seed=1)
     with pytest.raises(FitError, match="more than its 3 parameters"):
         diagnose(table.subset(np.arange(3) * 21), scene, diffuse=None)
+
+
+def test_explanations_have_fewer_parameters_than_there_are_readings() -> None:
+    """Five readings of two digits, which a pair of effects with five parameters in all meets exactly."""
+    z, value = np.array([3.0, 4.0, 5.0, 6.0, 7.0]), np.array([1.0, 0.5, 0.29, 0.19, 0.12])
+    table = Readings.from_arrays(x_m=0 * z, y_m=0 * z, z_m=z, value=value)
+    verdict = diagnose(table, Scene(), diffuse=None).verdict
+    assert verdict.verdict != "none"
+    assert all(len(e.parameters) < len(z) for e in verdict.explanations)
 
 
 def test_readings_without_light_are_refused() -> None:
