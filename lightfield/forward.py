@@ -25,7 +25,7 @@ _REMEMBERED = 24
 class Diffuse(Protocol):
     """Scattered and reflected light at the readings' places."""
 
-    def light(self, scene: Scene, wavelength_nm: float | None = None) -> Any: ...
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
 
     def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
 
@@ -228,14 +228,11 @@ class SceneForward:
         return self._response
 
     def _diffuse(self, scene: Scene) -> Array:
-        value = np.zeros(self.size)
         if self._source is None:
-            return value
-        response = self._traced()
-        for k, wavelength in enumerate(self._wavelengths):
-            mine = self._channel == k
-            value[mine] = response.light(scene, None if np.isnan(wavelength) else float(wavelength))[mine]
-        return np.where(self._air, 0.0, value)
+            return np.zeros(self.size)
+        wavelengths = [None if np.isnan(w) else float(w) for w in self._wavelengths]
+        light = self._traced().light(scene, wavelengths)
+        return np.where(self._air, 0.0, light[self._channel, np.arange(self.size)])
 
     def _direct(self, scene: Scene, readings: Any) -> Array:
         return analytic.direct_field(

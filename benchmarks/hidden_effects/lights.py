@@ -13,7 +13,7 @@ from benchmarks.hidden_effects.catalogue import Truth
 from lightfield.files import atomic_path
 from lightfield.scene import Scene
 
-PHOTONS, REL_ERROR = 2e7, 0.0015
+PHOTONS, REL_ERROR = 3e7, 0.0015
 #: What acts after the light has arrived, or on all light alike.
 AFTERWARDS = (
     "detector.background", "detector.saturation", "detector.saturation_quadratic",

@@ -13,6 +13,7 @@ apparent source behind the window stretches the beam plane by plane.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -108,11 +109,11 @@ class DiffuseResponse:
             The Monte Carlo error alone, see `errors`.
         """
         modes, _ = self.errors(scene, wavelength_nm)
-        return self.light(scene, wavelength_nm), np.linalg.norm(modes, axis=1)
+        return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes, axis=1)
 
-    def light(self, scene: Scene, wavelength_nm: float | None = None) -> Array:
-        """The value of `evaluate` without its error, which costs as much again."""
-        a, b = self._water(scene, wavelength_nm)
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+        """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n)."""
+        a, b = self._water(scene, wavelengths_nm)
         return self._moved(scene, a, b) + self._unscattered(scene, a + b)
 
     def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
@@ -127,38 +128,39 @@ class DiffuseResponse:
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
             basis, patches of the walls.
         """
-        a, b = self._water(scene, wavelength_nm)
-        moved = self._moved(scene, a, b)
-        smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * self._unscattered(scene, a + b)
+        a, b = self._water(scene, [wavelength_nm])
+        (moved,), (unscattered,) = self._moved(scene, a, b), self._unscattered(scene, a + b)
+        smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * unscattered
         return self._modes(scene, a, b) * moved[:, None], smooth
 
-    def _moved(self, scene: Scene, a: float, b: float) -> Array:
-        """The traced light at the readings, shape (n,)."""
-        light = sum((v for v, _ in self._light(scene, a, b).values()), np.zeros(len(self.rows.straight_m)))
+    def _moved(self, scene: Scene, a: Array, b: Array) -> Array:
+        """The traced light at the readings, shape (n_waters, n)."""
+        nothing = np.zeros((len(a), len(self.rows.straight_m)))
+        light = sum((v for v, _ in self._light(scene, a, b).values()), nothing)
         seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
     @staticmethod
-    def _water(scene: Scene, wavelength_nm: float | None) -> tuple[float, float]:
-        """Absorption and scattering coefficient, m^-1."""
+    def _water(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
+        """Absorption and scattering coefficients, m^-1, each of shape (n_wavelengths,)."""
         middle = float(np.mean(scene.detector.bands_nm[0]))
-        at = np.array([middle if wavelength_nm is None else wavelength_nm])
-        return float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
+        at = np.array([middle if w is None else w for w in wavelengths_nm])
+        return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 
-    def _light(self, scene: Scene, a: float, b: float) -> dict[int, tuple[Array, Array]]:
-        """Light of every class in every cell, and its variance, in uniform water."""
+    def _light(self, scene: Scene, a: Array, b: Array) -> dict[int, tuple[Array, Array]]:
+        """Light of every class in every cell, and its variance, in uniform waters."""
         if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
             return self._classes(scene, a, b, range(CLASSES))
         # Light that was only scattered is the same under either top, and known for every g here.
         scattered = self._classes(scene, a, b, range(1))
         return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES))
 
-    def _modes(self, scene: Scene, a: float, b: float) -> Array:
+    def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
         """Relative errors of the moved light at the readings as independent contributions, shape (n, k).
 
         At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
         """
-        parts = self._light(scene, a, b)
+        parts = {kind: (v[0], e[0]) for kind, (v, e) in self._light(scene, a, b).items()}
         if not parts:
             return np.zeros((len(self.shift.cell), 0))
         total = sum((v for v, _ in parts.values()), np.full(len(self.rows.straight_m), 1e-300))
@@ -171,40 +173,51 @@ class DiffuseResponse:
                 modes.append(self.shift.spread(error / total[:, None]))
         return np.hstack(modes)
 
-    def _unscattered(self, scene: Scene, attenuation: float) -> Array:
-        """Light that was reflected and never scattered, at the readings, free of Monte Carlo noise."""
+    def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
+        """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
+        light = np.zeros((len(attenuation), len(self.shift.cell)))
         if self.reflected is None:
-            return np.zeros(len(self.shift.cell))
-        q = scene.water.hardening_per_m
-        light = np.zeros(len(self.shift.cell))
-        for share, at in zip(HERMITE_SHARES, HERMITE_NODES, strict=True) if q else [(1.0, 0.0)]:
-            light += share * self.reflected.evaluate(scene, attenuation + q * at)
+            return light
+        nodes, shares = self._spread(scene)
+        for one, c in zip(light, attenuation, strict=True):
+            for share, at in zip(shares, nodes, strict=True):
+                one += share * self.reflected.evaluate(scene, float(c + at))
         return light * self.shift.pick(self._inhomogeneous(scene))
 
-    def _classes(self, scene: Scene, a: float, b: float, kinds: range) -> dict[int, tuple[Array, Array]]:
-        """Light of some classes in every cell, and its variance before any smoothing, in uniform water."""
-        tank, q = scene.tank, scene.water.hardening_per_m
+    @staticmethod
+    def _spread(scene: Scene) -> tuple[Array, Array]:
+        """Changes of the attenuation within a band, m^-1, and the share of each."""
+        q = scene.water.hardening_per_m
+        return (q * HERMITE_NODES, HERMITE_SHARES) if q else (np.zeros(1), np.ones(1))
+
+    def _classes(self, scene: Scene, a: Array, b: Array, kinds: range) -> dict[int, tuple[Array, Array]]:
+        """Light of some classes in every cell, and its variance before any smoothing, in uniform waters.
+
+        Each of shape (n_waters, n_cells).
+        """
+        tank = scene.tank
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
-        spread = a + q * HERMITE_NODES if q else np.array([a])
+        within, average = self._spread(scene)
+        spread, b = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
         history = self.rows.histories
         used = np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
-        used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0) | (history[:, 0] == 0))
+        used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0).any() | (history[:, 0] == 0))
         out: dict[int, tuple[Array, Array]] = {}
         if not used.any():
             return out
         ones, reference = np.ones_like(spread), self.rows.reference
-        weights = self.rows.row_weights(spread, b * ones, rho * ones, surface * ones)
+        weights = self.rows.row_weights(spread, b, rho * ones, surface * ones)
         change = spread + b - reference.absorption_per_m - reference.scattering_per_m
         along = np.exp(-change[:, None] * self.rows.straight_m)
-        average = HERMITE_SHARES if q else np.ones(1)
         shares = self._g_shares(scene)
         for kind in np.unique(self.classes[used]):
             rows = self.classes == kind
             # Light that was never scattered knows no g: its tally is the same at every node.
-            value, variance = np.zeros(len(self.rows.straight_m)), np.zeros(len(self.rows.straight_m))
+            value, variance = np.zeros((2, len(a), len(self.rows.straight_m)))
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
                 beam = self._beam(index, int(kind), scene)
-                part = share * (average @ ((weights[:, rows] @ beam) * along))
+                found = ((weights[:, rows] @ beam) * along).reshape(len(a), len(within), -1)
+                part = share * np.einsum("whc,h->wc", found, average)
                 value += part
                 variance += (part * self.relative_stderr[index, kind]) ** 2
             out[int(kind)] = value, variance
@@ -272,12 +285,14 @@ class DiffuseResponse:
             (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
         ]
 
-    def _path_change(self, scene: Scene, attenuation: float) -> Array:
+    def _path_change(self, scene: Scene, attenuation: Array) -> Array:
         """Less attenuation for light from behind the window, which crosses the water less obliquely."""
         behind = scene.lamp.apparent_distance_m
         z, r = self.shift.cell_z_m, self.rows.straight_m
         radius = np.sqrt(np.maximum(r * r - z * z, 0))
-        return np.asarray(np.exp(-attenuation * (np.hypot(radius, z + behind) * z / (z + behind) - r)))
+        return np.asarray(
+            np.exp(-attenuation[:, None] * (np.hypot(radius, z + behind) * z / (z + behind) - r))
+        )
 
     def _inhomogeneous(self, scene: Scene) -> Array:
         """Attenuation by a gradient or layer along the straight path, which diffuse light nearly follows."""

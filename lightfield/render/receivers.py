@@ -8,7 +8,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.grid import positions_grid, reference_of
 from lightfield.scene import Scene
 
-WINDOW_POINTS = 64
+RINGS, SPOKES = 8, 8  # points on the window: rings of equal area, with no bias to any side
 
 
 def direct_at(
@@ -21,8 +21,8 @@ def direct_at(
 ) -> np.ndarray:
     """Unscattered, unreflected light of the whole lamp window, for unit on-axis radiant intensity.
 
-    The window is covered by a low-discrepancy set of points, each the start of a straight ray through
-    Mitsuba's geometry; the error of that quadrature (below 1e-4 for windows much smaller than the distance)
+    The window is covered by rings of points, each the start of a straight ray through Mitsuba's geometry; the
+    error of that quadrature (below 1e-4 for windows much smaller than the distance)
     is all there is.
 
     Parameters
@@ -49,14 +49,13 @@ def direct_at(
     x, y, z = (np.asarray(v, float) for v in (x_m, y_m, z_m))
     setup = prepare(scene, positions_grid(x, y, z), reference_of(scene))
     emission, lamp = setup.emission, scene.lamp
-    k = np.arange(WINDOW_POINTS if lamp.radius_m > 0 else 1)
-    radius, turn = lamp.radius_m * np.sqrt((k + 0.5) / len(k)), 2 * np.pi * k * (np.sqrt(5) - 1) / 2
-    n = len(x)
-    window_x, window_y = (np.repeat(v, n) for v in (radius * np.cos(turn), radius * np.sin(turn)))
+    n, window = len(x), window_points(lamp.radius_m)
+    points = len(window[0])
+    window_x, window_y = (np.repeat(v, n) for v in window)
     origin = mi.Point3f(
         mi.Float(lamp.offset_x_m + window_x), mi.Float(lamp.offset_y_m + window_y), -lamp.apparent_distance_m
     )
-    target = mi.Point3f(*(mi.Float(np.tile(v, len(k))) for v in (x, y, z)))
+    target = mi.Point3f(*(mi.Float(np.tile(v, points)) for v in (x, y, z)))
     ray = target - origin
     distance = dr.norm(ray)
     direction = mi.Vector3f(ray / distance)
@@ -77,4 +76,13 @@ def direct_at(
     to_lamp = mi.Vector3f(lamp.offset_x_m - target.x, lamp.offset_y_m - target.y, -target.z)
     response = setup.planes.point_response(direction, to_lamp)
     light = dr.select(seen, intensity * response * dr.exp(-depth) / (distance * distance), 0)
-    return np.array(light, dtype=float).reshape(len(k), n).mean(axis=0)
+    return np.array(light, dtype=float).reshape(points, n).mean(axis=0)
+
+
+def window_points(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points that stand for equal parts of a disc: centroid in its middle, the same spread in x and y."""
+    if radius_m == 0:
+        return np.zeros(1), np.zeros(1)
+    ring, spoke = np.divmod(np.arange(RINGS * SPOKES), SPOKES)
+    radius, turn = radius_m * np.sqrt((ring + 0.5) / RINGS), 2 * np.pi * (spoke + 0.5 * (ring % 2)) / SPOKES
+    return radius * np.cos(turn), radius * np.sin(turn)

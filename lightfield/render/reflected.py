@@ -26,7 +26,7 @@ from lightfield.scene import Lamp, Scene
 
 WATER_INDEX = 1.34
 MOST_PAIRS = 1_500_000  # of fine patch and reading
-FINEST_M = 0.05
+MOST_PARTS = 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
@@ -45,7 +45,10 @@ class ReflectedLight:
 
     def __init__(self, scene: Scene, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
         self.scene = scene
-        self.places = np.stack([x_m, y_m, z_m], axis=1).astype(float)
+        # Readings of several colours at one place share their light's way.
+        every = np.stack([x_m, y_m, z_m], axis=1).astype(float)
+        self.places, which = np.unique(every, axis=0, return_inverse=True)
+        self._which = which.ravel()
         self._rooms: dict[bool, Room] = {}
 
     def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
@@ -65,7 +68,7 @@ class ReflectedLight:
         if tank.wall_albedo > 0:
             room = self.room(tank.surface_reflectance == 0)
             light += room.light(scene.lamp, attenuation_per_m, tank.wall_albedo, tank.surface_reflectance)
-        return light
+        return np.asarray(light[self._which])
 
     def room(self, lid: bool) -> Room:
         """The walls, with a lid or with an open top."""
@@ -90,13 +93,13 @@ class Operators(NamedTuple):
         From the fine patches that the readings see.
     seen : array of int, shape (k,)
         Their numbers.
-    more : list of arrays, shape (n, n_patches)
+    more : array, shape (REFLECTIONS - 1, n, n_patches)
         After 2, 3 and more reflections, from the patches.
     """
 
     first: np.ndarray
     seen: np.ndarray
-    more: list[np.ndarray]
+    more: np.ndarray
 
     @classmethod
     def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, parts: int) -> Operators:
@@ -107,16 +110,16 @@ class Operators(NamedTuple):
         for _ in range(REFLECTIONS - 1):
             onward = onward @ among
             more.append(onward)
-        return cls(reading, (before[:, None] * parts + np.arange(parts)).ravel(), more)
+        return cls(reading, (before[:, None] * parts + np.arange(parts)).ravel(), np.array(more))
 
     def apply(self, lit: np.ndarray, albedo: float) -> np.ndarray:
         """Light at the readings when the lamp lights the fine patches, for one albedo, shape (n,)."""
-        patches = lit.reshape(self.more[0].shape[1], -1).mean(axis=1).astype(np.float32)
+        patches = lit.reshape(self.more.shape[2], -1).mean(axis=1).astype(np.float32)
         found = albedo * (self.first @ lit[self.seen].astype(np.float32))
-        orders = [albedo ** (m + 2) * (operator @ patches) for m, operator in enumerate(self.more)]
+        orders = albedo ** np.arange(2, len(self.more) + 2)[:, None] * (self.more @ patches)
         last, before = orders[-1].sum(), orders[-2].sum()
         ratio = min(float(last / before), 0.99) if before > 0 else 0.0
-        return np.asarray(found + sum(orders) + orders[-1] * ratio / (1 - ratio), float)
+        return np.asarray(found + orders.sum(axis=0) + orders[-1] * ratio / (1 - ratio), float)
 
 
 class Room:
@@ -130,11 +133,11 @@ class Room:
         # A receiver that faces the lamp sees only walls before it.
         before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
         self.before = np.flatnonzero(before)
-        size = 2 * float(np.median(np.sqrt(self.patches.half_across * self.patches.half_along)))
         parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
-        self.parts = int(np.clip(parts, 1, max(1, round(size / FINEST_M))))
+        self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
         self._operators: dict[tuple[float, float], Operators] = {}
+        self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -154,7 +157,10 @@ class Room:
 
     def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (k,)."""
-        lit = _lit(lamp, self.fine, attenuation_per_m)
+        if self._last is None or self._last[0] is not lamp:  # several wavelengths follow each other
+            self._last = (lamp, *_lit(lamp, self.fine))
+        _, unattenuated, in_water = self._last
+        lit = unattenuated * np.exp(-attenuation_per_m * in_water)
         if surface:
             arriving, light = image_of_lamp(lamp, self.top, self.fine.centre, attenuation_per_m)
             lit += surface * light * np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
@@ -204,8 +210,8 @@ class Room:
         return _response(self.scene, direction)
 
 
-def _lit(lamp: Lamp, patches: Patches, attenuation_per_m: float) -> np.ndarray:
-    """Irradiance of patches by the lamp itself, shape (k,)."""
+def _lit(lamp: Lamp, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
+    """Irradiance of patches by the lamp without attenuation, and the way of its light in water, (k,)."""
     source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
     light = np.zeros(len(patches.centre))
     ahead = _before_lamp(lamp, patches.centre[:, 2])
@@ -213,9 +219,10 @@ def _lit(lamp: Lamp, patches: Patches, attenuation_per_m: float) -> np.ndarray:
     r = np.linalg.norm(way, axis=1)
     direction = way / r[:, None]
     facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0)
-    in_water = _in_water(lamp, r, patches.centre[ahead, 2])
-    light[ahead] = _intensity(lamp, direction) * facing / r**2 * np.exp(-attenuation_per_m * in_water)
-    return light
+    light[ahead] = _intensity(lamp, direction) * facing / r**2
+    in_water = np.zeros(len(light))
+    in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
+    return light, in_water
 
 
 def image_of_lamp(

@@ -56,18 +56,18 @@ class Shift:
         self.radius_m = cx if self.across == 1 else cy
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
-        """Field at the readings, when its source stands at (offset_x, offset_y); shape (n,)."""
-        top = field.max(initial=0.0)
-        if top <= 0:
-            return np.asarray(field[self.cell])
+        """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
+        top = field.max(axis=-1, keepdims=True, initial=0.0)
+        if (top <= 0).any():
+            return np.asarray(field[..., self.cell])
         log = np.log(np.maximum(field, 1e-6 * top))
-        slopes = [d @ log for d in self.derivatives]
-        middle = np.where(field > 1e-6 * top, np.exp(self.smooth @ log), field)
+        slopes = [log @ d.T for d in self.derivatives]
+        middle = np.where(field > 1e-6 * top, np.exp(log @ self.smooth.T), field)
         middle = middle / self._mean_over_middle(slopes)
-        gx, gy, gxx, gxy, gyy = (d[self.cell] for d in slopes)
+        gx, gy, gxx, gxy, gyy = (d[..., self.cell] for d in slopes)
         dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
         change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
-        return np.asarray(middle[self.cell] * np.exp(np.clip(change, -3, 3)))
+        return np.asarray(middle[..., self.cell] * np.exp(np.clip(change, -3, 3)))
 
     def _mean_over_middle(self, slopes: list[np.ndarray]) -> np.ndarray:
         """Mean of the field over each cell, relative to its middle: 1 + h^2/24 f''/f along both edges."""

@@ -13,6 +13,7 @@ import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.analytic import direct_field
+from lightfield.render.receivers import window_points
 from lightfield.render.rendering import Rendering, render_scene
 from lightfield.scene import Scene
 
@@ -121,3 +122,13 @@ def test_collimator_parallel_to_the_axis_is_blind_to_a_lamp_aside() -> None:
     mean, stderr = rendering.relative_maps(BAND)
     assert mean[0, 0, :, 0].max() == 0.0
     assert np.isinf(stderr[0, 0, :, 0]).all()
+
+
+def test_points_on_the_window_lean_to_no_side() -> None:
+    """A uniform disc of radius R: mean position 0, <x^2> = <y^2> = R^2/4, <xy> = 0.
+
+    A centroid 0.2 mm aside would pass for an offset of the lamp by as much.
+    """
+    x, y = window_points(0.02)
+    assert abs(x.mean()) < 1e-9 and abs(y.mean()) < 1e-9 and abs((x * y).mean()) < 1e-12
+    np.testing.assert_allclose([(x * x).mean(), (y * y).mean()], 0.02**2 / 4, rtol=1e-9)
