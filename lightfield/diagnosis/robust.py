@@ -82,7 +82,8 @@ def outliers(residual: Array, basis: Array, keep: Array) -> NDArray[np.bool_]:
     level = (0.005 if n >= _MANY else 0.0005) / n
     while bad.any():
         t, nu = _studentised(residual, basis, usable & ~bad)
-        weakest = int(np.where(bad, t, np.inf).argmin())
+        proposed = np.flatnonzero(bad)
+        weakest = int(proposed[t[proposed].argmin()])
         if t[weakest] > stats.t.isf(level, nu) and bad.sum() <= most:
             break
         bad[weakest] = False
@@ -97,7 +98,8 @@ def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
         root = np.sqrt(weight)
         misfit = residual - basis @ np.linalg.lstsq(basis * root[:, None], residual * root, rcond=None)[0]
         inflate = np.sqrt(n / max(n - 0.8 * basis.shape[1], 0.25 * n))
-        spread = max(1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate, 1e-300)
+        spread = 1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate
+        spread = max(spread, 1e-9 * float(np.abs(misfit).max()), 1e-300)  # most readings may fit exactly
         weight = keep / (1 + (misfit / (2.5 * spread)) ** 2)
     return np.asarray(np.abs(misfit) / spread)
 
@@ -108,7 +110,7 @@ def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tu
     firm = s > 1e-6
     misfit = residual - basis @ (vt[firm].T @ ((u[:, firm].T @ residual[judges]) / s[firm]))
     nu = max(int(judges.sum()) - int(firm.sum()), 1)
-    sigma = np.sqrt((misfit[judges] ** 2).sum() / nu)
+    sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), 1e-9 * np.abs(misfit).max(), 1e-300)
     loose = basis @ vt.T
     # Directions that the judges leave open could have produced any misfit.
     open_part = (loose[:, ~firm] ** 2).sum(1) > 1e-6

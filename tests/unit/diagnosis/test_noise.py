@@ -147,6 +147,15 @@ def test_a_reading_that_alone_fixes_a_term_is_no_outlier() -> None:
     assert bad[60] and not bad[10]
 
 
+def test_one_wrong_reading_among_perfect_ones_is_the_outlier() -> None:
+    """Readings without any noise, as a calculation gives them: no spread to measure by, still an answer."""
+    basis = np.linalg.qr(np.random.default_rng(0).standard_normal((20, 3)))[0]
+    residual = np.zeros(20)
+    residual[3] = 1.0
+    assert np.flatnonzero(outliers(residual, basis, np.ones(20))).tolist() == [3]
+    assert not outliers(np.zeros(20), basis, np.ones(20)).any()
+
+
 def test_a_shadow_is_not_an_outlier() -> None:
     """Wrong readings of one sign at one x in every plane are a finding; wrong readings anywhere, or here too
     high and there too low, are slips."""
