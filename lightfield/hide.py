@@ -174,6 +174,8 @@ def draw_effect(
 def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator) -> Scene:
     """The scene as it is: guesses wrong by 10 to 25 %, a finite window, and the hidden values."""
     wrong = 1 + rng.choice([-1, 1], 2) * rng.uniform(*GUESS, 2)
+    if scene.water.absorption_per_m < 0:  # clearer than the base: clearer still may be less than nothing
+        wrong[1] = min(wrong[1], 1 / wrong[1])
     changed: dict[str, Any] = {
         "lamp.hwhm_deg": scene.lamp.hwhm_deg * float(wrong[0]),
         "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
@@ -264,7 +266,7 @@ def _displaced(truth: Scene, table: Any, position_m: float, rng: np.random.Gener
     one, other = (
         direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
     )
-    return np.asarray(other / one)
+    return np.divide(other, one, out=np.ones_like(one), where=one > 0)  # where nothing is read, nothing moves
 
 
 def hide(

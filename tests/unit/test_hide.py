@@ -1,0 +1,32 @@
+"""Hidden effects: readings are numbers, and the truth is a possible scene, also at the edges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.analytic import direct_field
+from lightfield.hide import measure, scan, true_scene
+from lightfield.scene import Scene
+
+
+def test_position_errors_where_no_light_arrives() -> None:
+    """A beam of 1 degree, read up to 45 degrees off: its direct light underflows to 0; 0/0 is no reading."""
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 1.0}, "detector": {"planes_m": [1.0], "width_m": 2.0}})
+    rng = np.random.default_rng(0)
+    table = scan(scene, "line", "random", rng)
+    light = direct_field(scene, table.x_m, table.y_m, table.z_m)
+    assert (light == 0).any()
+    readings, _, _ = measure(scene, scene, table, rng, light=light, position_m=0.001)
+    assert np.isfinite(readings.value).all()
+
+
+def test_water_clearer_than_its_base_stays_possible() -> None:
+    """Pure water absorbs 0.042 /m at 525 nm: a guess of 0.04 /m less must not become less than none."""
+    scene = Scene.from_dict(
+        {
+            "water": {"base": "pure", "absorption_per_m": -0.04},
+            "detector": {"planes_m": [4.5], "bands_nm": [[520, 530]]},
+        }
+    )
+    for seed in range(8):
+        assert -0.04 < true_scene(scene, {}, np.random.default_rng(seed)).water.absorption_per_m < 0
