@@ -57,9 +57,7 @@ class Shift:
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
-        top = field.max(axis=-1, keepdims=True, initial=0.0)
-        if (top <= 0).any():
-            return np.asarray(field[..., self.cell])
+        top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
         slopes = [log @ d.T for d in self.derivatives]
         middle = np.where(field > 1e-6 * top, np.exp(log @ self.smooth.T), field)
