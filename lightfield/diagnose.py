@@ -21,7 +21,7 @@ from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
 from lightfield.fit import Array
-from lightfield.forward import DiffuseSource, SceneForward
+from lightfield.forward import DiffuseSource, SceneForward, has_diffuse_light
 from lightfield.scene import Scene
 
 _NO_DIFFUSE = "scattered and reflected light was not traced"
@@ -185,6 +185,11 @@ def _diagnose(
 ) -> Diagnosis:
     readings = readings.check_against(scene)
     source, reason = _source(diffuse)
+    if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
+        source, reason = (
+            None,
+            f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed",
+        )
     forward = SceneForward(spectral(scene, readings), readings, source)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())

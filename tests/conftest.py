@@ -10,6 +10,9 @@ import pytest
 from hypothesis import settings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# On many small matrices more BLAS threads only get in each other's way. Set before NumPy is loaded.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 # Tests neither trust nor fill the user's cache. Set before any import, and inherited by child processes.
 _CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
 os.environ["LIGHTFIELD_CACHE"] = _CACHE.name

@@ -90,8 +90,9 @@ def rival_of_truth(row: Row) -> list[str]:
 
 
 def rival_rejected(row: Row) -> bool:
-    """With the advised readings: is the rival no longer an explanation?"""
-    return rival_of_truth(row) not in row["advice"]["accepted"]
+    """With the advised readings: is the rival no longer part of an explanation other than the truth?"""
+    rival, accepted = set(rival_of_truth(row)), row["advice"]["accepted"]
+    return bool(accepted) and not any(rival <= set(names) for names in accepted if not is_truth(row, names))
 
 
 def outcome(row: Row) -> str:

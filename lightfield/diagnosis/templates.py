@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.layout import Layout
 from lightfield.diagnosis.problem import Problem
-from lightfield.fit import Fit, Whiten
+from lightfield.fit import Fit, Parameter, Whiten
 
 Array = NDArray[np.float64]
 
 BUMP_WIDTH_M = 0.06
+#: As soon as there is a surface the lid is gone, and with it what it reflects: that is a step, not a slope.
+OPENS_THE_TOP = "tank.surface_reflectance"
 _TIME_TERMS = 6
 
 
@@ -48,13 +50,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
         for shape in candidate.grid:
             with_shape = values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
             for parameter in candidate.amplitudes:
-                step = (
-                    parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
-                )
-                predicted = problem.forward.predict(
-                    with_shape | {parameter.path: parameter.value(parameter.start + step)}
-                )
-                raw.append(problem.keep * (predicted - at) / step)
+                raw.append(problem.keep * _slope(problem, with_shape, parameter, at))
             labels.append((candidate, shape, len(candidate.amplitudes)))
     if not raw:
         return ()
@@ -64,6 +60,20 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
         templates.append(Template(candidate, shape, white[:, first : first + count]))
         first += count
     return tuple(templates)
+
+
+def _slope(problem: Problem, values: Mapping[str, float], parameter: Parameter, at: Array) -> Array:
+    """Change of the readings per unit of a parameter at its neutral value, where they are `at`."""
+    step = parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+
+    def predict(steps: int) -> Array:
+        return problem.forward.predict(
+            {**values, parameter.path: parameter.value(parameter.start + steps * step)}
+        )
+
+    if parameter.path == OPENS_THE_TOP:
+        return np.asarray((predict(2) - predict(1)) / step)
+    return np.asarray((predict(1) - at) / step)
 
 
 def _cosines(coordinate: Array, terms: int) -> list[Array]:

@@ -9,7 +9,11 @@ from lightfield.diagnosis.verdict import DetectionLimit, Explanation, NearestRiv
 
 
 def _plain(name: str) -> str:
-    return name.replace("_", " ")
+    return "CDOM" if name == "cdom" else name.replace("_", " ")
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def join(names: Sequence[str]) -> str:
@@ -57,7 +61,7 @@ def sentence(
             else ""
         )
         verb = "is" if len(names) == 1 else "are"
-        return f"{join(names).capitalize()} {verb} missing in the model{within} (family: {family}){next_one}."
+        return f"{_sentence(join(names))} {verb} missing in the model{within} (family: {family}){next_one}."
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"

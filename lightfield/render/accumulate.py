@@ -144,8 +144,6 @@ def trace_by_direction(
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
-    # Singly reflected light is known without noise; what is left of its class has a larger error.
-    kinds[(histories[:, 0] == 0) & (histories[:, 1:].sum(axis=1) == 1)] = -1
     own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi)  # the traced beam is round
     total = np.zeros(0)
     parts = []

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beamnodes import BeamNodes
@@ -63,7 +64,20 @@ def response_for(
     Returns
     -------
     DiffuseResponse
+
+    Raises
+    ------
+    RenderError
+        The lamp has no beam of finite width: its emission cannot be shared between nodes of direction.
     """
+    if scene.lamp.profile in ("isotropic", "pencil"):
+        raise RenderError(
+            "the scattered light of this lamp cannot be followed in a fit",
+            where="lamp.profile",
+            found=scene.lamp.profile,
+            rule="a beam of finite width",
+            remedy="render the scene instead",
+        )
     places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
     has_g = scene.water.phase.type == "henyey-greenstein"
     nodes = tuple(sorted(g_nodes)) if has_g else ()

@@ -165,12 +165,14 @@ class DiffuseResponse:
             return np.zeros((len(self.shift.cell), 0))
         total = sum((v for v, _ in parts.values()), np.full(len(self.rows.straight_m), 1e-300))
         total = np.maximum(total, np.sqrt(sum(e for _, e in parts.values())))
-        plain = sum((e for k, (_, e) in parts.items() if k not in FROM_WALLS), np.zeros(len(total)))
-        modes = [self.shift.spread((np.sqrt(plain) / total)[:, None] * self.images)]
-        for kind in FROM_WALLS:
-            if kind in parts:
-                error = self.wall_smoother @ (np.sqrt(parts[kind][1])[:, None] * self.images)
-                modes.append(self.shift.spread(error / total[:, None]))
+        open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
+        modes = []
+        for kind, (_, variance) in parts.items():
+            traced = self.under_surface if open_top and kind > 0 and self.under_surface else self
+            error = np.sqrt(variance)[:, None] * traced.images
+            if kind in FROM_WALLS:
+                error = traced.wall_smoother @ error
+            modes.append(self.shift.spread(error / total[:, None]))
         return np.hstack(modes)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:

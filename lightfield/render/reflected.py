@@ -31,6 +31,7 @@ DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpol
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
+KEPT = 24  # operators in memory
 
 
 class ReflectedLight:
@@ -169,6 +170,8 @@ class Room:
     def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
         key = (attenuation_per_m, surface)
         if key not in self._operators:
+            while len(self._operators) >= KEPT:
+                self._operators.pop(next(iter(self._operators)))
             among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
             if surface:
                 among += np.float32(surface) * self.among_image.through(attenuation_per_m)
