@@ -127,7 +127,7 @@ def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
 
 def trace_by_direction(
     scene: Scene, grid: Grid, reference: Reference, beam_nodes: BeamNodes, photons: int, seed: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
 
     Returns
@@ -137,6 +137,8 @@ def trace_by_direction(
         Of each class of light, for the scene's own beam in the reference water.
     histories : array of int, shape (n_rows, 3)
     excess_m : array, shape (n_rows,)
+    density : array, shape (n_rings,), 1/sr
+        Part of the photons sent out per solid angle at each ring.
     """
     receiver = scene.detector
     symmetric = receiver.tilt_x_deg == 0
@@ -172,4 +174,6 @@ def trace_by_direction(
     relative = np.where(mean > 0, np.sqrt(0.5 * relative**2 + 0.5 * typical**2), 0.0)
     excess = np.tile(setup.histories.excess_m, channels)
     tally = np.ascontiguousarray(np.moveaxis(total, 1, 0), dtype=np.float32) / np.float32(DIRECTION_BATCHES)
-    return tally, relative, histories, excess
+    rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
+    density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
+    return tally, relative, histories, excess, density

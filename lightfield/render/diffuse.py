@@ -12,7 +12,7 @@ from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beamnodes import BeamNodes
-from lightfield.render.diffuse_response import DiffuseResponse
+from lightfield.render.diffuse_response import DiffuseResponse, Sent
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
@@ -136,9 +136,9 @@ def _response(
     smooth = smoother(grid)
     if from_walls.any():
         tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
-    return DiffuseResponse(
-        list(tallies), errors, nodes, rows, beam_nodes, Shift(grid, *places), images.orbits, smooth
-    )
+    sent = Sent(np.asarray(stored["density"], float), traced.lamp)
+    shift = Shift(grid, *places)
+    return DiffuseResponse(list(tallies), errors, nodes, rows, beam_nodes, sent, shift, images.orbits, smooth)
 
 
 def _bucket(hwhm_deg: float) -> float:
@@ -173,7 +173,9 @@ def _trace(
     tallies, errors = [], []
     for g in g_nodes or (None,):
         one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
-        tally, stderr, histories, excess = trace_by_direction(one, grid, reference, beam_nodes, photons, seed)
+        tally, stderr, histories, excess, density = trace_by_direction(
+            one, grid, reference, beam_nodes, photons, seed
+        )
         tallies.append(tally)
         errors.append(stderr)
     stacked, relative = np.array(tallies, np.float32), np.array(errors)
@@ -187,4 +189,5 @@ def _trace(
         "relative_stderr": relative,
         "histories": histories[used],
         "excess_m": excess[used],
+        "density": density,
     }

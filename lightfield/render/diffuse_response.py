@@ -55,6 +55,22 @@ BEAM = (
 
 
 @dataclass(frozen=True)
+class Sent:
+    """How the photons of a trace were sent out.
+
+    Parameters
+    ----------
+    density : array, shape (n_rings,), 1/sr
+        Part of them per solid angle at each ring.
+    lamp : Lamp
+        The beam that the stated errors belong to.
+    """
+
+    density: Array
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
 class DiffuseResponse:
     """Response of the diffuse light at n positions to beam, water, walls and surface.
 
@@ -68,6 +84,7 @@ class DiffuseResponse:
     rows : TransportResponse
         Histories of the rows, with an empty tally.
     beam_nodes : BeamNodes
+    sent : Sent
     shift : Shift
         From cells to positions.
     images : array of 0 and 1, shape (n_cells, n_sets)
@@ -85,6 +102,7 @@ class DiffuseResponse:
     g_nodes: tuple[float, ...]
     rows: TransportResponse
     beam_nodes: BeamNodes
+    sent: Sent
     shift: Shift
     images: Array
     wall_smoother: Array
@@ -92,6 +110,7 @@ class DiffuseResponse:
     reflected: ReflectedLight | None = None
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _scatter: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
         """Scattered and reflected part for unit on-axis intensity.
@@ -136,7 +155,7 @@ class DiffuseResponse:
     def _moved(self, scene: Scene, a: Array, b: Array) -> Array:
         """The traced light at the readings, shape (n_waters, n)."""
         nothing = np.zeros((len(a), len(self.rows.straight_m)))
-        light = sum((v for v, _ in self._light(scene, a, b).values()), nothing)
+        light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
         seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
@@ -147,20 +166,20 @@ class DiffuseResponse:
         at = np.array([middle if w is None else w for w in wavelengths_nm])
         return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 
-    def _light(self, scene: Scene, a: Array, b: Array) -> dict[int, tuple[Array, Array]]:
+    def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, Array]]:
         """Light of every class in every cell, and its variance, in uniform waters."""
         if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
-            return self._classes(scene, a, b, range(CLASSES))
+            return self._classes(scene, a, b, range(CLASSES), errors)
         # Light that was only scattered is the same under either top, and known for every g here.
-        scattered = self._classes(scene, a, b, range(1))
-        return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES))
+        scattered = self._classes(scene, a, b, range(1), errors)
+        return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES), errors)
 
     def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
         """Relative errors of the moved light at the readings as independent contributions, shape (n, k).
 
         At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
         """
-        parts = {kind: (v[0], e[0]) for kind, (v, e) in self._light(scene, a, b).items()}
+        parts = {kind: (v[0], e[0]) for kind, (v, e) in self._light(scene, a, b, errors=True).items()}
         if not parts:
             return np.zeros((len(self.shift.cell), 0))
         total = sum((v for v, _ in parts.values()), np.full(len(self.rows.straight_m), 1e-300))
@@ -192,10 +211,12 @@ class DiffuseResponse:
         q = scene.water.hardening_per_m
         return (q * HERMITE_NODES, HERMITE_SHARES) if q else (np.zeros(1), np.ones(1))
 
-    def _classes(self, scene: Scene, a: Array, b: Array, kinds: range) -> dict[int, tuple[Array, Array]]:
+    def _classes(
+        self, scene: Scene, a: Array, b: Array, kinds: range, errors: bool
+    ) -> dict[int, tuple[Array, Array]]:
         """Light of some classes in every cell, and its variance before any smoothing, in uniform waters.
 
-        Each of shape (n_waters, n_cells).
+        Each of shape (n_waters, n_cells); the variance is zero unless asked for.
         """
         tank = scene.tank
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
@@ -217,13 +238,39 @@ class DiffuseResponse:
             # Light that was never scattered knows no g: its tally is the same at every node.
             value, variance = np.zeros((2, len(a), len(self.rows.straight_m)))
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                beam = self._beam(index, int(kind), scene)
+                beam = self._beam(index, int(kind), scene.lamp)
                 found = ((weights[:, rows] @ beam) * along).reshape(len(a), len(within), -1)
                 part = share * np.einsum("whc,h->wc", found, average)
                 value += part
-                variance += (part * self.relative_stderr[index, kind]) ** 2
+                if errors:
+                    mixed = np.einsum("whr,h->wr", weights[:, rows].reshape(len(a), len(within), -1), average)
+                    thinned = self._thinning(index, int(kind), scene, mixed)
+                    variance += (part * self.relative_stderr[index, kind]) ** 2 * thinned
             out[int(kind)] = value, variance
         return out
+
+    def _thinning(self, index: int, kind: int, scene: Scene, weights: Array) -> Array:
+        """Factor on the variance because other photons count now than in the traced beam and water.
+
+        The effective number of photons of weights w is (sum w)^2 / sum w^2 (Kish 1965, Survey Sampling).
+
+        Parameters
+        ----------
+        weights : array, shape (n_waters, n_rows)
+            Of the rows of one class.
+        """
+        key = (index, kind)
+        if key not in self._scatter:
+            once = np.ones((1, (self.classes == kind).sum()))
+            self._scatter[key] = self._concentration(index, kind, self.sent.lamp, once)
+        now, then = self._concentration(index, kind, scene.lamp, weights), self._scatter[key]
+        return np.divide(now, then, out=np.ones_like(now), where=(now > 0) & (then > 0))
+
+    def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
+        """Sum of squares over the square of the sum of what single photons bring, up to a constant."""
+        total = weights @ self._beam(index, kind, lamp)
+        squares = weights**2 @ self._beam(index, kind, lamp, squares=True)
+        return np.divide(squares, total**2, out=np.zeros_like(total), where=np.abs(total) > 1e-30)
 
     @cached_property
     def classes(self) -> NDArray[np.integer[Any]]:
@@ -246,10 +293,12 @@ class DiffuseResponse:
         shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
         return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
-    def _beam(self, index: int, kind: int, scene: Scene) -> Array:
-        """Tally of one g node and class of light, contracted with the scene's beam, (n_rows, n_cells)."""
-        lamp = scene.lamp
-        key = (index, kind, *(getattr(lamp, name) for name in BEAM))
+    def _beam(self, index: int, kind: int, lamp: Lamp, squares: bool = False) -> Array:
+        """Tally of one g node and class of light, contracted with a beam, (n_rows, n_cells).
+
+        With `squares` the sum over photons of squared contributions, up to a constant.
+        """
+        key = (index, kind, squares, *(getattr(lamp, name) for name in BEAM))
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
@@ -257,6 +306,9 @@ class DiffuseResponse:
             contracted = np.empty(tally.shape[1:], np.float32)
             for stretch, cells in self._stretches(lamp.apparent_distance_m):
                 values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
+                if squares:
+                    per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
+                    values = (per_ring**2 / self.sent.density[:, None]).ravel()
                 mine = tally if cells is None else tally[:, :, cells]
                 flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
                 contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])

@@ -65,6 +65,7 @@ class Emission:
         beam = envelope * omega
         cone = np.where(theta <= max(cone_rad, theta[FINE // 256]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
+        self.theta_rad, self.density = theta, mass / (omega * mass.sum())  # photons per solid angle, 1/sr
         cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
         # Rounded as the sampler sees them, so that the weights undo exactly what is drawn.
         steps = _steps().astype(np.float32)
