@@ -66,6 +66,8 @@ class Finding:
         model's.
     tried : list of Tried
         Everything fitted at the deciding level, rivals included.
+    n : int
+        Number of readings that were fitted.
     """
 
     size: int | None
@@ -74,6 +76,7 @@ class Finding:
     accepted: list[Tried]
     weights: list[float]
     tried: list[Tried]
+    n: int
 
     @property
     def whiten(self) -> Whiten:
@@ -83,8 +86,11 @@ class Finding:
 
     @property
     def identified(self) -> bool:
-        """Is there one answer?"""
-        return bool(self.accepted) and self.weights[0] > CONVINCING and not self.accepted[0].at_edge
+        """Is there one answer? Not if it has as many parameters as there are readings: any curve meets those."""
+        if not self.accepted or self.weights[0] <= CONVINCING:
+            return False
+        best = self.accepted[0]
+        return not best.at_edge and self.n > len(best.fit.u)
 
 
 def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:
@@ -122,7 +128,7 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
         found = settled(problem, found)
-        return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried)
+        return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
 
     exact = prepare_level(0.0)
     if exact.adequacy.passes(alpha):

@@ -100,8 +100,8 @@ def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:
 
 
 def _determined(problem: Problem, explanation: Explanation) -> bool:
-    """Are there more readings than parameters? Any curve goes through as many points as it has parameters."""
-    return problem.keep.sum() > len(problem.base) + sum(len(c.parameters) for c in explanation)
+    """Are there at least as many readings as parameters?"""
+    return problem.keep.sum() >= len(problem.base) + sum(len(c.parameters) for c in explanation)
 
 
 def fit_singles(
