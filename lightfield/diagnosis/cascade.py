@@ -86,7 +86,7 @@ class Finding:
 
     @property
     def identified(self) -> bool:
-        """Is there one answer? Not if it has as many parameters as there are readings: any curve meets those."""
+        """Is there one answer? Not if it has as many parameters as readings: any curve meets those."""
         if not self.accepted or self.weights[0] <= CONVINCING:
             return False
         best = self.accepted[0]
