@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,11 @@ from lightfield.render.shift import Shift, smoother
 from lightfield.render.symmetry import mirror_images
 from lightfield.scene import Scene
 
-REFERENCE_ABSORPTION, REFERENCE_SCATTERING, REFERENCE_ALBEDO = 0.1, 0.2, 0.5
+REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
+#: Scattering of the traced waters, and where each takes over from the one before: (b_0 - b)^2 z / b_0 stays
+#: near 1.5 and below for planes up to 9 m away.
+REFERENCE_SCATTERING = (0.2, 0.7, 1.5)
+TAKES_OVER = ((0.3, 0.45), (0.9, 1.2))
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
@@ -85,22 +90,33 @@ def response_for(
     reflected = ReflectedLight(scene, *places) if applies(scene) else None
     known = NEVER_SCATTERED if reflected is not None else ()
     needed = [kind for kind in range(CLASSES) if kind not in known]
-    main = _response(scene, places, nodes, open_top, needed, photons, seed, cache)
-    main = replace(main, reflected=reflected)
-    if scene.tank is None or open_top:
-        return main
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
-    # Light that was only scattered is the same under either top.
-    below = _response(scene, places, middle, True, needed[1:], photons, seed, cache)
-    return replace(main, under_surface=below)
+
+    def traced_in(scattering: float) -> DiffuseResponse:
+        one = partial(_response, scene, places, scattering, photons=photons, seed=seed, cache=cache)
+        main = one(nodes, open_top, needed)
+        if scene.tank is None or open_top:
+            return main
+        # Light that was only scattered is the same under either top.
+        return replace(main, under_surface=one(middle, True, needed[1:]))
+
+    def from_water(i: int) -> DiffuseResponse:
+        made = traced_in(REFERENCE_SCATTERING[i])
+        if i == len(TAKES_OVER):
+            return made
+        return replace(made, denser=lru_cache(partial(from_water, i + 1)), takes_over_per_m=TAKES_OVER[i])
+
+    return replace(from_water(0), reflected=reflected)
 
 
 def _response(
     scene: Scene,
     places: tuple[Array, Array, Array],
+    scattering_per_m: float,
     nodes: tuple[float, ...],
     surface: bool,
     needed: Sequence[int],
+    *,
     photons: int,
     seed: int,
     cache: bool,
@@ -110,7 +126,7 @@ def _response(
     width = _bucket(scene.lamp.hwhm_deg)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
-    reference = Reference(REFERENCE_ABSORPTION, REFERENCE_SCATTERING, albedo)
+    reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
     beam_nodes = BeamNodes(angle_nodes(width), width)
     key = {
         "kind": "diffuse",

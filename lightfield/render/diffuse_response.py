@@ -7,13 +7,16 @@ new trace:
     E_diffuse(p) = sum over directions w  I(w)
                    sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
 
+A trace answers for waters near its own b_0; far from it few photons carry all the weight. So there are
+several, traced when they are first asked for, and one fades into the next.
+
 Followed to first order only: an offset of the lamp moves the scattered field with it (the walls stay), and an
 apparent source behind the window stretches the beam plane by plane.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -95,6 +98,10 @@ class DiffuseResponse:
         The same tank with a water surface in place of its lid; for light that was reflected.
     reflected : ReflectedLight, optional
         Light that was reflected and not scattered, known better than from a trace.
+    denser : callable, optional
+        Gives the response of the same scene traced in water that scatters more.
+    takes_over_per_m : (float, float)
+        Scattering coefficients between which the denser one takes over.
     """
 
     tallies: list[Array]
@@ -108,6 +115,8 @@ class DiffuseResponse:
     wall_smoother: Array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
+    denser: Callable[[], DiffuseResponse] | None = None
+    takes_over_per_m: tuple[float, float] = (np.inf, np.inf)
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _scatter: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -150,10 +159,37 @@ class DiffuseResponse:
         a, b = self._water(scene, [wavelength_nm])
         (moved,), (unscattered,) = self._moved(scene, a, b), self._unscattered(scene, a + b)
         smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * unscattered
-        return self._modes(scene, a, b) * moved[:, None], smooth
+        return self._modes(scene, a, b), smooth
+
+    def _share_of_denser(self, b: Array) -> Array:
+        """How much of each water is left to the denser response; smooth in b, shape (n_waters,)."""
+        if self.denser is None:
+            return np.zeros(len(b))
+        low, high = self.takes_over_per_m
+        t = np.clip((b - low) / (high - low), 0, 1)
+        return np.asarray(t * t * (3 - 2 * t))
 
     def _moved(self, scene: Scene, a: Array, b: Array) -> Array:
         """The traced light at the readings, shape (n_waters, n)."""
+        share = self._share_of_denser(b)
+        if self.denser is None or not share.any():
+            return self._traced(scene, a, b)
+        beyond = share[:, None] * self.denser()._moved(scene, a, b)
+        return beyond if (share == 1).all() else beyond + (1 - share)[:, None] * self._traced(scene, a, b)
+
+    def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
+        """Errors of the traced light of one water as independent contributions, shape (n, k)."""
+        (share,) = self._share_of_denser(b)
+        parts = []
+        if share < 1:
+            (traced,) = self._traced(scene, a, b)
+            parts.append((1 - share) * traced[:, None] * self._relative_modes(scene, a, b))
+        if self.denser is not None and share > 0:
+            parts.append(share * self.denser()._modes(scene, a, b))
+        return np.hstack(parts)
+
+    def _traced(self, scene: Scene, a: Array, b: Array) -> Array:
+        """The light of this trace at the readings, shape (n_waters, n)."""
         nothing = np.zeros((len(a), len(self.rows.straight_m)))
         light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
         seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
@@ -174,8 +210,8 @@ class DiffuseResponse:
         scattered = self._classes(scene, a, b, range(1), errors)
         return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES), errors)
 
-    def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
-        """Relative errors of the moved light at the readings as independent contributions, shape (n, k).
+    def _relative_modes(self, scene: Scene, a: Array, b: Array) -> Array:
+        """Relative errors of the traced light at the readings as independent contributions, shape (n, k).
 
         At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
         """
