@@ -53,6 +53,9 @@ class Tracing:
             return self._kept[key]
         start, used = time.perf_counter(), time.process_time()
         response = response_for(scene, *places)
+        denser = response.denser
+        while self.bench and denser:  # all that a fit may ask for, so that no trace counts as diagnosis
+            denser = denser().denser
         self.seconds += time.perf_counter() - start
         self.cpu_seconds += time.process_time() - used
         if self.bench:

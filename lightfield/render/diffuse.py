@@ -31,10 +31,11 @@ from lightfield.render.symmetry import mirror_images
 from lightfield.scene import Scene
 
 REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
-#: Scattering of the traced waters, and where each takes over from the one before: (b_0 - b)^2 z / b_0 stays
-#: near 1.5 and below for planes up to 9 m away.
+#: Scattering of the traced waters, m^-1, and where each takes over from the one before: (b_0 - b)^2 z / b_0
+#: stays near 1.5 and below for planes up to 9 m away. Photons walk longer in dense water; fewer are sent.
 REFERENCE_SCATTERING = (0.2, 0.7, 1.5)
 TAKES_OVER = ((0.3, 0.45), (0.9, 1.2))
+SENT = (1.0, 1 / 3, 1 / 8)
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
@@ -60,7 +61,7 @@ def response_for(
         Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
     x_m, y_m, z_m : arrays, shape (n,), m
     photons : int
-        Per node of g.
+        Per node of g in the clearest of the traced waters.
     g_nodes : sequence of float
         Ascending; used when the phase function is Henyey-Greenstein.
     seed : int
@@ -92,8 +93,8 @@ def response_for(
     needed = [kind for kind in range(CLASSES) if kind not in known]
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
 
-    def traced_in(scattering: float) -> DiffuseResponse:
-        one = partial(_response, scene, places, scattering, photons=photons, seed=seed, cache=cache)
+    def traced_in(scattering: float, sent: int) -> DiffuseResponse:
+        one = partial(_response, scene, places, scattering, photons=sent, seed=seed, cache=cache)
         main = one(nodes, open_top, needed)
         if scene.tank is None or open_top:
             return main
@@ -101,7 +102,7 @@ def response_for(
         return replace(main, under_surface=one(middle, True, needed[1:]))
 
     def from_water(i: int) -> DiffuseResponse:
-        made = traced_in(REFERENCE_SCATTERING[i])
+        made = traced_in(REFERENCE_SCATTERING[i], round(photons * SENT[i]))
         if i == len(TAKES_OVER):
             return made
         return replace(made, denser=lru_cache(partial(from_water, i + 1)), takes_over_per_m=TAKES_OVER[i])
