@@ -158,10 +158,11 @@ EFFECTS: tuple[Effect, ...] = (
         "chlorophyll",
         "path and attenuation",
         (Form("phytoplankton", (Free("water.chlorophyll_mg_per_m3", 0.0, 100.0, 0.2),)),),
-        "Phytoplankton absorbs near 440 and 675 nm.",
-        "Extra decay in the blue and in a narrow band of the red.",
+        "Phytoplankton absorbs near 440 and 675 nm, and scatters.",
+        "Extra decay in the blue and in a narrow band of the red, with a halo.",
         "Filter a sample and extract its pigment, or use a fluorometer.",
         needs=("vary_z", "water", "spectral", "known_base"),
+        diffuse=True,
     ),
     Effect(
         "sediment",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -102,14 +103,23 @@ class Model:
         return self.forward.predict(self.values(u))
 
     def jacobian(self, u: Array, prediction: Array) -> Array:
-        """Forward differences that never leave the bounds, shape (n_readings, n_parameters)."""
-        columns = np.empty((len(prediction), len(self.parameters)))
+        """Forward differences that never leave the bounds, shape (n_readings, n_parameters).
+
+        Zero for a parameter whose bounds hold it.
+        """
+        columns = np.zeros((len(prediction), len(self.parameters)))
         for i, parameter in enumerate(self.parameters):
+            if parameter.low == parameter.high:
+                continue
             step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
             moved = u.copy()
             moved[i] += step
             columns[:, i] = (self.predict(moved) - prediction) / step
         return columns
+
+
+#: Dampings tried from one point; steps between true derivatives, and how good those steps must be.
+_TRIALS, _OLDEST, _GOOD = 9, 2, 0.5
 
 
 @dataclass(frozen=True)
@@ -124,8 +134,8 @@ class Fit:
         Model readings; whitened residual, zero where a reading is left out.
     chi2 : float
         Sum of the squared whitened residuals.
-    jacobian : array, shape (n_readings, n_parameters)
-        Whitened derivatives at the minimum.
+    differentiate : callable
+        Gives `jacobian`.
     """
 
     model: Model
@@ -133,9 +143,14 @@ class Fit:
     prediction: Array
     residual: Array
     chi2: float
-    jacobian: Array
+    differentiate: Callable[[Array, Array], Array] = field(repr=False, compare=False)
     converged: bool
     evaluations: int = field(default=0, compare=False)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Whitened derivatives at the minimum, shape (n_readings, n_parameters)."""
+        return self.differentiate(self.u, self.prediction)
 
     @property
     def values(self) -> dict[str, float]:
@@ -183,6 +198,9 @@ def least_squares(
 ) -> Fit:
     """Minimise |whiten(value - prediction)|^2 by Levenberg-Marquardt steps projected onto the bounds.
 
+    After a step that did as promised the derivatives are corrected along it (Broyden 1965, Math. Comp. 19,
+    577); the last step is always taken with true ones.
+
     Parameters
     ----------
     value : array, shape (n_readings,)
@@ -196,22 +214,24 @@ def least_squares(
     """
     weight = np.ones(len(value)) if keep is None else keep
     low, high = model.low, model.high
+
+    def differentiate(at: Array, there: Array) -> Array:
+        return np.asarray(whiten(weight[:, None] * model.jacobian(at, there)))
+
     u = np.clip(np.asarray(start, float), low, high)
     prediction = model.predict(u)
     residual = whiten(weight * (value - prediction))
     chi2 = float(residual @ residual)
-    damping, evaluations, converged = 1e-3, 1, False
-    slopes = whiten(weight[:, None] * model.jacobian(u, prediction))
+    damping, evaluations, converged = 1e-3, 1 + len(u), False
+    slopes, age = differentiate(u, prediction), 0
     for _ in range(max_steps):
-        evaluations += len(u)
         gradient, hessian = slopes.T @ residual, slopes.T @ slopes
         diagonal = np.diag(hessian) + 1e-300
         free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0))) & (diagonal > 1e-290)
-        if not free.any():
-            converged = True
-            break
         better = False
-        for _ in range(9):
+        for _ in range(_TRIALS if age == 0 else 1):
+            if not free.any():
+                break
             step = np.zeros_like(u)
             scale = np.sqrt(diagonal[free])
             scaled = hessian[np.ix_(free, free)] / np.outer(scale, scale) + damping * np.eye(int(free.sum()))
@@ -225,14 +245,21 @@ def least_squares(
                 better = True
                 break
             damping = max(damping, 1e-9) * 7
-        if not better:
+        little = tolerance * max(1.0, 0.01 * chi2 / len(value))
+        if age == 0 and (not better or chi2 - trial_chi2 < little):
             converged = True
+        if better:
+            gain, moved = chi2 - trial_chi2, trial - u
+            promised = float(moved @ (2 * gradient - hessian @ moved))
+            change = residual - trial_residual - slopes @ moved
+            u, prediction, residual, chi2 = trial, trial_prediction, trial_residual, trial_chi2
+            damping = max(damping / 8, 1e-9)
+        if converged:
             break
-        gain = chi2 - trial_chi2
-        u, prediction, residual, chi2 = trial, trial_prediction, trial_residual, trial_chi2
-        damping = max(damping / 8, 1e-9)
-        slopes = whiten(weight[:, None] * model.jacobian(u, prediction))
-        if gain < tolerance * max(1.0, 0.01 * chi2 / len(value)):
-            converged = True
-            break
-    return Fit(model, u, prediction, residual, chi2, slopes, converged, evaluations)
+        if better and age < _OLDEST and gain > max(little, _GOOD * promised):
+            metric = diagonal * moved
+            slopes, age = slopes + np.outer(change, metric / (metric @ moved)), age + 1
+        else:
+            slopes, age = differentiate(u, prediction), 0
+            evaluations += len(u)
+    return Fit(model, u, prediction, residual, chi2, differentiate, converged, evaluations)

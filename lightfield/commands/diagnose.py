@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="DIR", help="write verdict, one scene per rung, and the ledger"
     )
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
-    parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.02)")
+    parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.01)")
     parser.add_argument("--seed", type=seed_number, default=0, help="of the bootstrap")
     parser.add_argument(
         "--no-trace",

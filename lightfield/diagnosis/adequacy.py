@@ -24,7 +24,7 @@ from lightfield.fit import Fit, Whiten
 Array = NDArray[np.float64]
 
 #: Family-wise level at which the base model is given up.
-ALPHA = 0.02
+ALPHA = 0.01
 SPANS = ("x", "plane", "time")
 SCANS = ("bump", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.

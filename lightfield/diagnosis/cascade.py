@@ -13,12 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy import ALPHA, Adequacy, AdequacyTest
-from lightfield.diagnosis.preparation import Bench, Prepared, bench, own_bench
-from lightfield.diagnosis.problem import Explanation
+from lightfield.diagnosis.adequacy import ALPHA, Adequacy
+from lightfield.diagnosis.preparation import Bench, OwnErrors, Prepared, bench
 from lightfield.diagnosis.search import (
     Fitted,
-    Own,
     Tried,
     accepted,
     bic,
@@ -118,14 +116,6 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
         levels.append(Level(width, made, base, made.test(base)))
         return levels[-1]
 
-    def own(level: Level) -> Own:
-        def refit(explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
-            mine, refitted = own_bench(prepared, level.bench, explanation, fit, rng)
-            growth = mine.whiten.log_determinant - level.bench.whiten.log_determinant
-            return mine.test, refitted, growth
-
-        return refit
-
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
         found = settled(problem, found)
         return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
@@ -138,13 +128,13 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
 
     def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
         fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
-        return fits, search_singles(problem, level.bench.test, fits, own(level))
+        return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     def two_more(
         level: Level, singles: list[Tried], known: Sequence[Fitted]
     ) -> tuple[list[Fitted], list[Tried]]:
         fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
-        return fits, search_pairs(problem, level.bench.test, fits, own(level))
+        return fits, search_pairs(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     fitted, singles = one_more(exact, prepared.known)
     if found := accepted(singles, level_alpha):

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5
+#: How far that error, and that of the response of diffuse light, is the same in two bands (of one trace).
+CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.95
 _TALL = 2.0
 
 
@@ -114,17 +116,17 @@ class Noise:
             out += self.budget.plane_gain**2 * np.outer(f, f) * together
         if self.budget.position_m > 0:
             out[np.diag_indices(lay.size)] += (self.budget.position_m * self.position_slope) ** 2
-        smooth = [(tolerance, f)] if tolerance > 0 else []
+        smooth = [(tolerance, f, CHANNELS_ALIKE)] if tolerance > 0 else []
         if self.response_error is not None and self.response_error.any():
-            smooth.append((1.0, self.response_error))
+            smooth.append((1.0, self.response_error, RESPONSES_ALIKE))
         if smooth:
             apart = (
                 np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
             ) / ACROSS_M**2 + np.subtract.outer(lay.z_m, lay.z_m) ** 2 / ALONG_M**2
             kernel = np.exp(-0.5 * apart) * (lay.air[:, None] == lay.air[None])
-            kernel *= np.where(lay.channel[:, None] == lay.channel[None], 1.0, 0.7)
-            for relative, part in smooth:
-                out += relative**2 * np.outer(part, part) * kernel
+            one_channel = lay.channel[:, None] == lay.channel[None]
+            for relative, part, alike in smooth:
+                out += relative**2 * np.outer(part, part) * kernel * np.where(one_channel, 1.0, alike)
         if self.photon_modes is not None:
             out += self.photon_modes @ self.photon_modes.T
         return out

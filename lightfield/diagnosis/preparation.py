@@ -240,21 +240,34 @@ def _replicates(whiten: Whitener, serial: Serial, rng: np.random.Generator) -> A
     return white
 
 
-def own_bench(
-    prepared: Prepared, main: Bench, explanation: Explanation, fit: Fit, rng: np.random.Generator
-) -> tuple[Bench, Fit]:
-    """Test and refit of an explanation by diffuse light, whose response has an error of its own size.
+@dataclass(frozen=True)
+class OwnErrors:
+    """Judges explanations by diffuse light, whose response has an error of its own size.
 
     Parameters
     ----------
     main : Bench
         Of the base model; sets scale and tolerance.
-    fit : Fit
-        Under the noise of the base model.
     """
-    problem = prepared.problem
-    for _ in range(2):
-        noise = with_response_error(problem, prepared.noise, fit)
-        whiten = Whitener(noise, main.whiten.rho, main.phi, main.whiten.tolerance)
-        fit = problem.fit(explanation, whiten, [fit.u])
-    return _bench(prepared, whiten, rng), fit
+
+    prepared: Prepared
+    main: Bench
+    rng: np.random.Generator
+
+    def _whiten(self, fit: Fit) -> Whitener:
+        noise = with_response_error(self.prepared.problem, self.prepared.noise, fit)
+        return Whitener(noise, self.main.whiten.rho, self.main.phi, self.main.whiten.tolerance)
+
+    def promise(self, explanation: Explanation, fit: Fit) -> float:
+        """Chi-square and growth of the log determinant where the fit lies now."""
+        whiten, problem = self._whiten(fit), self.prepared.problem
+        residual = whiten(problem.keep * (problem.value - fit.prediction))
+        return float(residual @ residual) + whiten.log_determinant - self.main.whiten.log_determinant
+
+    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+        """Test, fit from where the last one lies, and growth of the log determinant."""
+        for _ in range(2):
+            whiten = self._whiten(fit)
+            fit = self.prepared.problem.fit(explanation, whiten, [fit.u])
+        growth = whiten.log_determinant - self.main.whiten.log_determinant
+        return _bench(self.prepared, whiten, self.rng).test, fit, growth

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import optimize, special, stats
 
 from lightfield.diagnosis.layout import Layout
 from lightfield.diagnosis.noise import Whitener
-from lightfield.diagnosis.subspace import beside, orthonormal
+from lightfield.diagnosis.subspace import orthonormal
 from lightfield.diagnosis.templates import Template
 from lightfield.fit import Fit
 
@@ -223,7 +223,11 @@ def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, m
 
 
 def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array) -> float:
-    """Variance factor of the quoted errors, the rest of the error budget taken off first.
+    """Variance factor of the quoted errors beside the rest of the error budget, by restricted likelihood.
+
+    What is left beside the rich basis has the covariance phi + extra. In the eigenvectors of `extra` that is
+    a sum of independent terms, so that directions which the rest of the budget fills say little about phi
+    (Patterson and Thompson 1971, Biometrika 58, 545).
 
     Parameters
     ----------
@@ -232,10 +236,25 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
     extra : array, shape (n, n)
         Covariance of the other terms of the budget.
     """
-    if keep.sum() - rich.shape[1] < 4:  # nothing is left to estimate it from
+    kept = np.flatnonzero(keep > 0)
+    spare = len(kept) - rich.shape[1]
+    if spare < 4:  # nothing is left to estimate it from
         return 1.0
-    rest = beside(rich, residual[:, None])[:, 0]
-    white = plain(plain(extra).T)
-    expected = float(np.trace(white) - np.einsum("ij,ij->", rich, white @ rich))
-    nu = max(float(keep.sum()) - rich.shape[1], 5.0)
-    return max(_SMALLEST_SCALE, (float(rest @ rest) - expected) / nu)
+    outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
+    white = plain(plain(extra).T)[np.ix_(kept, kept)]
+    more, directions = np.linalg.eigh(outside.T @ white @ outside)
+    more, square = np.maximum(more, 0.0), (directions.T @ (outside.T @ residual[kept])) ** 2
+
+    def deviance(log_phi: float) -> float:
+        variance = np.exp(log_phi) + more
+        return float(np.sum(np.log(variance) + square / variance))
+
+    largest = max(float(square.sum()) / spare, 2 * _SMALLEST_SCALE)
+    bounds = (np.log(_SMALLEST_SCALE), np.log(2 * largest))
+    grid = np.linspace(*bounds, 40)
+    best = grid[int(np.argmin([deviance(x) for x in grid]))]
+    width = grid[1] - grid[0]
+    found = optimize.minimize_scalar(
+        deviance, bounds=(max(best - width, bounds[0]), best + width), method="bounded"
+    )
+    return float(np.exp(found.x))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,11 @@ Fitted = tuple[Explanation, Fit]
 #: Explanations worse than the best by more than this in BIC are out of the question.
 FAR_BEHIND = 25.0
 _PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
-#: Steps after which a pair shows what it is worth, and how many of the new ones are then fitted to the end.
-_ROUGH, _FINISHED = 5, 12
+#: Steps after which a pair shows what it is worth, anew and when it was fitted before under other errors; how
+#: many are then fitted to the end.
+_ROUGH, _FEW, _FINISHED = 5, 2, 14
+#: So many of the explanations by diffuse light are refitted under the errors of their own response.
+_REFITTED = 8
 #: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
 _RESTARTED, _PROFILED = 5, 3
 
@@ -86,8 +90,14 @@ def _start(
     return np.concatenate(pieces)
 
 
-#: Refits an explanation under the errors of its own response: test, fit, and growth of the log determinant.
-Own = Callable[[Explanation, Fit], tuple[AdequacyTest, Fit, float]]
+class Own(Protocol):
+    """Judges explanations by diffuse light under the errors of their own response."""
+
+    def promise(self, explanation: Explanation, fit: Fit) -> float:
+        """Chi-square and growth of the log determinant where the fit lies now."""
+
+    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+        """Test, fit, and growth of the log determinant."""
 
 
 def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
@@ -197,10 +207,13 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
 
 def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
+    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0])]
+    if len(diffuse) > _REFITTED:
+        diffuse = sorted(diffuse, key=lambda f: own.promise(*f))[:_REFITTED]
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
     for explanation, fit in fits:
-        if any(c.effect.diffuse for c in explanation):
-            mine, refit, growth = own(explanation, fit)
+        if any(explanation is e for e, _ in diffuse):
+            mine, refit, growth = own.refit(explanation, fit)
             made.append((explanation, refit, mine, growth))
         else:
             made.append((explanation, fit, test, 0.0))
@@ -249,16 +262,16 @@ def fit_pairs(
     before = {_key(explanation): (explanation, fit.u) for explanation, fit in known}
     begun: list[Fitted] = []
     for key, starts in chosen.items():
-        if key not in before:
-            rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=_ROUGH)) for pair, u in starts]
-            begun.append(min(rough, key=lambda f: f[1].chi2))
+        steps, starts = (_FEW, [before[key]]) if key in before else (_ROUGH, starts)
+        rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=steps)) for pair, u in starts]
+        begun.append(min(rough, key=lambda f: f[1].chi2))
     begun.sort(key=lambda f: f[1].chi2)
     finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:_FINISHED]]
     finished.sort(key=lambda f: f[1].chi2)
     for i, (pair, fit) in enumerate(finished[:_RESTARTED]):
-        finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
-    again = [before[key] for key in chosen if key in before]
-    return finished + [(pair, problem.fit(pair, test.whiten, [u])) for pair, u in again]
+        if _key(pair) not in before:
+            finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
+    return finished
 
 
 def search_pairs(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:

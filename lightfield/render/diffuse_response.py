@@ -180,13 +180,12 @@ class DiffuseResponse:
     def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
         """Errors of the traced light of one water as independent contributions, shape (n, k)."""
         (share,) = self._share_of_denser(b)
-        parts = []
-        if share < 1:
-            (traced,) = self._traced(scene, a, b)
-            parts.append((1 - share) * traced[:, None] * self._relative_modes(scene, a, b))
-        if self.denser is not None and share > 0:
-            parts.append(share * self.denser()._modes(scene, a, b))
-        return np.hstack(parts)
+        (traced,) = self._traced(scene, a, b)
+        # Kept even where its share is nothing: the same columns are the same photons in every water.
+        modes = (1 - share) * traced[:, None] * self._relative_modes(scene, a, b)
+        if self.denser is None or share == 0:
+            return np.asarray(modes)
+        return np.hstack([modes, share * self.denser()._modes(scene, a, b)])
 
     def _traced(self, scene: Scene, a: Array, b: Array) -> Array:
         """The light of this trace at the readings, shape (n_waters, n)."""

@@ -9,6 +9,7 @@ import pytest
 from lightfield import effects
 from lightfield.effects import Effect, Form, Free
 from lightfield.errors import UsageError
+from lightfield.forward import has_diffuse_light
 from lightfield.scene import Scene
 
 WITH_TANK = Scene.from_dict({"tank": {}})
@@ -117,3 +118,13 @@ def test_an_unknown_name_lists_the_known_ones() -> None:
 def test_diffuse_light_is_not_combined_with_what_needs_directions() -> None:
     assert not effects.get("acceptance").combines_with(effects.get("scattering"))
     assert effects.get("background").combines_with(effects.get("scattering"))
+
+
+def test_what_makes_scattered_or_reflected_light_says_so() -> None:
+    """Only then is an explanation judged under the errors of that light."""
+    for effect in effects.table().values():
+        for form in effect.forms:
+            lit = {free.path: free.typical for free in form.amplitudes}
+            assert has_diffuse_light(WITH_TANK.with_values(lit, validate=False)) == effect.diffuse, (
+                effect.name
+            )
