@@ -18,7 +18,7 @@ ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5
 #: How far that error, and that of the response of diffuse light, is the same in two bands (of one trace).
-CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.95
+CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 _TALL = 2.0
 
 

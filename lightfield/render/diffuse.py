@@ -35,7 +35,7 @@ REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
 #: stays near 1.5 and below for planes up to 9 m away. Photons walk longer in dense water; fewer are sent.
 REFERENCE_SCATTERING = (0.2, 0.7, 1.5)
 TAKES_OVER = ((0.3, 0.45), (0.9, 1.2))
-SENT = (1.0, 1 / 3, 1 / 8)
+SENT = (1.0, 1 / 4, 1 / 20)
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
