@@ -50,6 +50,8 @@ CASES: dict[str, dict[str, Any]] = {
     "elliptic": {"lamp.ellipticity": 1.4},
     "less scattering": {"water.scattering_per_m": 0.05},
     "more scattering": {"water.scattering_per_m": 0.35},
+    "between the traced waters": {"water.scattering_per_m": 0.38},
+    "dense": {"water.scattering_per_m": 0.6},
     "more absorption": {"water.absorption_per_m": 0.3},
     "g between nodes": {"water.phase.g": 0.9},
     "g 0.8": {"water.phase.g": 0.8},

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lightfield import fit as fit_module
 from lightfield.fit import Model, Parameter, least_squares
 
 T = np.linspace(0, 4, 41)
@@ -42,6 +43,21 @@ def test_exact_data_give_the_exact_answer() -> None:
     fit = least_squares(model(), data, lambda a: a / 0.01, model().start, tolerance=1e-10)
     assert fit.chi2 < 1e-8
     np.testing.assert_allclose([fit.values[k] for k in "akc"], [2.5, 0.7, 0.3], rtol=1e-6)
+
+
+def test_corrected_derivatives_save_evaluations_and_lose_nothing(monkeypatch) -> None:
+    """Against derivatives taken anew at every step."""
+    data = 2.5 * np.exp(-0.7 * T) + 0.3 + 0.01 * np.sin(9 * T)
+    starts = [np.array([a, k, c]) for a in (-1.0, 2.0) for k in (0.3, 3.0) for c in (-0.5, 0.5)]
+    found = []
+    for oldest in (fit_module._OLDEST, 0):
+        monkeypatch.setattr(fit_module, "_OLDEST", oldest)
+        fits = [least_squares(model(), data, lambda a: a / 0.01, start) for start in starts]
+        assert all(f.converged for f in fits)
+        found.append((sum(f.evaluations for f in fits), np.array([f.chi2 for f in fits])))
+    (few, chi2), (many, expected) = found
+    assert few < 0.9 * many
+    np.testing.assert_allclose(chi2, expected, atol=2e-4)
 
 
 def test_errors_are_those_of_the_linear_theory() -> None:

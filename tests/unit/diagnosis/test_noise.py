@@ -8,7 +8,13 @@ import numpy as np
 
 from lightfield.diagnosis.layout import layout_of
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
-from lightfield.diagnosis.robust import outliers, scattered, serial_correlation, unstated_error
+from lightfield.diagnosis.robust import (
+    noise_scale,
+    outliers,
+    scattered,
+    serial_correlation,
+    unstated_error,
+)
 
 RNG = np.random.default_rng(5)
 
@@ -168,3 +174,23 @@ def test_a_shadow_is_not_an_outlier() -> None:
     assert (scattered(slips, misfit, lay) == slips).all()
     misfit[np.flatnonzero(shadow)[0]] = 1.0
     assert (scattered(shadow, misfit, lay) == shadow).all()
+
+
+def test_the_scale_of_the_noise_beside_a_large_error_of_the_model() -> None:
+    """A model error of twenty sigma in twenty directions, drawn as stated, twice as large or not at all, is not
+    mistaken for noise that is larger or smaller than stated (the spread of 75 squares is 16 %)."""
+    lay = layout()
+    rng = np.random.default_rng(7)
+    plain = Whitener(
+        Noise(lay, np.full(lay.size, 0.01), np.ones(lay.size), Budget(0, 0, 0), np.zeros(lay.size))
+    )
+    rich = np.linalg.qr(rng.standard_normal((lay.size, 10)))[0]
+    modes = 0.2 * np.linalg.qr(rng.standard_normal((lay.size, 20)))[0]
+    for drawn in (0.0, 1.0, 2.0):
+        found = []
+        for _ in range(40):
+            wrong = plain(drawn * modes @ rng.standard_normal(20))
+            residual = 1.3 * rng.standard_normal(lay.size) + wrong
+            rest = residual - rich @ (rich.T @ residual)
+            found.append(noise_scale(rest, rich, plain, modes @ modes.T, np.ones(lay.size)))
+        assert abs(np.mean(found) / 1.3**2 - 1) < 4 * 0.16 / np.sqrt(40)
