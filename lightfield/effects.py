@@ -171,3 +171,20 @@ def get(name: str) -> Effect:
             remedy=f"did you mean {near[0]}?" if near else "`lightfield diagnose --list` explains them",
         )  # fmt: skip
     return effects[name]
+
+
+def get_form(name: str) -> tuple[Effect, Form]:
+    """The effect and form that "effect" (its first form) or "effect:form" names.
+
+    Raises
+    ------
+    UsageError
+        No effect has that name, or it has no such form.
+    """
+    title, _, wanted = name.partition(":")
+    effect = get(title)
+    forms = [form for form in effect.forms if wanted in ("", form.name)]
+    if not forms:
+        known = ", ".join(form.name for form in effect.forms)
+        raise UsageError(f"unknown form of {title}", found=wanted, rule=f"one of {known}")
+    return effect, forms[0]

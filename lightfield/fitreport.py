@@ -184,19 +184,22 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
     """One form per named effect; "effect:form" picks a form other than the first."""
     out = []
     for name in names:
-        effect, _, form = name.partition(":")
-        effects.get(effect)
-        if effect in untestable:
+        effect, form = effects.get_form(name)
+        if effect.name in untestable:
             raise UsageError(
-                "this effect cannot be fitted here", where=f"--with {name}", found=untestable[effect],
+                "this effect cannot be fitted here", where=f"--with {name}", found=untestable[effect.name],
                 remedy="leave it out, or measure what it needs",
             )  # fmt: skip
-        forms = [c for c in problem.candidates if c.name == effect and form in ("", c.form.name)]
+        forms = [
+            c
+            for c in problem.candidates
+            if c.name == effect.name and (c.form.name == form.name or ":" not in name)
+        ]
         if not forms:
-            known = ", ".join(f.name for f in effects.get(effect).forms)
             raise UsageError(
-                "unknown form of an effect", where=f"--with {name}", found=form, rule=f"one of {known}"
-            )
+                "this form of the effect cannot be fitted here", where=f"--with {name}",
+                remedy="leave the form out, or measure what it needs",
+            )  # fmt: skip
         out.append(forms[0])
     return tuple(out)
 

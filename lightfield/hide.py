@@ -143,32 +143,33 @@ def draw_effect(
     name: str,
     rng: np.random.Generator,
     strength: float | None = None,
-    form: int = 0,
 ) -> dict[str, float]:
     """Parameter values of a hidden effect.
 
     Parameters
     ----------
+    name : str
+        Effect of the table, in its first form, or "effect:form".
     strength : float, optional
         Size over the typical size; drawn when absent.
-    form : int
-        Which functional form of the effect.
 
     Raises
     ------
     UsageError
-        The effect cannot act on these readings.
+        Unknown effect or form, or it cannot act on these readings.
     """
+    effect, form = effects.get_form(name)
     setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])))
-    found, untestable = candidates(setting, [effects.get(name)], ())
-    if name in untestable:
+    found, untestable = candidates(setting, [effect], ())
+    if effect.name in untestable:
         raise UsageError(
             "this effect cannot act here",
-            found=f"{name}: {untestable[name]}",
+            found=f"{name}: {untestable[effect.name]}",
             remedy="change the layout or scene",
         )
     size = float(np.exp(rng.uniform(*np.log(STRENGTH)))) if strength is None else strength
-    return _amplitudes(found[min(form, len(found) - 1)], size, rng)
+    chosen = next((c for c in found if c.form.name == form.name), found[0])
+    return _amplitudes(chosen, size, rng)
 
 
 def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator) -> Scene:
@@ -290,7 +291,7 @@ def hide(
     scene : Scene
         What the experimenter believes.
     names : sequence of str
-        Effects of the table, or "unknown:ripple", "unknown:flicker", "unknown:shadow".
+        Effects of the table, each in its first form or as "effect:form"; or "unknown:ripple" and the like.
     seed : int
     plane_gain, position_m : float
         Errors as `measure` takes them; stated in the table's error budget when they are not zero.

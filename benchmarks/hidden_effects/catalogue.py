@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hidden_effects.benches import BENCHES, Order, number_of, table_of, true_scene
+from lightfield import effects
 from lightfield.hide import draw_effect
 
 #: Size of a hidden effect over its typical size in the table of effects.
@@ -79,7 +80,8 @@ class Trial:
 def _drawn(bench: str, beam: int, name: str, strength: float, form: int) -> tuple[tuple[str, Any], ...]:
     rng = np.random.default_rng(number_of(f"{bench}{beam} {name} {strength:g} {form}"))
     table = table_of(BENCHES[bench], "random", np.random.default_rng(0))
-    return tuple(draw_effect(true_scene(BENCHES[bench], beam), table, name, rng, strength, form).items())
+    named = f"{name}:{effects.get(name).forms[form].name}"
+    return tuple(draw_effect(true_scene(BENCHES[bench], beam), table, named, rng, strength).items())
 
 
 def _one(bench: str, name: str, strength: float, form: int = 0, beam: int = 0) -> Truth:

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect",
         action="append",
         default=[],
-        metavar="NAME",
+        metavar="NAME[:FORM]",
         help="effect to hide, or unknown:ripple|flicker|shadow|kink; repeatable; none: nothing is hidden",
     )
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.analytic import direct_field
-from lightfield.hide import measure, scan, true_scene
+from lightfield.hide import draw_effect, measure, scan, true_scene
 from lightfield.scene import Scene
 
 
@@ -30,3 +30,11 @@ def test_water_clearer_than_its_base_stays_possible() -> None:
     )
     for seed in range(8):
         assert -0.04 < true_scene(scene, {}, np.random.default_rng(seed)).water.absorption_per_m < 0
+
+
+def test_a_form_of_an_effect_is_hidden_by_its_name() -> None:
+    """The first form unless another is named."""
+    scene, rng = Scene(), np.random.default_rng(0)
+    table = scan(scene, "line", "random", rng)
+    assert set(draw_effect(scene, table, "water_gradient", rng)) == {"water.gradient_per_m2"}
+    assert "water.layer_absorption_per_m" in draw_effect(scene, table, "water_gradient:layer", rng)

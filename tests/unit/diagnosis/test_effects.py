@@ -113,6 +113,8 @@ def test_a_package_that_gives_something_else_is_named(
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match="beam_tilt"):
         effects.get("beam_tlit")
+    with pytest.raises(UsageError, match="linear in z, layer"):
+        effects.get_form("water_gradient:lair")
 
 
 def test_diffuse_light_is_not_combined_with_what_needs_directions() -> None:

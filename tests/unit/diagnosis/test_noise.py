@@ -177,8 +177,8 @@ def test_a_shadow_is_not_an_outlier() -> None:
 
 
 def test_the_scale_of_the_noise_beside_a_large_error_of_the_model() -> None:
-    """A model error of twenty sigma in twenty directions, drawn as stated, twice as large or not at all, is not
-    mistaken for noise that is larger or smaller than stated (the spread of 75 squares is 16 %)."""
+    """A model error of twenty sigma in twenty directions, drawn as stated, twice as large or not at all, is
+    not mistaken for noise that is larger or smaller than stated (the spread of 75 squares is 16 %)."""
     lay = layout()
     rng = np.random.default_rng(7)
     plain = Whitener(
