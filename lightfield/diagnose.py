@@ -16,15 +16,13 @@ from lightfield.diagnosis import compose, ledger
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
-from lightfield.diagnosis.setup import budget_of, problem_of, spectral
+from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
 from lightfield.fit import Array
-from lightfield.forward import DiffuseSource, SceneForward, has_diffuse_light
+from lightfield.forward import DiffuseSource, SceneForward
 from lightfield.scene import Scene
-
-_NO_DIFFUSE = "scattered and reflected light was not traced"
 
 
 @dataclass(frozen=True)
@@ -184,12 +182,7 @@ def _diagnose(
     advise: bool,
 ) -> Diagnosis:
     readings = readings.check_against(scene)
-    source, reason = _source(diffuse)
-    if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
-        source, reason = (
-            None,
-            f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed",
-        )
+    source, reason = source_of(scene, diffuse)
     forward = SceneForward(spectral(scene, readings), readings, source)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
@@ -206,13 +199,3 @@ def _diagnose(
     verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)
-
-
-def _source(diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
-    if callable(diffuse):
-        return diffuse, None
-    if diffuse is None:
-        return None, _NO_DIFFUSE
-    from lightfield.render.diffuse import response_for  # Mitsuba, which nothing else here needs
-
-    return response_for, None

@@ -17,7 +17,7 @@ from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
 from lightfield.diagnosis.preparation import bench, prepare
 from lightfield.diagnosis.problem import Explanation, Problem
-from lightfield.diagnosis.setup import budget_of, problem_of, spectral
+from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fit import Array, Fit, Whiten
@@ -210,7 +210,7 @@ def fit_readings(
     with_effects: Sequence[str] = (),
     *,
     solver: str = "analytic",
-    diffuse: DiffuseSource | None = None,
+    diffuse: DiffuseSource | str | None = None,
     seed: int = 0,
 ) -> FitReport:
     """Refit gain, beam width, absorption and the named effects, and say where the model fails.
@@ -223,8 +223,9 @@ def fit_readings(
         Effects to set free, "name" or "name:form".
     solver : "analytic" or "render"
         The render corrects the fast model by a fresh trace of the fitted scene, twice.
-    diffuse : callable, optional
-        Source of scattered and reflected light; needed when the scene or an effect has any.
+    diffuse : "trace", None or callable
+        Source of scattered and reflected light, as `lightfield.diagnose.diagnose` takes it. Also what is not
+        set free helps to tell noise from misfit.
 
     Raises
     ------
@@ -242,13 +243,14 @@ def _fit_readings(
     scene: Scene,
     with_effects: Sequence[str],
     solver: str,
-    diffuse: DiffuseSource | None,
+    diffuse: DiffuseSource | str | None,
     seed: int,
 ) -> FitReport:
     readings = readings.check_against(scene)
+    source, reason = source_of(scene, diffuse)
     scene = spectral(scene, readings)
-    forward = SceneForward(scene, readings, diffuse)
-    problem, untestable = problem_of(forward, readings, list(effects.table().values()), None)
+    forward = SceneForward(scene, readings, source)
+    problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
     explanation = _chosen(problem, with_effects, untestable)
     rng = np.random.default_rng(seed)
     budget = budget_of(readings)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield import analytic, effects
+from lightfield import analytic
 from lightfield.scene import Scene
 
 Array = NDArray[np.float64]
@@ -43,13 +43,6 @@ def has_diffuse_light(scene: Scene) -> bool:
         or water.chlorophyll_mg_per_m3 > 0
         or (tank is not None and (tank.wall_albedo > 0 or tank.surface_reflectance > 0))
     )
-
-
-def needs_diffuse(scene: Scene, names: Sequence[str]) -> bool:
-    """Does the scene, or one of the named effects, scatter or reflect light?"""
-    table = effects.table()
-    named = [table[name.partition(":")[0]] for name in names if name.partition(":")[0] in table]
-    return has_diffuse_light(scene) or any(effect.diffuse for effect in named)
 
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:

@@ -30,7 +30,6 @@ def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
     from lightfield.fitreport import fit_readings
     from lightfield.fittext import as_data, as_text
-    from lightfield.forward import needs_diffuse
     from lightfield.measurements.readings import Readings
     from lightfield.scene import Scene
 
@@ -40,12 +39,7 @@ def run(args: argparse.Namespace) -> int:
         output_folder(args.output)
     if args.fit_json:
         output_file(args.fit_json)
-    diffuse = None
-    if needs_diffuse(scene, names):
-        from lightfield.render.diffuse import response_for
-
-        diffuse = response_for
-    report = fit_readings(readings, scene, names, solver=args.solver, diffuse=diffuse)
+    report = fit_readings(readings, scene, names, solver=args.solver, diffuse="trace")
     print(as_text(report))
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"

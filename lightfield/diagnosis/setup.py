@@ -15,6 +15,7 @@ from lightfield.diagnosis.repeats import plane_gain, repeats_of
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
+from lightfield.forward import DiffuseSource, has_diffuse_light
 from lightfield.scene import AT, Scene
 from lightfield.water.iop import absorption_per_m
 
@@ -169,3 +170,22 @@ def problem_of(
     setting = Setting(forward.scene, layout, signal, float(high - low))
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable
+
+
+def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+    """What gives scattered and reflected light, or why nothing does.
+
+    Parameters
+    ----------
+    diffuse : "trace", None or callable
+        As `lightfield.diagnose.diagnose` takes it.
+    """
+    if diffuse is None:
+        return None, "scattered and reflected light was not traced"
+    if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
+        return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+    if callable(diffuse):
+        return diffuse, None
+    from lightfield.render.diffuse import response_for  # Mitsuba, which nothing else here needs
+
+    return response_for, None
