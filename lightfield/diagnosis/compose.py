@@ -336,6 +336,12 @@ def _warnings(
                 out.append(
                     f"{path} lies at the edge of its plausible range ({estimate.value:g}): not a finding"
                 )
+        if "water.phase.g" in explanation.parameters:
+            out.append(
+                "b and g are those of a Henyey-Greenstein phase function; if that of the water is more peaked, "
+                "its b is larger than this one (in rendered waters with measured phase functions up to three "
+                "times): put a measured phase function into the scene if b itself matters"
+            )
     return out
 
 
