@@ -338,9 +338,9 @@ def _warnings(
                 )
         if "water.phase.g" in explanation.parameters:
             out.append(
-                "b and g are those of a Henyey-Greenstein phase function; if that of the water is more peaked, "
-                "its b is larger than this one (in rendered waters with measured phase functions up to three "
-                "times): put a measured phase function into the scene if b itself matters"
+                "b and g are those of a Henyey-Greenstein phase function; where that of the water is more "
+                "peaked, its b is larger than this one (in rendered waters with measured phase functions up to "
+                "three times): put a measured phase function into the scene if b itself matters"
             )
     return out
 
