@@ -248,11 +248,14 @@ class SceneForward:
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""
-        lamp = self.scene.with_values({k: v for k, v in values.items() if k in _TIME}, validate=False)
-        return analytic.time_factor(lamp, self._time)
+        return analytic.time_factor(self._with(values, _TIME), self._time)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
-        scene = self.scene.with_values({k: v for k, v in values.items() if k in _READOUT}, validate=False)
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(scene, signal, self._full)
+        return analytic.readout(self._with(values, _READOUT), signal, self._full)
+
+    def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
+        """The scene with those of the values that lie at some paths."""
+        chosen = {k: v for k, v in values.items() if k in paths}
+        return self.scene.with_values(chosen, validate=False) if chosen else self.scene

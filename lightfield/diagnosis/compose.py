@@ -339,8 +339,8 @@ def _warnings(
         if "water.phase.g" in explanation.parameters:
             out.append(
                 "b and g are those of a Henyey-Greenstein phase function; where that of the water is more "
-                "peaked, its b is larger than this one (in rendered waters with measured phase functions up to "
-                "three times): put a measured phase function into the scene if b itself matters"
+                "peaked, its b is larger than this one (up to three times, in rendered waters with measured "
+                "phase functions): put a measured phase function into the scene if b itself matters"
             )
     return out
 
