@@ -16,7 +16,7 @@ from lightfield.diagnosis import compose, ledger
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
-from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.setup import budget_of, clear_first, problem_of, source_of, spectral
 from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
@@ -183,15 +183,22 @@ def _diagnose(
 ) -> Diagnosis:
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse)
-    forward = SceneForward(spectral(scene, readings), readings, source)
+    scene = spectral(scene, readings)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
     )
-    problem, untestable = problem_of(forward, readings, chosen, reason)
-    rng = np.random.default_rng(seed)
-    budget = budget_of(readings)
-    prepared = prepare(problem, np.asarray(readings.stderr, float), budget, rng, alpha)
-    finding = search(prepared, budget.tolerance, rng, alpha)
+    budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
+    waters = clear_first(source)
+    for water in waters:
+        forward = SceneForward(scene, readings, water)
+        problem, untestable = problem_of(forward, readings, chosen, reason)
+        rng = np.random.default_rng(seed)
+        prepared = prepare(problem, quoted, budget, rng, alpha)
+        if water is not waters[-1] and forward.is_dense(prepared.reference.values):
+            continue
+        finding = search(prepared, budget.tolerance, rng, alpha)
+        if not any(forward.is_dense(one.fit.values) for one in finding.contenders):
+            break
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi

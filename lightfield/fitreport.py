@@ -17,7 +17,7 @@ from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
 from lightfield.diagnosis.preparation import bench, prepare
 from lightfield.diagnosis.problem import Explanation, Problem
-from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.setup import budget_of, clear_first, problem_of, source_of, spectral
 from lightfield.diagnosis.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fit import Array, Fit, Whiten
@@ -249,16 +249,19 @@ def _fit_readings(
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse)
     scene = spectral(scene, readings)
-    forward = SceneForward(scene, readings, source)
-    problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
-    explanation = _chosen(problem, with_effects, untestable)
-    rng = np.random.default_rng(seed)
-    budget = budget_of(readings)
-    prepared = prepare(problem, np.asarray(readings.stderr, float), budget, rng)
-    made = bench(prepared, 0.0, rng)
-    problem = prepared.problem
-    base = problem.fit((), made.whiten, [problem.model().start])
-    fit = _best(problem, explanation, made.whiten, base.u)
+    budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
+    for water in clear_first(source):
+        forward = SceneForward(scene, readings, water)
+        problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
+        explanation = _chosen(problem, with_effects, untestable)
+        rng = np.random.default_rng(seed)
+        prepared = prepare(problem, quoted, budget, rng)
+        made = bench(prepared, 0.0, rng)
+        problem = prepared.problem
+        base = problem.fit((), made.whiten, [problem.model().start])
+        fit = _best(problem, explanation, made.whiten, base.u)
+        if not any(forward.is_dense(one.values) for one in (prepared.reference, fit)):
+            break
     notes = [f"assumed: {a}" for a in budget.assumed]
     for _ in range(2 if solver == "render" else 0):
         from lightfield.rendered import rendered_light  # loads Mitsuba

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield import analytic
+from lightfield.render.diffuse_response import CLEAR_TO_PER_M
 from lightfield.scene import Scene
+from lightfield.water.iop import scattering_per_m
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,9 @@ class Diffuse(Protocol):
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
 
     def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
+
+    @property
+    def clear(self) -> Diffuse: ...
 
 
 DiffuseSource = Callable[..., Diffuse]
@@ -152,6 +157,13 @@ class SceneForward:
         return self.scene.with_values(
             {k: v for k, v in values.items() if not k.startswith(GAIN)}, validate=validate
         )
+
+    def is_dense(self, values: Mapping[str, float]) -> bool:
+        """Does the water scatter so much that its diffuse light needs a trace of its own?"""
+        water = self.scene_at(values, validate=False).water
+        middle = float(np.mean(self.scene.detector.bands_nm[0]))
+        at = np.where(np.isnan(self._wavelengths), middle, self._wavelengths)
+        return bool((scattering_per_m(water, at) > CLEAR_TO_PER_M).any())
 
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""

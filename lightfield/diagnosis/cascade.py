@@ -83,6 +83,11 @@ class Finding:
         return best.whiten if best is not None else self.level.bench.whiten
 
     @property
+    def contenders(self) -> list[Tried]:
+        """What was accepted; failing that, what came nearest."""
+        return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:3]
+
+    @property
     def identified(self) -> bool:
         """Is there one answer? Not if it has as many parameters as readings: any curve meets those."""
         if not self.accepted or self.weights[0] <= CONVINCING:

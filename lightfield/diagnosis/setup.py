@@ -15,7 +15,7 @@ from lightfield.diagnosis.repeats import plane_gain, repeats_of
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
-from lightfield.forward import DiffuseSource, has_diffuse_light
+from lightfield.forward import Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.scene import AT, Scene
 from lightfield.water.iop import absorption_per_m
 
@@ -189,3 +189,24 @@ def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[Diffus
     from lightfield.render.diffuse import response_for  # Mitsuba, which nothing else here needs
 
     return response_for, None
+
+
+def clear_first(source: DiffuseSource | None) -> list[DiffuseSource | None]:
+    """Sources to try one after the other: of clear water alone, which spares traces, then of any water.
+
+    The first will do unless what explains the readings is dense water, see `SceneForward.is_dense`.
+    """
+    if source is None:
+        return [None]
+    made: dict[tuple[bytes, ...], Diffuse] = {}
+
+    def any_water(scene: Scene, *places: Array) -> Diffuse:
+        key = tuple(np.asarray(p, float).tobytes() for p in places)
+        if key not in made:
+            made[key] = source(scene, *places)
+        return made[key]
+
+    def clear_water(scene: Scene, *places: Array) -> Diffuse:
+        return any_water(scene, *places).clear
+
+    return [clear_water, any_water]

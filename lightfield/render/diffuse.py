@@ -13,7 +13,7 @@ from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beamnodes import BeamNodes
-from lightfield.render.diffuse_response import DiffuseResponse, Sent
+from lightfield.render.diffuse_response import CLEAR_TO_PER_M, DiffuseResponse, Sent
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
@@ -34,7 +34,7 @@ REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
 #: Scattering of the traced waters, m^-1, and where each takes over from the one before: (b_0 - b)^2 z / b_0
 #: stays near 1.5 and below for planes up to 9 m away. Photons walk longer in dense water; fewer are sent.
 REFERENCE_SCATTERING = (0.2, 0.7, 1.5)
-TAKES_OVER = ((0.3, 0.45), (0.9, 1.2))
+TAKES_OVER = ((CLEAR_TO_PER_M, 0.45), (0.9, 1.2))
 SENT = (1.0, 1 / 4, 1 / 20)
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000

@@ -17,7 +17,7 @@ apparent source behind the window stretches the beam plane by plane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -42,6 +42,8 @@ from lightfield.scene import Lamp, Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 KEPT_BEAMS = 256
+#: Waters that scatter less than this are answered by the first trace alone.
+CLEAR_TO_PER_M = 0.3
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
 BEAM = (
@@ -160,6 +162,11 @@ class DiffuseResponse:
         (moved,), (unscattered,) = self._moved(scene, a, b), self._unscattered(scene, a + b)
         smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * unscattered
         return self._modes(scene, a, b), smooth
+
+    @property
+    def clear(self) -> DiffuseResponse:
+        """The same without the denser waters: never traces, and is not to be believed in water that is."""
+        return replace(self, denser=None)
 
     def _share_of_denser(self, b: Array) -> Array:
         """How much of each water is left to the denser response; smooth in b, shape (n_waters,)."""
