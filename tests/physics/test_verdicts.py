@@ -8,6 +8,7 @@ default, to be quick; their error is part of the diagnosis.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from functools import partial
@@ -63,6 +64,20 @@ def test_scattering_is_named_and_measured(found):
     assert explained.error_percent < 0.5 * base.error_percent
     assert explained.held_out_percent < 0.5 * base.held_out_percent
     assert verdict.nearest_rival.separation_sigma > 6
+
+
+def test_dense_water_is_traced_only_when_it_explains_the_readings(found):
+    """Fits of the story wander through water of b = 0.5 per m and end at 0.2: one trace is enough."""
+
+    def clear_only(*args):
+        return dataclasses.replace(quick(*args), denser=lambda: pytest.fail("dense water was traced"))
+
+    done = found["identified"]
+    again = diagnose(done.readings, Scene.load(STORY / "scene.toml"), diffuse=clear_only, advise=False)
+    assert again.verdict.effects == done.verdict.effects
+    hazy = Scene.load(STORY / "scene.toml").with_values({"water.scattering_per_m": 0.35})
+    with pytest.raises(pytest.fail.Exception, match="dense water"):
+        fit_readings(done.readings, hazy, diffuse=clear_only)
 
 
 def test_the_storys_page_states_its_numbers(found):
