@@ -61,7 +61,8 @@ class Setting:
             "water": bool((~layout.air).any()),
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
             "spectral": int(layout.channel.max()) >= 2,
-            "known_base": self.scene.get("water.base") != "none",
+            # In fewer than three bands it is the bands that are missing, not the spectrum.
+            "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
         }[need]
 
     def scale(self, per: str) -> tuple[float, float]:

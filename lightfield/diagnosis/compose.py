@@ -372,8 +372,9 @@ def summary(verdict: Verdict) -> str:
             f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
         )
         lines.append("would have been seen: " + listed)
-    if verdict.untestable:
-        lines.append("not testable here: " + "; ".join(f"{k} ({v})" for k, v in verdict.untestable.items()))
+    for reason in dict.fromkeys(verdict.untestable.values()):
+        names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
+        lines.append(f"not testable here: {names} ({reason})")
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)
