@@ -88,12 +88,16 @@ class Finding:
         return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:3]
 
     @property
+    def determined(self) -> bool:
+        """Are there more readings than the best explanation has parameters? Any curve meets as many."""
+        return bool(self.accepted) and self.n > len(self.accepted[0].fit.u)
+
+    @property
     def identified(self) -> bool:
-        """Is there one answer? Not if it has as many parameters as readings: any curve meets those."""
-        if not self.accepted or self.weights[0] <= CONVINCING:
+        """Is there one answer?"""
+        if not self.determined or self.weights[0] <= CONVINCING:
             return False
-        best = self.accepted[0]
-        return not best.at_edge and self.n > len(best.fit.u)
+        return not self.accepted[0].at_edge
 
 
 def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:

@@ -292,7 +292,9 @@ def verdict_of(
     outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
     return Verdict(
         verdict=kind,
-        sentence=words.sentence(kind, explanations, rival, limits, coordinate, where, within),
+        sentence=words.sentence(
+            kind, explanations, rival, limits, coordinate, where, within, finding.determined
+        ),
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,

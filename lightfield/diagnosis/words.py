@@ -35,6 +35,7 @@ def sentence(
     coordinate: str | None,
     where: str,
     within: str,
+    determined: bool,
 ) -> str:
     """One or two sentences that say what was found and how sure it is.
 
@@ -44,6 +45,8 @@ def sentence(
         Where an unexplained misfit is largest.
     within : str
         "" or the tolerance that the statement needs.
+    determined : bool
+        There are more readings than the best explanation has parameters.
     """
     if kind == "none":
         visible = [limit for limit in limits.values() if limit.within_range]
@@ -67,6 +70,8 @@ def sentence(
             doubt = "the evidence against chance is weak"
             if any(e.reason == "at boundary" for e in explanations[0].parameters.values()):
                 doubt = "only with a parameter at the edge of what is plausible"
+            elif not determined:
+                doubt = "with as many parameters as there are readings anything can"
             return (
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )

@@ -125,6 +125,8 @@ def test_what_meets_as_many_readings_as_it_has_parameters_is_not_identified() ->
     verdict = diagnose(table, Scene(), diffuse=None).verdict
     assert verdict.verdict in ("ambiguous", "unexplained")
     assert all(len(e.parameters) <= len(z) for e in verdict.explanations)
+    if len(verdict.explanations) == 1:
+        assert "as many parameters as there are readings" in verdict.sentence
 
 
 def test_readings_without_light_are_refused() -> None:
