@@ -12,6 +12,7 @@ from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.rivals import separation
 from lightfield.diagnosis.search import Tried
 from lightfield.fit import Array, Fit, Forward, Whiten
+from lightfield.scene import Tank
 
 #: Relative error that no number of repeats at one place will beat.
 FLOOR = 0.0025
@@ -40,14 +41,8 @@ class Advice:
     predicted_sigma: float
 
 
-def possible_places(problem: Problem, tank: tuple[float, float, float, float] | None) -> Places:
-    """A grid over both sides of the axis, some way beyond the present layout, inside the tank.
-
-    Parameters
-    ----------
-    tank : tuple, optional
-        Half width, floor, surface and end of the tank, m.
-    """
+def possible_places(problem: Problem, tank: Tank | None) -> Places:
+    """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any."""
     lay = problem.layout
     across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), 0.1 * float(lay.z_m.max()))
     x = np.linspace(-across, across, 17)
@@ -57,8 +52,9 @@ def possible_places(problem: Problem, tank: tuple[float, float, float, float] | 
     gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
     inside = np.ones(len(gx), bool)
     if tank is not None:
-        half, floor, surface, end = tank
-        inside = (np.abs(gx) < 0.97 * half) & (gy > floor + 0.03) & (gy < surface - 0.03) & (gz < 0.98 * end)
+        floor, end = tank.lamp_depth_m - tank.depth_m, tank.length_m - tank.behind_lamp_m
+        inside = (np.abs(gx) < 0.97 * tank.width_m / 2) & (gz < 0.98 * end)
+        inside &= (gy > floor + 0.03) & (gy < tank.lamp_depth_m - 0.03)
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 

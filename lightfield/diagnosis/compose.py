@@ -160,12 +160,7 @@ def sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
 
 def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two: Tried) -> NextMeasurement:
     problem, level = prepared.problem, finding.level
-    tank = forward.scene.tank
-    box = None
-    if tank is not None:
-        end = tank.length_m - tank.behind_lamp_m
-        box = (tank.width_m / 2, tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m, end)
-    places = possible_places(problem, box)
+    places = possible_places(problem, forward.scene.tank)
     last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
     n = len(places.x_m)
     there = forward.at(
@@ -340,9 +335,9 @@ def _warnings(
                 )
         if "water.phase.g" in explanation.parameters:
             out.append(
-                "b and g are those of a Henyey-Greenstein phase function; where that of the water is more "
-                "peaked, its b is larger than this one (up to three times, in rendered waters with measured "
-                "phase functions): put a measured phase function into the scene if b itself matters"
+                "b and g are those of a Henyey-Greenstein phase function; where the water's own is more "
+                "peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up "
+                "to four times after Fournier and Forand): put it into the scene if b itself matters"
             )
     return out
 

@@ -19,7 +19,7 @@ from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, W
 from lightfield.diagnosis.preparation import whitened_test
 from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, Isolability, Limit, detection_limits, isolability
-from lightfield.diagnosis.setup import budget_of, problem_of, spectral
+from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.fit import Array, Fit
 from lightfield.forward import DiffuseSource, SceneForward
@@ -91,8 +91,8 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
-    forward = SceneForward(scene, layout_table, diffuse)
-    reason = None if diffuse is not None else "scattered and reflected light was not traced"
+    source, reason = source_of(scene, diffuse)
+    forward = SceneForward(scene, layout_table, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
     budget = budget_of(layout_table)
     base = problem.fit((), _identity, [problem.model().start])
@@ -108,7 +108,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
             untestable[score.template.candidate.name] = _ABSORBED
     limits = detection_limits(adequacy, 1.0)
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
-    helpful = _helpful(problem, base, adequacy, found, noise)
+    helpful = _helpful(forward, problem, base, adequacy, found, noise)
     return Plan(limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed)
 
 
@@ -149,26 +149,15 @@ def _columns(
 
 
 def _helpful(
-    problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
+    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
 ) -> list[Helpful]:
     """For each pair that is not told apart: the best extra readings, best improvement first."""
-    scene, layout = problem.forward.scene, problem.layout  # type: ignore[attr-defined]  # a SceneForward here
-    tank = scene.tank
-    box = None
-    if tank is not None:
-        box = (
-            tank.width_m / 2,
-            tank.lamp_depth_m - tank.depth_m,
-            tank.lamp_depth_m,
-            tank.length_m - tank.behind_lamp_m,
-        )
-    places = possible_places(problem, box)
+    layout = problem.layout
+    places = possible_places(problem, forward.scene.tank)
     n = len(places.x_m)
     last = float(layout.time_s.max()) if layout.has_time else np.nan
     medium = np.where(places.air > 0, "air", "water")
-    there = problem.forward.at(  # type: ignore[attr-defined]
-        x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=np.full(n, last)
-    )
+    there = forward.at(x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=np.full(n, last))
     slopes, away = _columns(problem, base, found.names, there)
     sigma = np.hypot(np.hypot(ASSUMED_RELATIVE * there.predict(base.values), ASSUMED_FLOOR), 0.0)
     here = {

@@ -258,7 +258,7 @@ class OwnErrors:
         noise = with_response_error(self.prepared.problem, self.prepared.noise, fit)
         return Whitener(noise, self.main.whiten.rho, self.main.phi, self.main.whiten.tolerance)
 
-    def promise(self, explanation: Explanation, fit: Fit) -> float:
+    def promise(self, fit: Fit) -> float:
         """Chi-square and growth of the log determinant where the fit lies now."""
         whiten, problem = self._whiten(fit), self.prepared.problem
         residual = whiten(problem.keep * (problem.value - fit.prediction))

@@ -93,7 +93,7 @@ def _start(
 class Own(Protocol):
     """Judges explanations by diffuse light under the errors of their own response."""
 
-    def promise(self, explanation: Explanation, fit: Fit) -> float:
+    def promise(self, fit: Fit) -> float:
         """Chi-square and growth of the log determinant where the fit lies now."""
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
@@ -209,7 +209,7 @@ def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) 
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
     diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0])]
     if len(diffuse) > _REFITTED:
-        diffuse = sorted(diffuse, key=lambda f: own.promise(*f))[:_REFITTED]
+        diffuse = sorted(diffuse, key=lambda f: own.promise(f[1]))[:_REFITTED]
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
     for explanation, fit in fits:
         if any(explanation is e for e, _ in diffuse):

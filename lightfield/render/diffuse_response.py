@@ -38,6 +38,7 @@ from lightfield.render.response import (
     light_classes,
 )
 from lightfield.render.shift import Shift
+from lightfield.render.straight import from_behind, inhomogeneous
 from lightfield.scene import Lamp, Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
@@ -198,7 +199,9 @@ class DiffuseResponse:
         """The light of this trace at the readings, shape (n_waters, n)."""
         nothing = np.zeros((len(a), len(self.rows.straight_m)))
         light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
-        seen = light * self._inhomogeneous(scene) * self._path_change(scene, a + b)
+        z, r = self.shift.cell_z_m, self.rows.straight_m
+        seen = light * inhomogeneous(scene.water, z, r)
+        seen = seen * from_behind(scene.lamp.apparent_distance_m, a + b, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
     @staticmethod
@@ -245,7 +248,8 @@ class DiffuseResponse:
         for one, c in zip(light, attenuation, strict=True):
             for share, at in zip(shares, nodes, strict=True):
                 one += share * self.reflected.evaluate(scene, float(c + at))
-        return light * self.shift.pick(self._inhomogeneous(scene))
+        along = inhomogeneous(scene.water, self.shift.cell_z_m, self.rows.straight_m)
+        return light * self.shift.pick(along)
 
     @staticmethod
     def _spread(scene: Scene) -> tuple[Array, Array]:
@@ -380,29 +384,6 @@ class DiffuseResponse:
         return [
             (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
         ]
-
-    def _path_change(self, scene: Scene, attenuation: Array) -> Array:
-        """Less attenuation for light from behind the window, which crosses the water less obliquely."""
-        behind = scene.lamp.apparent_distance_m
-        z, r = self.shift.cell_z_m, self.rows.straight_m
-        radius = np.sqrt(np.maximum(r * r - z * z, 0))
-        return np.asarray(
-            np.exp(-attenuation[:, None] * (np.hypot(radius, z + behind) * z / (z + behind) - r))
-        )
-
-    def _inhomogeneous(self, scene: Scene) -> Array:
-        """Attenuation by a gradient or layer along the straight path, which diffuse light nearly follows."""
-        water = scene.water
-        z, r = self.shift.cell_z_m, self.rows.straight_m
-        tau = water.gradient_per_m2 * (0.5 * z - water.gradient_centre_m) * r
-        if water.layer_absorption_per_m:
-            half = 0.5 * water.layer_width_m
-            low, high = water.layer_centre_m - half, water.layer_centre_m + half
-            tau = (
-                tau
-                + water.layer_absorption_per_m * np.clip(np.minimum(z, high) - max(low, 0.0), 0, None) * r / z
-            )
-        return np.asarray(np.exp(-tau))
 
 
 def _stretched(lamp: Lamp, factor: float) -> Lamp:

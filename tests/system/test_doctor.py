@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from lightfield import cli
 from lightfield import doctor as examination
 from lightfield.commands import doctor as command
-from lightfield.doctor import Check
+from lightfield.render.known_case import Check, render_known_case
 
 
 def test_this_machine_is_healthy(capsys, monkeypatch):
@@ -37,7 +37,7 @@ def test_this_machine_is_healthy(capsys, monkeypatch):
 
 def test_known_case_scatters_as_it_says():
     """Each run counts hits of a sphere (binomial), so z^2 of 12 seeds adds up to chi-square."""
-    checks = [examination.render_known_case(seed) for seed in range(12)]
+    checks = [render_known_case(seed) for seed in range(12)]
     assert checks[0].known == pytest.approx(math.pi * 0.06 * 50 / 4)  # pi L (R/d)^2 over a 50 nm band
     assert 0.001 < chi2.sf(sum(check.z**2 for check in checks), len(checks)) < 0.999
 
