@@ -18,7 +18,14 @@ from lightfield.diagnosis.compose import units_of
 from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.preparation import whitened_test
 from lightfield.diagnosis.problem import Problem
-from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, Isolability, Limit, detection_limits, isolability
+from lightfield.diagnosis.rivals import (
+    DETECTABLE_SIGMA,
+    SAME_CLASS_SIGMA,
+    Isolability,
+    Limit,
+    detection_limits,
+    isolability,
+)
 from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.fit import Array, Fit
@@ -125,7 +132,9 @@ def _sizes(adequacy: Adequacy) -> dict[str, float]:
                 candidate.amplitudes[0].high - candidate.amplitudes[0].start,
                 candidate.amplitudes[0].start - candidate.amplitudes[0].low,
             )
-            out[candidate.name] = float(min(max(candidate.typical[0], 2 * 4.8 / score.length), room))
+            out[candidate.name] = float(
+                min(max(candidate.typical[0], 2 * DETECTABLE_SIGMA / score.length), room)
+            )
     return out
 
 
