@@ -10,7 +10,6 @@ import numpy as np
 
 from lightfield.scene import Scene
 
-PATCHES = 900
 NEAR, SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
 
 Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -111,8 +110,8 @@ def _exchange(
     return np.where(distance > 1e-6, seen / (pi * np.maximum(distance, 1e-6) ** 2), 0.0), distance
 
 
-def walls(scene: Scene, farthest_m: float, lid: bool) -> Patches:
-    """Patches of about equal size that cover what matters of the walls."""
+def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:
+    """Patches of about equal size, roughly so many, that cover what matters of the walls."""
     tank = scene.tank
     assert tank is not None
     half, top = 0.5 * tank.width_m, tank.lamp_depth_m
@@ -123,7 +122,7 @@ def walls(scene: Scene, farthest_m: float, lid: bool) -> Patches:
     # Before the front wall lies as little.
     start = max(front, -2 * max(tank.width_m, tank.depth_m))
     around = 2 * tank.depth_m + (2 if lid else 1) * tank.width_m
-    step = sqrt((around * (end - start) + 2 * tank.width_m * tank.depth_m) / PATCHES)
+    step = sqrt((around * (end - start) + 2 * tank.width_m * tank.depth_m) / count)
     z = (start, end)
     x_side, y_side = (-half, half), (floor, top)
     made = [_rectangle((sign * half, None, None), (y_side, z), (-sign, 0, 0), step) for sign in (-1.0, 1.0)]

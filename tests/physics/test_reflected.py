@@ -94,6 +94,25 @@ def test_light_from_behind_the_window_meets_the_surface_beyond_it() -> None:
     assert (light[2:] > 0).all()
 
 
+def test_light_is_smooth_in_the_attenuation() -> None:
+    """No jump where the interpolation changes its nodes, and 0.3 % from what the walls give at that very
+    attenuation, by all reflections (solved, not summed)."""
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.3})
+    places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
+    light = ReflectedLight(scene, *places)
+    room = light.room(lid=True)
+    for attenuation in (0.05, 0.1, 0.15, 0.2, 0.35, 0.7):
+        before, after = (light.evaluate(scene, attenuation + by) for by in (-1e-7, 1e-7))
+        assert after == pytest.approx(before, rel=1e-5)
+        lit = room.lit(scene.lamp, attenuation, 0.0)
+        patches = lit.reshape(len(room.patches.centre), -1).mean(axis=1)
+        among, reading = (t.through(attenuation) for t in (room.among, room.reading))
+        every = 0.3 * np.linalg.solve(np.eye(len(patches)) - 0.3 * among, patches)
+        again = np.repeat(every - 0.3 * patches, room.parts**2) + 0.3 * lit
+        seen = (room.before[:, None] * room.parts**2 + np.arange(room.parts**2)).ravel()
+        assert light.evaluate(scene, attenuation) == pytest.approx(reading @ again[seen], rel=0.003)
+
+
 def test_opaque_water_stays_dark() -> None:
     """Attenuation 2 to 3 /m over 36 m is exp(-72) and less, where single precision ends and so does what
     can be interpolated: never more than the direct light, or than 1e-39."""
