@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,7 +30,7 @@ class Diffuse(Protocol):
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
 
-    def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Any, Any]: ...
+    def errors(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Any, Any]: ...
 
     @property
     def clear(self) -> Diffuse: ...
@@ -120,6 +121,10 @@ class SceneForward:
         return len(self._channel)
 
     @property
+    def _colours(self) -> list[float | None]:
+        return [None if np.isnan(w) else float(w) for w in self._wavelengths]
+
+    @property
     def gain_names(self) -> tuple[str, ...]:
         """One gain per channel on a relative scale, one for all on an absolute one."""
         if len(self._wavelengths) == 1 or self.readings.scale == "absolute":
@@ -131,11 +136,22 @@ class SceneForward:
         """Can scattered and reflected light be predicted?"""
         return self._source is not None
 
-    def at(self, **places: Array) -> SceneForward:
-        """The same scene at other places: arrays of one length, medium and time like them."""
+    def at(self, photons: int | None = None, **places: Array) -> SceneForward:
+        """The same scene at other places.
+
+        Parameters
+        ----------
+        photons : int, optional
+            Of the trace there; default: that of the source.
+        places : arrays of one length
+            Positions, medium and time.
+        """
         n = len(next(iter(places.values())))
-        first = self.readings.subset(np.zeros(n, int))
-        return SceneForward(self.scene, replace(first, **places), self._source, self._full, self._width)
+        there = replace(self.readings.subset(np.zeros(n, int)), **places)
+        source = self._source
+        if source is not None and photons is not None:
+            source = partial(source, photons=photons)
+        return SceneForward(self.scene, there, source, self._full, self._width)
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
         """A copy whose light is scaled, reading by reading, so that at `values` it equals a full render.
@@ -184,13 +200,12 @@ class SceneForward:
         modes: Array = np.zeros((self.size, 0))
         smooth: Array = np.zeros(self.size)
         if has_diffuse_light(scene) and self._source is not None:
-            response = self._traced()
-            for k, wavelength in enumerate(self._wavelengths):
-                mine = np.flatnonzero((self._channel == k) & ~self._air)
-                found, slow = response.errors(scene, None if np.isnan(wavelength) else float(wavelength))
-                if (more := found.shape[1] - modes.shape[1]) > 0:
-                    modes = np.pad(modes, ((0, 0), (0, more)))
-                modes[mine, : found.shape[1]], smooth[mine] = found[mine], slow[mine]
+            found, slow = self._traced().errors(scene, self._colours)
+            each = self._channel, np.arange(self.size)
+            modes, smooth = (
+                np.where(self._air[:, None], 0.0, found[each]),
+                np.where(self._air, 0.0, slow[each]),
+            )
         correction = np.broadcast_to(self._correction, (self.size,))
         modes, smooth = modes * correction[:, None], smooth * correction
         if np.any(self._more_error):
@@ -240,8 +255,7 @@ class SceneForward:
     def _diffuse(self, scene: Scene) -> Array:
         if self._source is None:
             return np.zeros(self.size)
-        wavelengths = [None if np.isnan(w) else float(w) for w in self._wavelengths]
-        light = self._traced().light(scene, wavelengths)
+        light = self._traced().light(scene, self._colours)
         return np.where(self._air, 0.0, light[self._channel, np.arange(self.size)])
 
     def _direct(self, scene: Scene, readings: Any) -> Array:

@@ -8,12 +8,14 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
 from lightfield.render import store
 from lightfield.render.backend import use_backend
+from lightfield.render.beam_tallies import BeamTallies, Sent
 from lightfield.render.beamnodes import BeamNodes
-from lightfield.render.diffuse_response import CLEAR_TO_PER_M, DiffuseResponse, Sent
+from lightfield.render.diffuse_response import CLEAR_TO_PER_M, DiffuseResponse
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
@@ -38,6 +40,9 @@ TAKES_OVER = ((CLEAR_TO_PER_M, 0.45), (0.9, 1.2))
 SENT = (1.0, 1 / 4, 1 / 20)
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
+#: Part of the photons for the first and last node of g, which count little between the others, and for light
+#: that was both scattered and reflected under a water surface, of which there is little.
+AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.5
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
 CELL_M = 0.2
 
@@ -61,7 +66,7 @@ def response_for(
         Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
     x_m, y_m, z_m : arrays, shape (n,), m
     photons : int
-        Per node of g in the clearest of the traced waters.
+        Per inner node of g in the clearest of the traced waters.
     g_nodes : sequence of float
         Ascending; used when the phase function is Henyey-Greenstein.
     seed : int
@@ -94,12 +99,13 @@ def response_for(
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
 
     def traced_in(scattering: float, sent: int) -> DiffuseResponse:
-        one = partial(_response, scene, places, scattering, photons=sent, seed=seed, cache=cache)
-        main = one(nodes, open_top, needed)
+        one = partial(_response, scene, places, scattering, seed=seed, cache=cache)
+        main = one(nodes, open_top, needed, photons=sent)
         if scene.tank is None or open_top:
             return main
         # Light that was only scattered is the same under either top.
-        return replace(main, under_surface=one(middle, True, needed[1:]))
+        few = round(UNDER_SURFACE * sent)
+        return replace(main, under_surface=one(middle, True, needed[1:], photons=few))
 
     def from_water(i: int) -> DiffuseResponse:
         made = traced_in(REFERENCE_SCATTERING[i], round(photons * SENT[i]))
@@ -129,18 +135,21 @@ def _response(
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
     beam_nodes = BeamNodes(angle_nodes(width), width)
+    sent_to = np.full(max(len(nodes), 1), photons)
+    if len(nodes) > 2:
+        sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
     key = {
         "kind": "diffuse",
         **transport_key(traced, grid, reference),
         "g": nodes,
         "classes": list(needed),
-        "photons": photons,
+        "photons": sent_to.tolist(),
         "seed": seed,
         "nodes": asdict(beam_nodes.nodes),
     }
     stored = store.load(key) if cache else None
     if stored is None:
-        stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, photons, seed)
+        stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed)
         if cache:
             store.save(key, stored)
     histories = np.asarray(stored["histories"], int)
@@ -155,7 +164,8 @@ def _response(
         tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
     sent = Sent(np.asarray(stored["density"], float), traced.lamp)
     shift = Shift(grid, *places)
-    return DiffuseResponse(list(tallies), errors, nodes, rows, beam_nodes, sent, shift, images.orbits, smooth)
+    beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
+    return DiffuseResponse(beams, errors, nodes, rows, shift, images.orbits, smooth)
 
 
 def _bucket(hwhm_deg: float) -> float:
@@ -181,25 +191,26 @@ def _trace(
     beam_nodes: BeamNodes,
     g_nodes: tuple[float, ...],
     needed: Sequence[int],
-    photons: int,
+    photons: NDArray[np.integer[Any]],
     seed: int,
 ) -> dict[str, Array]:
     use_backend()
     from lightfield.render.accumulate import trace_by_direction
 
     tallies, errors = [], []
-    for g in g_nodes or (None,):
+    for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
         one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
         tally, stderr, histories, excess, density = trace_by_direction(
-            one, grid, reference, beam_nodes, photons, seed
+            one, grid, reference, beam_nodes, sent, seed
         )
         tallies.append(tally)
         errors.append(stderr)
     stacked, relative = np.array(tallies, np.float32), np.array(errors)
-    once = histories[:, 0] == 0
-    stacked[:, :, once] = stacked[:, :, once].mean(axis=0)
-    kinds = list(NEVER_SCATTERED)
-    relative[:, kinds] = np.sqrt((relative[:, kinds] ** 2).mean(axis=0) / len(relative))
+    # Light that was never scattered knows no g: the traces are one.
+    part = photons / photons.sum()
+    once, kinds = histories[:, 0] == 0, list(NEVER_SCATTERED)
+    stacked[:, :, once] = np.tensordot(part, stacked[:, :, once], axes=1)
+    relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
     used = stacked.any(axis=(0, 1, 3)) & np.isin(light_classes(histories), needed)
     return {
         "tallies": stacked[:, :, used],

@@ -17,63 +17,32 @@ apparent source behind the window stretches the beam plane by plane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
-from lightfield.render.beamnodes import BeamNodes, is_round
+from lightfield.render.beam_tallies import BeamTallies
 from lightfield.render.reflected import ReflectedLight
 from lightfield.render.response import (
     CLASSES,
+    FROM_SURFACE,
     FROM_WALLS,
     HERMITE_NODES,
     HERMITE_SHARES,
     NEVER_SCATTERED,
     Array,
     TransportResponse,
-    light_classes,
 )
 from lightfield.render.shift import Shift
 from lightfield.render.straight import from_behind, inhomogeneous
-from lightfield.scene import Lamp, Scene
+from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-KEPT_BEAMS = 256
 #: Waters that scatter less than this are answered by the first trace alone.
 CLEAR_TO_PER_M = 0.3
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
-BEAM = (
-    "profile",
-    "hwhm_deg",
-    "shape_exponent",
-    "skirt_fraction",
-    "skirt_hwhm_deg",
-    "ellipticity",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "apparent_distance_m",
-)
-
-
-@dataclass(frozen=True)
-class Sent:
-    """How the photons of a trace were sent out.
-
-    Parameters
-    ----------
-    density : array, shape (n_rings,), 1/sr
-        Part of them per solid angle at each ring.
-    lamp : Lamp
-        The beam that the stated errors belong to.
-    """
-
-    density: Array
-    lamp: Lamp
 
 
 @dataclass(frozen=True)
@@ -82,15 +51,14 @@ class DiffuseResponse:
 
     Parameters
     ----------
-    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells), one per node of g
+    beams : BeamTallies
+        The tallies of the traces, one per node of g.
     relative_stderr : array, shape (n_g, 5, n_cells)
         Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
     g_nodes : tuple of float
         Empty when the phase function has no g (one tally then).
     rows : TransportResponse
         Histories of the rows, with an empty tally.
-    beam_nodes : BeamNodes
-    sent : Sent
     shift : Shift
         From cells to positions.
     images : array of 0 and 1, shape (n_cells, n_sets)
@@ -107,12 +75,10 @@ class DiffuseResponse:
         Scattering coefficients between which the denser one takes over.
     """
 
-    tallies: list[Array]
+    beams: BeamTallies
     relative_stderr: Array
     g_nodes: tuple[float, ...]
     rows: TransportResponse
-    beam_nodes: BeamNodes
-    sent: Sent
     shift: Shift
     images: Array
     wall_smoother: Array
@@ -120,9 +86,6 @@ class DiffuseResponse:
     reflected: ReflectedLight | None = None
     denser: Callable[[], DiffuseResponse] | None = None
     takes_over_per_m: tuple[float, float] = (np.inf, np.inf)
-    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
-    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
-    _scatter: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
         """Scattered and reflected part for unit on-axis intensity.
@@ -139,29 +102,32 @@ class DiffuseResponse:
         value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
             The Monte Carlo error alone, see `errors`.
         """
-        modes, _ = self.errors(scene, wavelength_nm)
-        return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes, axis=1)
+        modes, _ = self.errors(scene, [wavelength_nm])
+        return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes[0], axis=1)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n)."""
         a, b = self._water(scene, wavelengths_nm)
         return self._moved(scene, a, b) + self._unscattered(scene, a + b)
 
-    def errors(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
+    def errors(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
         """Errors of the light.
 
         Returns
         -------
-        modes : array, shape (n, k), m^-2
-            Monte Carlo errors as independent contributions: covariance = modes @ modes.T. Mirror images share
-            their photons, and light from walls is smoothed over a plane: such readings share contributions.
-        smooth : array, shape (n,), m^-2
+        modes : array, shape (n_wavelengths, n, k), m^-2
+            Monte Carlo errors as independent contributions: covariance of readings i and j at wavelengths v
+            and w = modes[v, i] @ modes[w, j]. Mirror images share their photons, light from walls is smoothed
+            over a plane, and all wavelengths are of one trace: such readings share contributions, the
+            less the more their waters differ.
+        smooth : array, shape (n_wavelengths, n), m^-2
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
             basis, patches of the walls.
         """
-        a, b = self._water(scene, [wavelength_nm])
-        (moved,), (unscattered,) = self._moved(scene, a, b), self._unscattered(scene, a + b)
-        smooth = SCATTERED_ERROR * moved + REFLECTED_ERROR * unscattered
+        a, b = self._water(scene, wavelengths_nm)
+        smooth = SCATTERED_ERROR * self._moved(scene, a, b) + REFLECTED_ERROR * self._unscattered(
+            scene, a + b
+        )
         return self._modes(scene, a, b), smooth
 
     @property
@@ -186,14 +152,13 @@ class DiffuseResponse:
         return beyond if (share == 1).all() else beyond + (1 - share)[:, None] * self._traced(scene, a, b)
 
     def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
-        """Errors of the traced light of one water as independent contributions, shape (n, k)."""
-        (share,) = self._share_of_denser(b)
-        (traced,) = self._traced(scene, a, b)
+        """Errors of the traced light as independent contributions, shape (n_waters, n, k)."""
+        share = self._share_of_denser(b)[:, None, None]
         # Kept even where its share is nothing: the same columns are the same photons in every water.
-        modes = (1 - share) * traced[:, None] * self._relative_modes(scene, a, b)
-        if self.denser is None or share == 0:
+        modes = (1 - share) * self._traced(scene, a, b)[:, :, None] * self._relative_modes(scene, a, b)
+        if self.denser is None or not share.any():
             return np.asarray(modes)
-        return np.hstack([modes, share * self.denser()._modes(scene, a, b)])
+        return np.concatenate([modes, share * self.denser()._modes(scene, a, b)], axis=2)
 
     def _traced(self, scene: Scene, a: Array, b: Array) -> Array:
         """The light of this trace at the readings, shape (n_waters, n)."""
@@ -212,7 +177,7 @@ class DiffuseResponse:
         return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 
     def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, Array]]:
-        """Light of every class in every cell, and its variance, in uniform waters."""
+        """Light of every class in every cell, and its covariance, in uniform waters."""
         if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
             return self._classes(scene, a, b, range(CLASSES), errors)
         # Light that was only scattered is the same under either top, and known for every g here.
@@ -220,24 +185,30 @@ class DiffuseResponse:
         return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES), errors)
 
     def _relative_modes(self, scene: Scene, a: Array, b: Array) -> Array:
-        """Relative errors of the traced light at the readings as independent contributions, shape (n, k).
+        """Relative errors of the traced light at the readings as independent contributions.
 
         At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
+
+        Returns
+        -------
+        array, shape (n_waters, n, k)
         """
-        parts = {kind: (v[0], e[0]) for kind, (v, e) in self._light(scene, a, b, errors=True).items()}
+        parts = self._light(scene, a, b, errors=True)
         if not parts:
-            return np.zeros((len(self.shift.cell), 0))
-        total = sum((v for v, _ in parts.values()), np.full(len(self.rows.straight_m), 1e-300))
-        total = np.maximum(total, np.sqrt(sum(e for _, e in parts.values())))
+            return np.zeros((len(a), len(self.shift.cell), 0))
+        total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.rows.straight_m)), 1e-300))
+        variance = sum(np.einsum("wwh->wh", covariance) for _, covariance in parts.values())
+        total = np.maximum(total, np.sqrt(variance))
         open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
         modes = []
-        for kind, (_, variance) in parts.items():
+        for kind, (_, covariance) in parts.items():
             traced = self.under_surface if open_top and kind > 0 and self.under_surface else self
-            error = np.sqrt(variance)[:, None] * traced.images
+            error = _root(covariance)[..., None] * traced.images  # (n_waters, n_waters, n_cells, n_sets)
             if kind in FROM_WALLS:
                 error = traced.wall_smoother @ error
-            modes.append(self.shift.spread(error / total[:, None]))
-        return np.hstack(modes)
+            of_readings = self.shift.spread(error / total[:, None, :, None])
+            modes += list(np.moveaxis(of_readings, 1, 0))
+        return np.concatenate(modes, axis=2)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
@@ -260,68 +231,45 @@ class DiffuseResponse:
     def _classes(
         self, scene: Scene, a: Array, b: Array, kinds: range, errors: bool
     ) -> dict[int, tuple[Array, Array]]:
-        """Light of some classes in every cell, and its variance before any smoothing, in uniform waters.
+        """Light of some classes in every cell, and its covariance before any smoothing, in uniform waters.
 
-        Each of shape (n_waters, n_cells); the variance is zero unless asked for.
+        Of shapes (n_waters, n_cells) and (n_waters, n_waters, n_cells); no covariance unless asked for.
         """
         tank = scene.tank
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         within, average = self._spread(scene)
         spread, b = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
-        history = self.rows.histories
-        used = np.isin(self.classes, kinds) & ((rho > 0) | (history[:, 1] == 0))
-        used &= ((surface > 0) | (history[:, 2] == 0)) & ((b > 0).any() | (history[:, 0] == 0))
         out: dict[int, tuple[Array, Array]] = {}
-        if not used.any():
+        lit = [
+            kind
+            for kind in self.beams.rows_of
+            if kind in kinds
+            and (rho > 0 or kind not in FROM_WALLS)
+            and (surface > 0 or kind not in FROM_SURFACE)
+            and (kind in NEVER_SCATTERED or (b > 0).any())
+        ]
+        if not lit:
             return out
         ones, reference = np.ones_like(spread), self.rows.reference
-        weights = self.rows.row_weights(spread, b, rho * ones, surface * ones)
         change = spread + b - reference.absorption_per_m - reference.scattering_per_m
         along = np.exp(-change[:, None] * self.rows.straight_m)
         shares = self._g_shares(scene)
-        for kind in np.unique(self.classes[used]):
-            rows = self.classes == kind
+        for kind in lit:
+            weights = self.rows.row_weights(spread, b, rho * ones, surface * ones, self.beams.rows_of[kind])
             # Light that was never scattered knows no g: its tally is the same at every node.
-            value, variance = np.zeros((2, len(a), len(self.rows.straight_m)))
+            value = np.zeros((len(a), len(self.rows.straight_m)))
+            covariance = np.zeros((len(a), *(value.shape if errors else (0, 0))))
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                beam = self._beam(index, int(kind), scene.lamp)
-                found = ((weights[:, rows] @ beam) * along).reshape(len(a), len(within), -1)
+                beam = self.beams.contracted(index, kind, scene.lamp)
+                found = ((weights @ beam) * along).reshape(len(a), len(within), -1)
                 part = share * np.einsum("whc,h->wc", found, average)
                 value += part
                 if errors:
-                    mixed = np.einsum("whr,h->wr", weights[:, rows].reshape(len(a), len(within), -1), average)
-                    thinned = self._thinning(index, int(kind), scene, mixed)
-                    variance += (part * self.relative_stderr[index, kind]) ** 2 * thinned
-            out[int(kind)] = value, variance
+                    mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
+                    error = part * self.relative_stderr[index, kind]
+                    covariance += error[:, None] * error * self.beams.thinning(index, kind, scene.lamp, mixed)
+            out[kind] = value, covariance
         return out
-
-    def _thinning(self, index: int, kind: int, scene: Scene, weights: Array) -> Array:
-        """Factor on the variance because other photons count now than in the traced beam and water.
-
-        The effective number of photons of weights w is (sum w)^2 / sum w^2 (Kish 1965, Survey Sampling).
-
-        Parameters
-        ----------
-        weights : array, shape (n_waters, n_rows)
-            Of the rows of one class.
-        """
-        key = (index, kind)
-        if key not in self._scatter:
-            once = np.ones((1, (self.classes == kind).sum()))
-            self._scatter[key] = self._concentration(index, kind, self.sent.lamp, once)
-        now, then = self._concentration(index, kind, scene.lamp, weights), self._scatter[key]
-        return np.divide(now, then, out=np.ones_like(now), where=(now > 0) & (then > 0))
-
-    def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
-        """Sum of squares over the square of the sum of what single photons bring, up to a constant."""
-        total = weights @ self._beam(index, kind, lamp)
-        squares = weights**2 @ self._beam(index, kind, lamp, squares=True)
-        return np.divide(squares, total**2, out=np.zeros_like(total), where=np.abs(total) > 1e-30)
-
-    @cached_property
-    def classes(self) -> NDArray[np.integer[Any]]:
-        """Class of every row, see `light_classes`."""
-        return light_classes(self.rows.histories)
 
     def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
         """Lagrange interpolation in log(1 - g) over the traced nodes."""
@@ -339,56 +287,12 @@ class DiffuseResponse:
         shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
         return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
-    def _beam(self, index: int, kind: int, lamp: Lamp, squares: bool = False) -> Array:
-        """Tally of one g node and class of light, contracted with a beam, (n_rows, n_cells).
 
-        With `squares` the sum over photons of squared contributions, up to a constant.
-        """
-        key = (index, kind, squares, *(getattr(lamp, name) for name in BEAM))
-        if key not in self._beams:
-            while len(self._beams) >= KEPT_BEAMS:
-                self._beams.pop(next(iter(self._beams)))
-            tally = self._tally(index, kind, is_round(lamp))
-            contracted = np.empty(tally.shape[1:], np.float32)
-            for stretch, cells in self._stretches(lamp.apparent_distance_m):
-                values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
-                if squares:
-                    per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
-                    values = (per_ring**2 / self.sent.density[:, None]).ravel()
-                mine = tally if cells is None else tally[:, :, cells]
-                flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
-                contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
-            self._beams[key] = contracted
-        return np.asarray(self._beams[key])
-
-    def _tally(self, index: int, kind: int, rings: bool) -> Array:
-        """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
-        key = (index, kind, rings)
-        if key not in self._tallies:
-            tally = self.tallies[index][:, self.classes == kind]
-            if rings:
-                nodes = self.beam_nodes.nodes
-                tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
-            self._tallies[key] = np.ascontiguousarray(tally)
-        return np.asarray(self._tallies[key])
-
-    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, NDArray[np.integer[Any]] | None]]:
-        """Factor on the beam's angles at each plane, and the cells of that plane.
-
-        Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
-        order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
-        """
-        if apparent_distance_m == 0:
-            return [(1.0, None)]
-        planes = self.shift.cell_z_m
-        return [
-            (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
-        ]
-
-
-def _stretched(lamp: Lamp, factor: float) -> Lamp:
-    """The beam with all its angles multiplied."""
-    if factor == 1:
-        return lamp
-    names = ("hwhm_deg", "skirt_hwhm_deg", "tilt_x_deg", "tilt_y_deg")
-    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in names})
+def _root(covariance: Array) -> Array:
+    """Lower triangular roots of the covariances of cells, shape (k, k, n_cells) as given."""
+    size = np.sqrt(np.einsum("wwh->wh", covariance))
+    lengths = np.where(size > 0, size, 1.0)
+    correlation = np.moveaxis(covariance / (lengths[:, None] * lengths), 2, 0)
+    return np.asarray(
+        size[:, None] * np.moveaxis(np.linalg.cholesky(correlation + 1e-5 * np.eye(len(size))), 0, 2)
+    )

@@ -21,8 +21,9 @@ from scipy.special import gammainc
 from lightfield.errors import RenderError
 
 Array = NDArray[np.floating[Any]]
+Rows = NDArray[np.integer[Any]] | slice
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
-FROM_WALLS = (1, 2)
+FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
 CLASSES = 5
 HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
 HERMITE_SHARES = _HERMITE / _HERMITE.sum()
@@ -182,9 +183,9 @@ class TransportResponse:
         """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""
         return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
 
-    def row_weights(self, a: Array, b: Array, rho: Array, surface: Array) -> Array:
-        """Factor of every row, without the attenuation along the straight line; shape (n, n_rows)."""
-        _, m, k = self.histories.T
+    def row_weights(self, a: Array, b: Array, rho: Array, surface: Array, rows: Rows = slice(None)) -> Array:
+        """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows)."""
+        _, m, k = self.histories[rows].T
         ref = self.reference
         if (b > 0).any() and ref.scattering_per_m == 0:
             raise RenderError(
@@ -203,22 +204,22 @@ class TransportResponse:
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
         return np.asarray(
-            self._scattering(b) * walls * surface[:, None] ** k * np.exp(-change * self.excess_m)
+            self._scattering(b, rows) * walls * surface[:, None] ** k * np.exp(-change * self.excess_m[rows])
         )
 
-    def _scattering(self, b: Array) -> Array:
+    def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).
 
         Rows of the highest class hold all higher n as well. Given the length of a path, n is close to a
         Poisson number; averaged over n >= N the factor is e^((b - b_0) L) P(n >= N; b L) / P(n >= N; b_0 L).
         """
-        n, reference = self.histories[:, 0], self.reference.scattering_per_m
+        n, reference = self.histories[rows, 0], self.reference.scattering_per_m
         if reference == 0:
             return np.zeros((len(b), 1)) ** n
         factor = (b / reference)[:, None] ** n
-        top = self._open_ended
+        top = self._open_ended[rows]
         if top.any() and (b != reference).any():
-            length = self.excess_m[top] + self.straight_m.mean()
+            length = self.excess_m[rows][top] + self.straight_m.mean()
             more, more_before = (gammainc(n[top], rate * length) for rate in (b[:, None], reference))
             factor[:, top] = np.exp((b[:, None] - reference) * length) * more / more_before
         return np.asarray(factor)

@@ -80,8 +80,8 @@ class Shift:
         return np.asarray(np.clip(mean, 0.8, 1.25))
 
     def spread(self, relative: np.ndarray) -> np.ndarray:
-        """Relative errors of the readings from those of the cells, (n_cells, k) to (n, k)."""
-        return np.asarray((self.smooth @ relative)[self.cell])
+        """Relative errors of the readings from those of the cells, (..., n_cells, k) to (..., n, k)."""
+        return np.asarray((self.smooth @ relative)[..., self.cell, :])
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

@@ -107,14 +107,22 @@ OTHERS: dict[str, dict[str, Any]] = {
 }
 
 
-def test_stated_error_is_the_scatter_of_seeds() -> None:
-    """Responses of 12 seeds scatter as they say, averaged over places (open water, one g), for every beam and
-    water that is asked of them, not only for the traced ones."""
-    scene = Scene.from_dict({**SCENE.to_dict(), "tank": None})
-    traced = [
-        response_for(scene, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, cache=False)
+OPEN_WATER = Scene.from_dict({**SCENE.to_dict(), "tank": None})
+
+
+@pytest.fixture(scope="module")
+def traced() -> list[DiffuseResponse]:
+    """Twelve seeds in open water, one g."""
+    return [
+        response_for(OPEN_WATER, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, cache=False)
         for seed in range(12)
     ]
+
+
+def test_stated_error_is_the_scatter_of_seeds(traced: list[DiffuseResponse]) -> None:
+    """Responses of 12 seeds scatter as they say, averaged over places (open water, one g), for every beam and
+    water that is asked of them, not only for the traced ones."""
+    scene = OPEN_WATER
     # 11 degrees of freedom at each of ten places, neighbours of which share photons: at least those of one.
     low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
     for name, values in OTHERS.items():
@@ -125,12 +133,30 @@ def test_stated_error_is_the_scatter_of_seeds() -> None:
         assert 1 / high < ratio < 1 / low, name
 
 
+def test_colours_of_different_water_share_errors_as_seeds_do(traced: list[DiffuseResponse]) -> None:
+    """Sediment at 400, 550 and 700 nm. The scatter of seeds in the *difference* of two colours, where
+    a common error would vanish, is as stated, and smaller than if they had nothing in common."""
+    scene = OPEN_WATER.with_values({"water.scattering_per_m": 0.0, "water.sediment_g_per_m3": 0.5})
+    colours = [400.0, 550.0, 700.0]
+    light = np.array([response.light(scene, colours) for response in traced])
+    stated = np.array([response.errors(scene, colours)[0] for response in traced])
+    mean = light.mean(axis=0)
+    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
+    for one, two in ((0, 1), (1, 2), (0, 2)):
+        scatter = (light[:, one] / mean[one] - light[:, two] / mean[two]).var(axis=0, ddof=1).mean()
+        modes = stated[:, one] / mean[one][:, None] - stated[:, two] / mean[two][:, None]
+        difference = (modes**2).sum(axis=2).mean()
+        assert 1 / high < difference / scatter < 1 / low, (one, two)
+        alone = sum((stated[:, k] ** 2).sum(axis=2) / mean[k] ** 2 for k in (one, two)).mean()
+        assert difference < 0.5 * alone, (one, two)
+
+
 def test_errors_stay_finite_where_interpolation_in_g_leaves_nothing(response: DiffuseResponse) -> None:
     """Beyond the last node, and with hardly any scattering, an error is at most the light itself."""
     edge = SCENE.with_values(
         {"water.phase.g": 0.985, "water.scattering_per_m": 1e-4, "tank.wall_albedo": 0.0}
     )
     value, error = response.evaluate(edge)
-    modes, smooth = response.errors(edge)
+    (modes,), (smooth,) = response.errors(edge, [None])
     assert np.isfinite(value).all() and np.isfinite(modes).all() and np.isfinite(smooth).all()
     assert (error <= value * (1 + 1e-9)).all()

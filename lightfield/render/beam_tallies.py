@@ -1,0 +1,158 @@
+"""Tallies that were kept by direction of emission, and what they are for one beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.render.beamnodes import BeamNodes, is_round
+from lightfield.render.response import CLASSES, Array, light_classes
+from lightfield.scene import Lamp
+
+KEPT_BEAMS = 256
+BEAM = (
+    "profile",
+    "hwhm_deg",
+    "shape_exponent",
+    "skirt_fraction",
+    "skirt_hwhm_deg",
+    "ellipticity",
+    "tilt_x_deg",
+    "tilt_y_deg",
+    "apparent_distance_m",
+)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """How the photons of a trace were sent out.
+
+    Parameters
+    ----------
+    density : array, shape (n_rings,), 1/sr
+        Part of them per solid angle at each ring.
+    lamp : Lamp
+        The beam that the stated errors belong to.
+    """
+
+    density: Array
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
+class BeamTallies:
+    """Tallies of one or several traces with the same rows and cells.
+
+    Parameters
+    ----------
+    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells)
+    histories : array of int, shape (n_rows, 3)
+        Scatterings, wall hits and surface reflections of each row.
+    beam_nodes : BeamNodes
+    sent : Sent
+    cell_z_m : array, shape (n_cells,), m
+    """
+
+    tallies: list[Array]
+    histories: NDArray[np.integer[Any]]
+    beam_nodes: BeamNodes
+    sent: Sent
+    cell_z_m: Array
+    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _then: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @cached_property
+    def rows_of(self) -> dict[int, NDArray[np.integer[Any]]]:
+        """Numbers of the rows of every class that was traced, see `light_classes`."""
+        kinds = light_classes(self.histories)
+        return {kind: np.flatnonzero(kinds == kind) for kind in range(CLASSES) if (kinds == kind).any()}
+
+    def contracted(self, index: int, kind: int, lamp: Lamp, squares: bool = False) -> Array:
+        """Tally of one g node and class of light, contracted with a beam, (n_rows, n_cells).
+
+        With `squares` the sum over photons of squared contributions, up to a constant.
+        """
+        key = (index, kind, squares, *(getattr(lamp, name) for name in BEAM))
+        if key not in self._beams:
+            while len(self._beams) >= KEPT_BEAMS:
+                self._beams.pop(next(iter(self._beams)))
+            tally = self._tally(index, kind, is_round(lamp))
+            contracted = np.empty(tally.shape[1:], np.float32)
+            for stretch, cells in self._stretches(lamp.apparent_distance_m):
+                values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
+                if squares:
+                    per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
+                    values = (per_ring**2 / self.sent.density[:, None]).ravel()
+                mine = tally if cells is None else tally[:, :, cells]
+                flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
+                contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
+            self._beams[key] = contracted
+        return np.asarray(self._beams[key])
+
+    def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
+        """Factor on the variance because other photons count now than in the traced beam and water.
+
+        The effective number of photons of weights w is (sum w)^2 / sum w^2 (Kish 1965, Survey Sampling); two
+        waters with weights v and w share sum v w / (sum v sum w).
+
+        Parameters
+        ----------
+        weights : array, shape (n_waters, n_rows)
+            Of the rows of one class.
+
+        Returns
+        -------
+        array, shape (n_waters, n_waters, n_cells)
+        """
+        key = (index, kind)
+        if key not in self._then:
+            once = np.ones((1, len(self.rows_of[kind])))
+            self._then[key] = self._concentration(index, kind, self.sent.lamp, once)
+        now, then = self._concentration(index, kind, lamp, weights), self._then[key]
+        known = (now > 0).all(axis=(0, 1)) & (then > 0)
+        return np.divide(now, then, out=np.ones_like(now), where=known)
+
+    def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
+        """Sum of products over the product of the sums of what single photons bring, up to a constant."""
+        total = weights @ self.contracted(index, kind, lamp)
+        squares = np.maximum(self.contracted(index, kind, lamp, squares=True), 0)
+        products = (weights[:, None] * weights) @ squares
+        sums = total[:, None] * total
+        return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
+
+    def _tally(self, index: int, kind: int, rings: bool) -> Array:
+        """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
+        key = (index, kind, rings)
+        if key not in self._tallies:
+            tally = self.tallies[index][:, self.rows_of[kind]]
+            if rings:
+                nodes = self.beam_nodes.nodes
+                tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
+            self._tallies[key] = np.ascontiguousarray(tally)
+        return np.asarray(self._tallies[key])
+
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, NDArray[np.integer[Any]] | None]]:
+        """Factor on the beam's angles at each plane, and the cells of that plane.
+
+        Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
+        order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
+        """
+        if apparent_distance_m == 0:
+            return [(1.0, None)]
+        planes = self.cell_z_m
+        return [
+            (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
+        ]
+
+
+def _stretched(lamp: Lamp, factor: float) -> Lamp:
+    """The beam with all its angles multiplied."""
+    if factor == 1:
+        return lamp
+    names = ("hwhm_deg", "skirt_hwhm_deg", "tilt_x_deg", "tilt_y_deg")
+    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in names})
