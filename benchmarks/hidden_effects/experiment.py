@@ -45,16 +45,17 @@ class Tracing:
         self.bench = bench
         self.seconds = self.cpu_seconds = 0.0
 
-    def __call__(self, scene: Any, *places: Any) -> Any:
+    def __call__(self, scene: Any, *places: Any, **options: int) -> Any:
         from lightfield.render.diffuse import _bucket, response_for
 
         key = (self.bench, _bucket(scene.lamp.hwhm_deg), *(np.asarray(p).tobytes() for p in places))
         if key in self._kept:
             return self._kept[key]
         start, used = time.perf_counter(), time.process_time()
-        response = response_for(scene, *places)
+        response = response_for(scene, *places, **options)
         denser = response.denser
-        while self.bench and denser:  # all that a fit may ask for, so that no trace counts as diagnosis
+        # All that a fit may ask for, so that no trace counts as diagnosis.
+        while self.bench and denser and not options:
             denser = denser().denser
         self.seconds += time.perf_counter() - start
         self.cpu_seconds += time.process_time() - used

@@ -82,13 +82,14 @@ def _text(made: Plan) -> str:
     else:
         lines.append("Every effect that would be seen would also be told from the others.")
     for extra in made.helpful[:_SHOWN]:
+        advice = extra.advice
         spots = "; ".join(
             f"x = {x:.2f}, y = {y:.2f}, z = {z:.2f} m"
-            for x, y, z in zip(extra.places.x_m, extra.places.y_m, extra.places.z_m, strict=True)
+            for x, y, z in zip(advice.places.x_m, advice.places.y_m, advice.places.z_m, strict=True)
         )
         lines.append(
-            f"Add {extra.repeats} readings each at {spots}: {' and '.join(extra.between)} would part by "
-            f"{extra.predicted_sigma:.1f} sigma (now {extra.now_sigma:.1f})."
+            f"Add {advice.repeats} readings each at {spots}: {' and '.join(extra.between)} would part by "
+            f"{advice.predicted_sigma:.1f} sigma (now {advice.now_sigma:.1f})."
         )
     lines += [f"assumed: {a}" for a in made.assumed]
     return "\n".join(lines)
@@ -116,13 +117,12 @@ def _data(made: Plan) -> dict[str, Any]:
         "add": [
             {
                 "between": list(extra.between),
-                "repeats": extra.repeats,
-                "now_sigma": extra.now_sigma,
-                "predicted_sigma": extra.predicted_sigma,
-                "places_m": [
-                    [float(v) for v in place]
-                    for place in zip(extra.places.x_m, extra.places.y_m, extra.places.z_m, strict=True)
-                ],
+                "repeats": extra.advice.repeats,
+                "now_sigma": extra.advice.now_sigma,
+                "predicted_sigma": extra.advice.predicted_sigma,
+                "places_m": np.stack(
+                    [extra.advice.places.x_m, extra.advice.places.y_m, extra.advice.places.z_m], axis=1
+                ).tolist(),
             }
             for extra in made.helpful
         ],

@@ -3,8 +3,8 @@ parameters)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from lightfield.diagnosis.search import Tried
 from lightfield.fit import Array, Fit, Forward, Whiten
 from lightfield.scene import Tank
 
+#: Photons of the trace at possible places: a quarter of those at readings.
+ROUGH_PHOTONS = 750_000
 #: Relative error that no number of repeats at one place will beat.
 FLOOR = 0.0025
-SPOTS, READINGS = 3, 12
+SPOTS, REPEATS = 3, 4
 #: Two spots closer than this are one.
 _APART_M = 0.4
 
@@ -58,11 +60,77 @@ def possible_places(problem: Problem, tank: Tank | None) -> Places:
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 
-def _gain(difference: Array, leverage: Array, repeats: float) -> Array:
-    return np.asarray(repeats * difference**2 / (1 + repeats * leverage))
+@dataclass(frozen=True)
+class Way:
+    """One explanation is true and another is fitted: what readings at n possible places would show.
+
+    Parameters
+    ----------
+    now : float
+        Squared separation with the readings at hand.
+    difference : array, shape (n,)
+        Between the readings under the truth and their nearest imitation, in errors of the mean of the
+        repeats.
+    slopes : array, shape (n, n_parameters)
+        Of the imitation in its parameters, in the same unit.
+    information : array, shape (n_parameters, n_parameters)
+        What the readings at hand say about them.
+    """
+
+    now: float
+    difference: Array
+    slopes: Array
+    information: Array
+
+    @property
+    def gains(self) -> Array:
+        """Growth of the squared separation by readings at each place, shape (n,)."""
+        leverage = np.einsum("ij,ij->i", self.slopes, np.linalg.solve(self.information, self.slopes.T).T)
+        return np.asarray(self.difference**2 / (1 + leverage))
+
+    def taken(self, i: int) -> Way:
+        """The same once the readings at place i are taken, to which the imitation gives way."""
+        slope = self.slopes[i]
+        moved = np.linalg.solve(self.information, slope)
+        moved *= self.difference[i] / (1 + slope @ moved)
+        return Way(
+            self.now + float(self.gains[i]),
+            self.difference - self.slopes @ moved,
+            self.slopes,
+            self.information + np.outer(slope, slope),
+        )
 
 
-def _differences(
+def error_of_mean(noise: Array, prediction: Array, own: Array) -> Array:
+    """Standard error of the mean of the repeats at a place.
+
+    Parameters
+    ----------
+    noise : array, shape (n,)
+        Of one reading.
+    prediction, own : array, shape (n,)
+        Reading, and the error of what it is compared with: no number of repeats beats that.
+    """
+    return np.asarray(np.sqrt(noise**2 / REPEATS + (FLOOR * prediction) ** 2 + own**2))
+
+
+def best_places(ways: Sequence[Way], places: Places) -> Advice:
+    """Up to three spots, chosen one after the other, that best part two explanations whichever is true."""
+    now = float(np.sqrt(min(way.now for way in ways)))
+    chosen: list[int] = []
+    for _ in range(SPOTS):
+        worst = np.min([way.now + way.gains for way in ways], axis=0)
+        for i in chosen:
+            near = np.hypot(places.x_m - places.x_m[i], places.z_m - places.z_m[i]) < _APART_M
+            worst[near] = 0.0
+        chosen.append(int(worst.argmax()))
+        ways = [way.taken(chosen[-1]) for way in ways]
+    index = np.array(chosen)
+    spots = Places(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
+    return Advice(spots, REPEATS, now, float(np.sqrt(min(way.now for way in ways))))
+
+
+def _way(
     problem: Problem,
     whiten: Whiten,
     truth: Fit,
@@ -70,22 +138,30 @@ def _differences(
     there: Forward,
     sigma: Callable[[Array], Array],
     phi: float,
-) -> tuple[float, Array, Array, Array]:
-    """D^2 now, and at each place: difference in sigma, whitened slopes of the rival, and its information."""
+) -> Way:
     away = separation(problem, whiten, truth, rival, phi)
     imitation = away.fit
     under_truth = there.predict(truth.values)
     under_rival = there.predict(imitation.values)
-    noise = sigma(under_truth)
-    slopes = np.empty((len(noise), len(imitation.u)))
-    for i, parameter in enumerate(imitation.model.parameters):
-        moved = imitation.u.copy()
-        step = parameter.step if moved[i] + parameter.step <= parameter.high else -parameter.step
-        moved[i] += step
-        slopes[:, i] = (there.predict(imitation.model.values(moved)) - under_rival) / step / noise
+    # What both explanations share of the response's error is one error, not two.
+    own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
+    error = error_of_mean(sigma(under_truth), under_truth, own)
+    slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival) / error[:, None]
     information = imitation.jacobian.T @ imitation.jacobian / phi
     information += np.diag(1e-9 * np.diag(information) + 1e-12)
-    return away.separation_sigma**2, (under_truth - under_rival) / noise, slopes, information
+    return Way(away.separation_sigma**2, (under_truth - under_rival) / error, slopes, information)
+
+
+def own_error(there: Forward, values: Mapping[str, float]) -> Array:
+    """Error that scattered and reflected light will give to readings once they are taken, shape (n,).
+
+    Parameters
+    ----------
+    there : Forward
+        Traced with `ROUGH_PHOTONS`; readings that were taken are traced with four times as many.
+    """
+    modes, smooth = there.errors(values)
+    return np.asarray(np.hypot(0.5 * np.linalg.norm(modes, axis=1), smooth))
 
 
 def where_next(
@@ -98,7 +174,7 @@ def where_next(
     there: Forward,
     sigma: Callable[[Array], Array],
 ) -> Advice:
-    """Up to three spots, chosen one after the other, that best part two explanations whichever is true.
+    """Where to measure next so that two explanations part.
 
     Parameters
     ----------
@@ -107,26 +183,5 @@ def where_next(
     sigma : callable
         Standard error of a reading from its prediction.
     """
-    ways = [_differences(problem, whiten, a.fit, b, there, sigma, phi) for a, b in ((one, two), (two, one))]
-    repeats = READINGS // SPOTS
-    total = np.array([way[0] for way in ways])
-    now = float(np.sqrt(total.min()))
-    information = [way[3].copy() for way in ways]
-    chosen: list[int] = []
-    for _ in range(SPOTS):
-        gains = np.stack([
-            _gain(difference, np.einsum("ij,ij->i", slopes, np.linalg.solve(known, slopes.T).T), repeats)
-            for (_, difference, slopes, _), known in zip(ways, information, strict=True)
-        ])  # fmt: skip
-        worst = (total[:, None] + gains).min(0)
-        for i in chosen:
-            near = np.hypot(places.x_m - places.x_m[i], places.z_m - places.z_m[i]) < _APART_M
-            worst[near] = 0.0
-        best = int(worst.argmax())
-        chosen.append(best)
-        total = total + gains[:, best]
-        for (_, _, slopes, _), known in zip(ways, information, strict=True):
-            known += repeats * np.outer(slopes[best], slopes[best])
-    index = np.array(chosen)
-    spots = Places(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
-    return Advice(spots, repeats, now, float(np.sqrt(total.min())))
+    ways = [_way(problem, whiten, a.fit, b, there, sigma, phi) for a, b in ((one, two), (two, one))]
+    return best_places(ways, places)

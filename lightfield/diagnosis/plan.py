@@ -5,15 +5,24 @@ Everything is linear about the scene: an effect is its template, the base model 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield import effects
 from lightfield.diagnosis.adequacy import Adequacy
-from lightfield.diagnosis.advice import READINGS, SPOTS, Places, possible_places
+from lightfield.diagnosis.advice import (
+    ROUGH_PHOTONS,
+    Advice,
+    Way,
+    best_places,
+    error_of_mean,
+    own_error,
+    possible_places,
+)
 from lightfield.diagnosis.compose import units_of
 from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.preparation import whitened_test
@@ -40,10 +49,7 @@ class Helpful:
     """Readings that would part two effects which the layout cannot."""
 
     between: tuple[str, str]
-    places: Places
-    repeats: int
-    now_sigma: float
-    predicted_sigma: float
+    advice: Advice
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
             untestable[score.template.candidate.name] = _ABSORBED
     limits = detection_limits(adequacy, 1.0)
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
-    helpful = _helpful(forward, problem, base, adequacy, found, noise)
+    helpful = _helpful(forward, problem, base, adequacy, found)
     return Plan(limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed)
 
 
@@ -138,27 +144,36 @@ def _sizes(adequacy: Adequacy) -> dict[str, float]:
     return out
 
 
+class _Elsewhere(NamedTuple):
+    """An effect at other places: slope in its first amplitude, and error of the light at its size, (n,)."""
+
+    column: Array
+    own: Array
+
+
 def _columns(
-    problem: Problem, base: Fit, names: tuple[str, ...], forward: Any
-) -> tuple[Array, dict[str, Array]]:
-    """Derivatives of readings elsewhere: base parameters (n, k), first amplitude of each effect (n,)."""
+    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: Any
+) -> tuple[Array, dict[str, _Elsewhere]]:
+    """Derivatives of readings elsewhere: base parameters (n, k), and each effect."""
     at = forward.predict(base.values)
-    model = replace(problem, forward=forward).model()
-    slopes = model.jacobian(base.u, at)
-    out: dict[str, Array] = {}
+    slopes = replace(base.model, forward=forward).jacobian(base.u, at)
+    out: dict[str, _Elsewhere] = {}
     for candidate in problem.candidates:
-        if candidate.name in names and candidate.name not in out:
+        if candidate.name in sizes and candidate.name not in out:
             shape = candidate.grid[0]
             values = base.values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
             first = candidate.amplitudes[0]
             step = first.step if first.start + first.step <= first.high else -first.step
-            moved = forward.predict(values | {first.path: first.value(first.start + step)})
-            out[candidate.name] = (moved - at) / step
+            size = sizes[candidate.name]
+            size = size if first.start + size <= first.high else -size
+            moved, planned = (values | {first.path: first.value(first.start + by)} for by in (step, size))
+            column = (forward.predict(moved) - at) / step
+            out[candidate.name] = _Elsewhere(column, own_error(forward, planned))
     return slopes, out
 
 
 def _helpful(
-    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
+    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability
 ) -> list[Helpful]:
     """For each pair that is not told apart: the best extra readings, best improvement first."""
     layout = problem.layout
@@ -166,9 +181,13 @@ def _helpful(
     n = len(places.x_m)
     last = float(layout.time_s.max()) if layout.has_time else np.nan
     medium = np.where(places.air > 0, "air", "water")
-    there = forward.at(x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=np.full(n, last))
-    slopes, away = _columns(problem, base, found.names, there)
-    sigma = np.hypot(np.hypot(ASSUMED_RELATIVE * there.predict(base.values), ASSUMED_FLOOR), 0.0)
+    time = np.full(n, last)
+    there = forward.at(
+        ROUGH_PHOTONS, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time
+    )
+    slopes, away = _columns(problem, base, dict(zip(found.names, found.sizes, strict=True)), there)
+    light = there.predict(base.values)
+    noise = np.hypot(ASSUMED_RELATIVE * light, ASSUMED_FLOOR)
     here = {
         s.template.candidate.name: s.template.columns[:, 0] for s in reversed(adequacy.scores) if s.testable
     }
@@ -178,14 +197,15 @@ def _helpful(
             two = found.names[k]
             if min(found.D[j, k], found.D[k, j]) >= SAME_CLASS_SIGMA or one not in away or two not in away:
                 continue
+            error = error_of_mean(noise, light, np.maximum(away[one].own, away[two].own))
             ways = [
-                _way(base, here[a], here[b], size, slopes, away[a], away[b], sigma)
+                _way(base, here[a], here[b], size, slopes, away[a].column, away[b].column, error)
                 for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
             ]
-            best = _greedy(ways, places)
-            if best is not None and best.predicted_sigma > max(SAME_CLASS_SIGMA, 1.5 * best.now_sigma):
-                out.append(replace(best, between=(one, two)))
-    return sorted(out, key=lambda h: h.now_sigma - h.predicted_sigma)
+            best = best_places(ways, places)
+            if best.predicted_sigma > max(SAME_CLASS_SIGMA, 1.5 * best.now_sigma):
+                out.append(Helpful((one, two), best))
+    return sorted(out, key=lambda h: h.advice.now_sigma - h.advice.predicted_sigma)
 
 
 def _way(
@@ -196,38 +216,15 @@ def _way(
     slopes: Array,
     truth_there: Array,
     rival_there: Array,
-    sigma: Array,
-) -> tuple[float, Array, Array, Array]:
-    """D^2 now; difference, slopes and information of the rival at every place, all whitened."""
+    error: Array,
+) -> Way:
+    """Everything linear: truth and rival are columns, the first at some size."""
     tangent = np.column_stack([base.jacobian, rival])
     scale = np.linalg.norm(tangent, axis=0)
     step = np.linalg.lstsq(tangent / scale, size * truth, rcond=1e-9)[0] / scale
     rest = beside(orthonormal(tangent, 1e-9), (size * truth)[:, None])[:, 0]
     there = np.column_stack([slopes, rival_there])
-    difference = (size * truth_there - there @ step) / sigma
+    difference = (size * truth_there - there @ step) / error
     information = tangent.T @ tangent
     information += np.diag(1e-9 * np.diag(information))
-    return float(rest @ rest), difference, there / sigma[:, None], information
-
-
-def _greedy(ways: list[tuple[float, Array, Array, Array]], places: Places) -> Helpful | None:
-    repeats = READINGS // SPOTS
-    total = np.array([w[0] for w in ways])
-    now = float(np.sqrt(total.min()))
-    information = [w[3].copy() for w in ways]
-    chosen: list[int] = []
-    for _ in range(SPOTS):
-        gains = []
-        for (_, difference, slopes, _), known in zip(ways, information, strict=True):
-            leverage = np.einsum("ij,ij->i", slopes, np.linalg.solve(known, slopes.T).T)
-            gains.append(repeats * difference**2 / (1 + repeats * leverage))
-        worst = (total[:, None] + np.array(gains)).min(0)
-        worst[chosen] = 0.0
-        best = int(worst.argmax())
-        chosen.append(best)
-        total = total + np.array([g[best] for g in gains])
-        for (_, _, slopes, _), known in zip(ways, information, strict=True):
-            known += repeats * np.outer(slopes[best], slopes[best])
-    i = np.array(chosen)
-    spots = Places(places.x_m[i], places.y_m[i], places.z_m[i], places.air[i])
-    return Helpful(("", ""), spots, repeats, now, float(np.sqrt(total.min())))
+    return Way(float(rest @ rest), difference, there / error[:, None], information)

@@ -18,6 +18,7 @@ from scipy import stats
 from lightfield.diagnosis.adequacy import ALPHA, VARIANCE_EXCESS, AdequacyTest
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
 from lightfield.diagnosis.problem import Explanation, Problem
+from lightfield.diagnosis.profile import restarted
 from lightfield.diagnosis.robust import (
     Serial,
     noise_scale,
@@ -265,9 +266,15 @@ class OwnErrors:
         return float(residual @ residual) + whiten.log_determinant - self.main.whiten.log_determinant
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
-        """Test, fit from where the last one lies, and growth of the log determinant."""
-        for _ in range(2):
+        """Test, fit from where the last one lies, and growth of the log determinant.
+
+        Errors that grow with the effect move the valleys of a single one's shapes: each gets its chance.
+        """
+        problem = self.prepared.problem
+        for again in (False, True):
             whiten = self._whiten(fit)
-            fit = self.prepared.problem.fit(explanation, whiten, [fit.u])
+            fit = problem.fit(explanation, whiten, [fit.u])
+            if len(explanation) == 1 and not again:
+                fit = restarted(problem, explanation, fit, whiten)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
         return _bench(self.prepared, whiten, self.rng).test, fit, growth

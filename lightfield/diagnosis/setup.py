@@ -200,13 +200,13 @@ def clear_first(source: DiffuseSource | None) -> list[DiffuseSource | None]:
         return [None]
     made: dict[tuple[bytes, ...], Diffuse] = {}
 
-    def any_water(scene: Scene, *places: Array) -> Diffuse:
+    def any_water(scene: Scene, *places: Array, **options: int) -> Diffuse:
         key = tuple(np.asarray(p, float).tobytes() for p in places)
         if key not in made:
-            made[key] = source(scene, *places)
+            made[key] = source(scene, *places, **options)
         return made[key]
 
-    def clear_water(scene: Scene, *places: Array) -> Diffuse:
-        return any_water(scene, *places).clear
+    def clear_water(scene: Scene, *places: Array, **options: int) -> Diffuse:
+        return any_water(scene, *places, **options).clear
 
     return [clear_water, any_water]
