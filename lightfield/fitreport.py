@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -212,6 +212,7 @@ def fit_readings(
     solver: str = "analytic",
     diffuse: DiffuseSource | str | None = None,
     seed: int = 0,
+    tracing: Mapping[str, Any] | None = None,
 ) -> FitReport:
     """Refit gain, beam width, absorption and the named effects, and say where the model fails.
 
@@ -226,6 +227,10 @@ def fit_readings(
     diffuse : "trace", None or callable
         Source of scattered and reflected light, as `lightfield.diagnose.diagnose` takes it. Also what is not
         set free helps to tell noise from misfit.
+    seed : int
+        Of the bootstrap.
+    tracing : mapping, optional
+        rel_error, max_photons and seed of the renders, see `lightfield.rendered.rendered_light`.
 
     Raises
     ------
@@ -235,7 +240,7 @@ def fit_readings(
     if solver not in ("analytic", "render"):
         raise UsageError("unknown solver", found=solver, rule="analytic or render")
     with threadpool_limits(1, "blas"):
-        return _fit_readings(readings, scene, with_effects, solver, diffuse, seed)
+        return _fit_readings(readings, scene, with_effects, solver, diffuse, seed, tracing or {})
 
 
 def _fit_readings(
@@ -245,6 +250,7 @@ def _fit_readings(
     solver: str,
     diffuse: DiffuseSource | str | None,
     seed: int,
+    tracing: Mapping[str, Any],
 ) -> FitReport:
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse)
@@ -266,7 +272,7 @@ def _fit_readings(
     for _ in range(2 if solver == "render" else 0):
         from lightfield.rendered import rendered_light  # loads Mitsuba
 
-        light, error = rendered_light(forward.scene_at(fit.values), readings)
+        light, error = rendered_light(forward.scene_at(fit.values), readings, **tracing)
         forward = forward.corrected(light, error, fit.values)
         problem = replace(problem, forward=forward)
         fit = problem.fit(explanation, made.whiten, [fit.u], tolerance=1e-6)

@@ -6,6 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
+from lightfield.commands._tracing import given
+from lightfield.errors import UsageError
 from lightfield.files import atomic_path, output_file, output_folder
 
 
@@ -21,7 +23,8 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         "--solver",
         choices=("analytic", "render"),
         default="analytic",
-        help="render: correct the fast model by fresh traces of the fitted scene",
+        help="render: correct the fast model by fresh traces of the fitted scene, as well as --rel-error, "
+        "--max-photons (default 0.01, 3e6) and --seed say",
     )
     group.add_argument("--fit-json", type=Path, metavar="OUT", help="write fit and residuals as JSON")
 
@@ -39,7 +42,15 @@ def run(args: argparse.Namespace) -> int:
         output_folder(args.output)
     if args.fit_json:
         output_file(args.fit_json)
-    report = fit_readings(readings, scene, names, solver=args.solver, diffuse="trace")
+    options = given(args)
+    if options and args.solver != "render":
+        raise UsageError(
+            "nothing is traced afresh here",
+            found=", ".join("--" + name.replace("_", "-") for name in options),
+            rule="these belong to --solver render",
+            remedy="add --solver render, or leave them out",
+        )
+    report = fit_readings(readings, scene, names, solver=args.solver, diffuse="trace", tracing=options)
     print(as_text(report))
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -21,20 +22,16 @@ def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--rel-error",
         type=float,
-        default=default.rel_error,
         metavar="E",
-        help="relative standard error to reach in 95 %% of the lit cells (default %(default)g)",
+        help=f"relative standard error to reach in 95 %% of the lit cells (default {default.rel_error:g})",
     )
     group.add_argument(
         "--max-photons",
         type=float,
-        default=default.max_photons,
         metavar="N",
-        help="stop there even if the error is not reached (default %(default)g)",
+        help=f"stop there even if the error is not reached (default {default.max_photons:g})",
     )
-    group.add_argument(
-        "--seed", type=seed_number, default=default.seed, help="same seed, same result (default %(default)d)"
-    )
+    group.add_argument("--seed", type=seed_number, help=f"same seed, same result (default {default.seed})")
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
@@ -43,12 +40,16 @@ def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
     with progress_bar(scene.name or "scene") as report:
         return render_scene(
             scene,
-            rel_error=args.rel_error,
-            max_photons=args.max_photons,
-            seed=args.seed,
+            **given(args),
             cache=not args.no_cache,
             progress=report,
         )
+
+
+def given(args: argparse.Namespace) -> dict[str, Any]:
+    """Those of error, photon budget and seed that the user gave."""
+    options = {name: getattr(args, name) for name in ("rel_error", "max_photons", "seed")}
+    return {name: value for name, value in options.items() if value is not None}
 
 
 @contextmanager

@@ -20,6 +20,13 @@ ACROSS_M, ALONG_M = 0.25, 1.5
 #: How far that error, and that of the response of diffuse light, is the same in two bands (of one trace).
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 _TALL = 2.0
+#: Fewer standard errors than this say nothing about the others.
+FEWEST_STATED = 4
+
+
+def errors_stated(quoted: Array) -> bool:
+    """Does the table quote enough standard errors to go by?"""
+    return int((np.isfinite(quoted) & (quoted > 0)).sum()) >= FEWEST_STATED
 
 
 def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> Array:
@@ -40,9 +47,9 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     top = float(np.max(np.abs(prediction)))
     level = np.clip(prediction, 0, None) / top
     basis = np.stack([np.ones_like(level), level, level**2], axis=1)
-    known = np.isfinite(quoted) & (quoted > 0)
-    if known.sum() < 4:
+    if not errors_stated(quoted):
         return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))
+    known = np.isfinite(quoted) & (quoted > 0)
     variance = (quoted[known] / top) ** 2
     fitted = np.full(known.sum(), np.median(variance))
     robust = np.ones_like(fitted)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from lightfield.diagnosis.adequacy import ALPHA, VARIANCE_EXCESS, AdequacyTest
-from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
+from lightfield.diagnosis.noise import Budget, Noise, Whitener, errors_stated, smooth_stderr
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.diagnosis.profile import restarted
 from lightfield.diagnosis.robust import (
@@ -167,7 +167,7 @@ def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> 
 def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool) -> Prepared:
     """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
     usable, layout = problem.keep, problem.layout
-    stated = bool(np.isfinite(quoted).any())
+    stated = errors_stated(quoted)
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
     problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)

@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.diagnosis.candidates import Setting, candidates
 from lightfield.diagnosis.layout import Layout, layout_of
-from lightfield.diagnosis.noise import Budget
+from lightfield.diagnosis.noise import Budget, errors_stated
 from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.repeats import plane_gain, repeats_of
 from lightfield.effects import Effect
@@ -43,7 +43,7 @@ def budget_of(readings: Any) -> Budget:
         assumed.append(f"position_mm = {POSITION_MM:g}")
     if tolerance is None:
         assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
-    if not np.isfinite(np.asarray(readings.stderr, float)).any():
+    if not errors_stated(np.asarray(readings.stderr, float)):
         assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
     return Budget(
         (PLANE_GAIN_PERCENT if gain is None else gain) / 100,

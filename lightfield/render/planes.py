@@ -93,7 +93,9 @@ class Planes:
         self.apparent = _opaque(apparent_distance_m)
         tilt = radians(receiver.tilt_x_deg)
         self.axis = mi.Vector3f(_opaque(np.sin(tilt)), 0.0, _opaque(-cos(tilt)))
-        self.both_sides = receiver.quantity == "scalar_irradiance"
+        # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
+        turned = receiver.aim_at_lamp or receiver.tilt_x_deg != 0
+        self.both_sides = receiver.quantity == "scalar_irradiance" or turned
 
     def crossing(
         self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool

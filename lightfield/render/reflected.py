@@ -145,8 +145,9 @@ class Room:
         # Many readings: rather fewer patches in three by three parts than more in two by two.
         count = float(np.clip(MOST_PAIRS / (9 * len(places)), FEWEST_PATCHES, MOST_PATCHES))
         self.patches = walls(scene, float(places[:, 2].max()), lid, count)
-        # A receiver that faces the lamp sees only walls before it.
+        # A receiver that faces straight back to the lamp sees only walls before it.
         before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
+        before |= scene.detector.tilt_x_deg != 0
         self.before = np.flatnonzero(before)
         parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
         self.parts = int(np.clip(parts, 1, MOST_PARTS))

@@ -41,6 +41,7 @@ def test_fresnel_at_normal_incidence_and_beyond_the_critical_angle() -> None:
         ("surface", 0.0, {"lamp.offset_y_m": 0.1}),
         ("surface", 0.5, {}),
         ("lid", 0.4, {"lamp.apparent_distance_m": 1.0, "lamp.offset_x_m": -0.2}),
+        ("lid", 0.6, {"detector.tilt_x_deg": 60.0}),
     ],
 )
 def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float]) -> None:

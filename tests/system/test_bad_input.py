@@ -136,6 +136,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("compare readings.csv --scene scene.toml --with scatering", ["did you mean scattering?"]),
     ("compare readings.csv --scene scene.toml --with saturation:cubic", ["'cubic'", "hyperbolic"]),
     ("compare readings.csv --scene scene.toml --solver magic", ["--solver", "render"]),
+    ("compare readings.csv --scene scene.toml --max-photons 1e5", ["--max-photons", "--solver render"]),
     ("compare readings.csv --scene scene.toml --fit-json taken/x.json", ["taken", "cannot write here"]),
     ("compare readings.csv --scene scene.toml -o taken", ["taken", "cannot write here"]),
     # scene

@@ -75,6 +75,14 @@ def test_two_visits_say_nothing_and_a_stated_gain_is_kept() -> None:
     assert budget_of(stated).plane_gain == pytest.approx(0.001)
 
 
+@pytest.mark.parametrize(("known", "named"), [(0, True), (3, True), (4, False)])
+def test_too_few_standard_errors_are_as_good_as_none(known: int, named: bool) -> None:
+    table = repeated(0.01, 3, 0)
+    stderr = np.where(np.arange(len(table.value)) < known, table.stderr, np.nan)
+    assumed = budget_of(replace(table, stderr=stderr)).assumed
+    assert any(line.startswith("stderr = 1 %") for line in assumed) is named
+
+
 def test_readings_of_one_visit_are_not_repeats_of_it() -> None:
     """Four readings in a row share the visit's gain and cannot show it; a visit column decides."""
     table, _ = readings(seed=3)
