@@ -147,8 +147,8 @@ def diagnose(
         scene already switches on stays on.
     diffuse : "trace", None or callable
         Where scattered and reflected light comes from: traced by the renderer and kept in its cache, not at
-        all (then scattering, walls and surface cannot be tested), or a function like
-        `render.diffuse.response_for`.
+        all (then scattering, walls and surface cannot be tested), or a function that takes what
+        `render.diffuse.response_for` does: a scene, three arrays of positions, and `share`.
     only : sequence of str, optional
         Names of the effects to consider; default: the whole table.
     alpha : float

@@ -30,7 +30,9 @@ class Diffuse(Protocol):
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
 
-    def errors(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Any, Any]: ...
+    def errors(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: Any
+    ) -> tuple[Any, Any]: ...
 
     @property
     def clear(self) -> Diffuse: ...
@@ -92,8 +94,8 @@ class SceneForward:
         Values that are not given to `predict` are the scene's.
     readings : Readings
     diffuse : callable, optional
-        `response_for(scene, x_m, y_m, z_m)`: traces once the scattered and reflected light; called only when
-        needed.
+        `response_for(scene, x_m, y_m, z_m, share=1.0)`: traces once the scattered and reflected light, with
+        that part of its photons; called only when needed.
     """
 
     def __init__(
@@ -136,21 +138,19 @@ class SceneForward:
         """Can scattered and reflected light be predicted?"""
         return self._source is not None
 
-    def at(self, photons: int | None = None, **places: Array) -> SceneForward:
+    def at(self, share: float = 1.0, **places: Array) -> SceneForward:
         """The same scene at other places.
 
         Parameters
         ----------
-        photons : int, optional
-            Of the trace there; default: that of the source.
+        share : float
+            Part of the photons that a trace there is worth.
         places : arrays of one length
             Positions, medium and time.
         """
         n = len(next(iter(places.values())))
         there = replace(self.readings.subset(np.zeros(n, int)), **places)
-        source = self._source
-        if source is not None and photons is not None:
-            source = partial(source, photons=photons)
+        source = partial(self._source, share=share) if self._source and share != 1 else self._source
         return SceneForward(self.scene, there, source, self._full, self._width)
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
@@ -200,12 +200,8 @@ class SceneForward:
         modes: Array = np.zeros((self.size, 0))
         smooth: Array = np.zeros(self.size)
         if has_diffuse_light(scene) and self._source is not None:
-            found, slow = self._traced().errors(scene, self._colours)
-            each = self._channel, np.arange(self.size)
-            modes, smooth = (
-                np.where(self._air[:, None], 0.0, found[each]),
-                np.where(self._air, 0.0, slow[each]),
-            )
+            found, slow = self._traced().errors(scene, self._colours, self._channel)
+            modes, smooth = np.where(self._air[:, None], 0.0, found), np.where(self._air, 0.0, slow)
         correction = np.broadcast_to(self._correction, (self.size,))
         modes, smooth = modes * correction[:, None], smooth * correction
         if np.any(self._more_error):

@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -31,7 +32,7 @@ Row = dict[str, Any]
 
 
 class Tracing:
-    """`response_for`, with its wall-clock and processor time.
+    """`response_for`, with the wall-clock and processor time of its traces since this was made.
 
     Parameters
     ----------
@@ -40,28 +41,40 @@ class Tracing:
     """
 
     _kept: ClassVar[dict[tuple[Any, ...], Any]] = {}
+    _spent: ClassVar[np.ndarray] = np.zeros(2)
 
     def __init__(self, bench: str = "") -> None:
-        self.bench = bench
-        self.seconds = self.cpu_seconds = 0.0
+        self.bench, self._before = bench, self._spent.copy()
 
-    def __call__(self, scene: Any, *places: Any, **options: int) -> Any:
+    @property
+    def seconds(self) -> float:
+        return float((self._spent - self._before)[0])
+
+    @property
+    def cpu_seconds(self) -> float:
+        return float((self._spent - self._before)[1])
+
+    def __call__(self, scene: Any, *places: Any, share: float = 1.0) -> Any:
         from lightfield.render.diffuse import _bucket, response_for
 
-        key = (self.bench, _bucket(scene.lamp.hwhm_deg), *(np.asarray(p).tobytes() for p in places))
+        where = (np.asarray(p).tobytes() for p in places)
+        key = (self.bench, share, _bucket(scene.lamp.hwhm_deg), *where)
         if key in self._kept:
             return self._kept[key]
-        start, used = time.perf_counter(), time.process_time()
-        response = response_for(scene, *places, **options)
-        denser = response.denser
-        # All that a fit may ask for, so that no trace counts as diagnosis.
-        while self.bench and denser and not options:
-            denser = denser().denser
-        self.seconds += time.perf_counter() - start
-        self.cpu_seconds += time.process_time() - used
+        response = self._clocked(partial(response_for, scene, *places, share=share))
         if self.bench:
             self._kept[key] = response
         return response
+
+    @classmethod
+    def _clocked(cls, make: Callable[[], Any]) -> Any:
+        """A response whose traces of denser waters, made when they are asked for, are clocked as well."""
+        start = np.array([time.perf_counter(), time.process_time()])
+        response = make()
+        cls._spent += np.array([time.perf_counter(), time.process_time()]) - start
+        if response.denser is None:
+            return response
+        return replace(response, denser=lru_cache(partial(cls._clocked, response.denser)))
 
 
 def run(trial: Trial, folder: Path) -> Row:

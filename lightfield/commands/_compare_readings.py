@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from functools import partial
 from pathlib import Path
 
 from lightfield.commands._tracing import given
@@ -24,7 +25,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         choices=("analytic", "render"),
         default="analytic",
         help="render: correct the fast model by fresh traces of the fitted scene, as well as --rel-error, "
-        "--max-photons (default 0.01, 3e6) and --seed say",
+        "--max-photons (here 0.01 and 3e6 if not given) and --seed say",
     )
     group.add_argument("--fit-json", type=Path, metavar="OUT", help="write fit and residuals as JSON")
 
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.fitreport import fit_readings
     from lightfield.fittext import as_data, as_text
     from lightfield.measurements.readings import Readings
+    from lightfield.render.diffuse import response_for
     from lightfield.scene import Scene
 
     scene, readings = Scene.load(args.scene), Readings.load(args.what)
@@ -50,7 +52,10 @@ def run(args: argparse.Namespace) -> int:
             rule="these belong to --solver render",
             remedy="add --solver render, or leave them out",
         )
-    report = fit_readings(readings, scene, names, solver=args.solver, diffuse="trace", tracing=options)
+    if "seed" in options:
+        options["seed"] += 1  # seed 0 is that of the response which the render is to check
+    source = partial(response_for, cache=not args.no_cache)
+    report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings
-from lightfield.commands._tracing import add_tracing_arguments, balance, traced
+from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
 from lightfield.errors import UsageError
 from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
@@ -59,6 +59,13 @@ def _scene(args: argparse.Namespace) -> int:
 def _maps(args: argparse.Namespace) -> int:
     from lightfield.dataset import read_netcdf
 
+    if given(args) or args.no_cache:
+        raise UsageError(
+            "maps are compared as they are",
+            where=str(args.what),
+            rule="options of tracing belong to scenes and to --solver render",
+            remedy="leave them out",
+        )
     dataset = read_netcdf(args.what)
     return _report(dataset, output_folder(args.output or Path("compare")))
 

@@ -14,13 +14,13 @@ from lightfield.diagnosis.search import Tried
 from lightfield.fit import Array, Fit, Forward, Whiten
 from lightfield.scene import Tank
 
-#: Photons of the trace at possible places: a quarter of those at readings.
-ROUGH_PHOTONS = 750_000
+#: Part of the photons that the trace at possible places is worth.
+ROUGH = 0.25
 #: Relative error that no number of repeats at one place will beat.
 FLOOR = 0.0025
 SPOTS, REPEATS = 3, 4
-#: Two spots closer than this are one.
-_APART_M = 0.4
+#: Two spots closer than this part of the largest distance are one.
+_APART = 0.04
 
 
 @dataclass(frozen=True)
@@ -121,8 +121,11 @@ def best_places(ways: Sequence[Way], places: Places) -> Advice:
     for _ in range(SPOTS):
         worst = np.min([way.now + way.gains for way in ways], axis=0)
         for i in chosen:
-            near = np.hypot(places.x_m - places.x_m[i], places.z_m - places.z_m[i]) < _APART_M
-            worst[near] = 0.0
+            away = (places.x_m - places.x_m[i]) ** 2 + (places.y_m - places.y_m[i]) ** 2
+            away += (places.z_m - places.z_m[i]) ** 2
+            worst[away < (_APART * places.z_m.max()) ** 2] = 0.0
+        if chosen and worst.max() <= 0:
+            break
         chosen.append(int(worst.argmax()))
         ways = [way.taken(chosen[-1]) for way in ways]
     index = np.array(chosen)
@@ -145,11 +148,17 @@ def _way(
     under_rival = there.predict(imitation.values)
     # What both explanations share of the response's error is one error, not two.
     own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
-    error = error_of_mean(sigma(under_truth), under_truth, own)
-    slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival) / error[:, None]
-    information = imitation.jacobian.T @ imitation.jacobian / phi
+    slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival)
+    information = imitation.jacobian.T @ imitation.jacobian
     information += np.diag(1e-9 * np.diag(information) + 1e-12)
-    return Way(away.separation_sigma**2, (under_truth - under_rival) / error, slopes, information)
+    # The truth is known to its own errors only; where they move it, the imitation follows.
+    follows = np.linalg.solve(information, imitation.jacobian.T @ truth.jacobian)
+    moves = replace(truth.model, forward=there).jacobian(truth.u, under_truth) - slopes @ follows
+    known = np.nan_to_num(truth.covariance(phi))
+    own = np.sqrt(own**2 + np.einsum("ij,jk,ik->i", moves, known, moves).clip(0))
+    error = error_of_mean(sigma(under_truth), under_truth, own)
+    difference = (under_truth - under_rival) / error
+    return Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
 
 
 def own_error(there: Forward, values: Mapping[str, float]) -> Array:
@@ -158,10 +167,10 @@ def own_error(there: Forward, values: Mapping[str, float]) -> Array:
     Parameters
     ----------
     there : Forward
-        Traced with `ROUGH_PHOTONS`; readings that were taken are traced with four times as many.
+        Traced with a part `ROUGH` of the photons; readings that were taken are traced with all.
     """
     modes, smooth = there.errors(values)
-    return np.asarray(np.hypot(0.5 * np.linalg.norm(modes, axis=1), smooth))
+    return np.asarray(np.hypot(np.sqrt(ROUGH) * np.linalg.norm(modes, axis=1), smooth))
 
 
 def where_next(

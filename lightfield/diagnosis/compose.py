@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.diagnosis import words
-from lightfield.diagnosis.advice import ROUGH_PHOTONS, possible_places, where_next
+from lightfield.diagnosis.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.cascade import Finding
 from lightfield.diagnosis.families import Coordinate, coordinates
 from lightfield.diagnosis.ladder import Step, bright
@@ -164,7 +164,7 @@ def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two:
     last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
     n = len(places.x_m)
     there = forward.at(
-        ROUGH_PHOTONS,
+        ROUGH,
         x_m=places.x_m,
         y_m=places.y_m,
         z_m=places.z_m,

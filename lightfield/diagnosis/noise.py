@@ -13,7 +13,7 @@ from lightfield.diagnosis.layout import Layout
 
 Array = NDArray[np.float64]
 
-#: Assumed when the table has no standard errors: relative part, and constant part over the largest reading.
+#: Assumed when a table has hardly any standard errors: relative part, constant part over the largest reading.
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
 ACROSS_M, ALONG_M = 0.25, 1.5

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from lightfield import effects
 from lightfield.diagnosis.adequacy import Adequacy
 from lightfield.diagnosis.advice import (
-    ROUGH_PHOTONS,
+    ROUGH,
     Advice,
     Way,
     best_places,
@@ -107,7 +107,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     source, reason = source_of(scene, diffuse)
     forward = SceneForward(scene, layout_table, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
-    budget = budget_of(layout_table)
+    budget = budget_of(replace(layout_table, stderr=readings.stderr))
     base = problem.fit((), _identity, [problem.model().start])
     zero = np.zeros(problem.layout.size)
     slope = forward.position_slope(base.values) if budget.position_m > 0 else zero
@@ -164,11 +164,11 @@ def _columns(
             values = base.values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
             first = candidate.amplitudes[0]
             step = first.step if first.start + first.step <= first.high else -first.step
-            size = sizes[candidate.name]
-            size = size if first.start + size <= first.high else -size
-            moved, planned = (values | {first.path: first.value(first.start + by)} for by in (step, size))
+            typical = candidate.typical[0] if step > 0 else -candidate.typical[0]
+            moved, grown = (values | {first.path: first.value(first.start + by)} for by in (step, typical))
             column = (forward.predict(moved) - at) / step
-            out[candidate.name] = _Elsewhere(column, own_error(forward, planned))
+            own = own_error(forward, grown) * abs(sizes[candidate.name] / typical)
+            out[candidate.name] = _Elsewhere(column, own)
     return slopes, out
 
 
@@ -182,9 +182,7 @@ def _helpful(
     last = float(layout.time_s.max()) if layout.has_time else np.nan
     medium = np.where(places.air > 0, "air", "water")
     time = np.full(n, last)
-    there = forward.at(
-        ROUGH_PHOTONS, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time
-    )
+    there = forward.at(ROUGH, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time)
     slopes, away = _columns(problem, base, dict(zip(found.names, found.sizes, strict=True)), there)
     light = there.predict(base.values)
     noise = np.hypot(ASSUMED_RELATIVE * light, ASSUMED_FLOOR)

@@ -268,13 +268,20 @@ class OwnErrors:
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant.
 
-        Errors that grow with the effect move the valleys of a single one's shapes: each gets its chance.
+        Errors that grow with an effect move the valleys of its shapes: those of a single one each get their
+        chance.
         """
-        problem = self.prepared.problem
-        for again in (False, True):
-            whiten = self._whiten(fit)
-            fit = problem.fit(explanation, whiten, [fit.u])
-            if len(explanation) == 1 and not again:
-                fit = restarted(problem, explanation, fit, whiten)
+        whiten, best = self._settled(explanation, fit)
+        if len(explanation) == 1:
+            other = restarted(self.prepared.problem, explanation, best, whiten)
+            if other is not best:
+                pair = (whiten, best), self._settled(explanation, other)
+                whiten, best = min(pair, key=lambda p: p[1].chi2 + p[0].log_determinant)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
-        return _bench(self.prepared, whiten, self.rng).test, fit, growth
+        return _bench(self.prepared, whiten, self.rng).test, best, growth
+
+    def _settled(self, explanation: Explanation, fit: Fit) -> tuple[Whitener, Fit]:
+        for _ in range(2):
+            whiten = self._whiten(fit)
+            fit = self.prepared.problem.fit(explanation, whiten, [fit.u])
+        return whiten, fit

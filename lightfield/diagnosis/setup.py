@@ -198,15 +198,15 @@ def clear_first(source: DiffuseSource | None) -> list[DiffuseSource | None]:
     """
     if source is None:
         return [None]
-    made: dict[tuple[bytes, ...], Diffuse] = {}
+    made: dict[tuple[Any, ...], Diffuse] = {}
 
-    def any_water(scene: Scene, *places: Array, **options: int) -> Diffuse:
-        key = tuple(np.asarray(p, float).tobytes() for p in places)
+    def any_water(scene: Scene, *places: Array, **share: float) -> Diffuse:
+        key = (*(np.asarray(p, float).tobytes() for p in places), *share.values())
         if key not in made:
-            made[key] = source(scene, *places, **options)
+            made[key] = source(scene, *places, **share)
         return made[key]
 
-    def clear_water(scene: Scene, *places: Array, **options: int) -> Diffuse:
-        return any_water(scene, *places, **options).clear
+    def clear_water(scene: Scene, *places: Array, **share: float) -> Diffuse:
+        return any_water(scene, *places, **share).clear
 
     return [clear_water, any_water]

@@ -50,6 +50,7 @@ class BeamTallies:
     Parameters
     ----------
     tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells)
+        One per trace, of which the caller knows what makes them differ (g).
     histories : array of int, shape (n_rows, 3)
         Scatterings, wall hits and surface reflections of each row.
     beam_nodes : BeamNodes
@@ -114,8 +115,9 @@ class BeamTallies:
             once = np.ones((1, len(self.rows_of[kind])))
             self._then[key] = self._concentration(index, kind, self.sent.lamp, once)
         now, then = self._concentration(index, kind, lamp, weights), self._then[key]
-        known = (now > 0).all(axis=(0, 1)) & (then > 0)
-        return np.divide(now, then, out=np.ones_like(now), where=known)
+        lit = (np.einsum("wwh->wh", now) > 0) & (then[0] > 0)
+        unknown = np.broadcast_to(np.eye(len(now))[:, :, None], now.shape)
+        return np.divide(now, then, out=unknown.copy(), where=lit[:, None] & lit)
 
     def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Sum of products over the product of the sums of what single photons bring, up to a constant."""

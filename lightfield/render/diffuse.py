@@ -41,7 +41,7 @@ SENT = (1.0, 1 / 4, 1 / 20)
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
-#: that was both scattered and reflected under a water surface, of which there is little.
+#: that was reflected under a water surface: most that was not scattered is known without a trace.
 AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.5
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
 CELL_M = 0.2
@@ -54,6 +54,7 @@ def response_for(
     z_m: Array,
     *,
     photons: int = PHOTONS,
+    share: float = 1.0,
     g_nodes: Sequence[float] = G_NODES,
     seed: int = 0,
     cache: bool = True,
@@ -67,6 +68,8 @@ def response_for(
     x_m, y_m, z_m : arrays, shape (n,), m
     photons : int
         Per inner node of g in the clearest of the traced waters.
+    share : float
+        Part of them that is sent out.
     g_nodes : sequence of float
         Ascending; used when the phase function is Henyey-Greenstein.
     seed : int
@@ -108,7 +111,7 @@ def response_for(
         return replace(main, under_surface=one(middle, True, needed[1:], photons=few))
 
     def from_water(i: int) -> DiffuseResponse:
-        made = traced_in(REFERENCE_SCATTERING[i], round(photons * SENT[i]))
+        made = traced_in(REFERENCE_SCATTERING[i], round(share * photons * SENT[i]))
         if i == len(TAKES_OVER):
             return made
         return replace(made, denser=lru_cache(partial(from_water, i + 1)), takes_over_per_m=TAKES_OVER[i])

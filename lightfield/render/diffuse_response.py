@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
 from lightfield.render.beam_tallies import BeamTallies
@@ -102,25 +104,31 @@ class DiffuseResponse:
         value, stderr : arrays, shape (n,), m^-2 (m^-2 sr^-1 for radiance)
             The Monte Carlo error alone, see `errors`.
         """
-        modes, _ = self.errors(scene, [wavelength_nm])
-        return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes[0], axis=1)
+        modes, _ = self.errors(scene, [wavelength_nm], np.zeros(len(self.shift.cell), int))
+        return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes, axis=1)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n)."""
         a, b = self._water(scene, wavelengths_nm)
         return self._moved(scene, a, b) + self._unscattered(scene, a + b)
 
-    def errors(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
-        """Errors of the light.
+    def errors(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.integer[Any]]
+    ) -> tuple[Array, Array]:
+        """Errors of the light at readings that have one wavelength each.
+
+        Parameters
+        ----------
+        channel : array of int, shape (n,)
+            Which of the wavelengths.
 
         Returns
         -------
-        modes : array, shape (n_wavelengths, n, k), m^-2
-            Monte Carlo errors as independent contributions: covariance of readings i and j at wavelengths v
-            and w = modes[v, i] @ modes[w, j]. Mirror images share their photons, light from walls is smoothed
-            over a plane, and all wavelengths are of one trace: such readings share contributions, the
-            less the more their waters differ.
-        smooth : array, shape (n_wavelengths, n), m^-2
+        modes : array, shape (n, k), m^-2
+            Monte Carlo errors as independent contributions: covariance = modes @ modes.T. Mirror images share
+            their photons, light from walls is smoothed over a plane, and all wavelengths are of one trace:
+            such readings share contributions, the less the more their waters differ.
+        smooth : array, shape (n,), m^-2
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
             basis, patches of the walls.
         """
@@ -128,7 +136,7 @@ class DiffuseResponse:
         smooth = SCATTERED_ERROR * self._moved(scene, a, b) + REFLECTED_ERROR * self._unscattered(
             scene, a + b
         )
-        return self._modes(scene, a, b), smooth
+        return self._modes(scene, a, b, channel), smooth[channel, np.arange(len(channel))]
 
     @property
     def clear(self) -> DiffuseResponse:
@@ -151,14 +159,15 @@ class DiffuseResponse:
         beyond = share[:, None] * self.denser()._moved(scene, a, b)
         return beyond if (share == 1).all() else beyond + (1 - share)[:, None] * self._traced(scene, a, b)
 
-    def _modes(self, scene: Scene, a: Array, b: Array) -> Array:
-        """Errors of the traced light as independent contributions, shape (n_waters, n, k)."""
-        share = self._share_of_denser(b)[:, None, None]
+    def _modes(self, scene: Scene, a: Array, b: Array, channel: NDArray[np.integer[Any]]) -> Array:
+        """Errors of the traced light as independent contributions, shape (n, k); see `errors`."""
+        share = self._share_of_denser(b)
+        traced = ((1 - share)[:, None] * self._traced(scene, a, b))[channel, np.arange(len(channel))]
         # Kept even where its share is nothing: the same columns are the same photons in every water.
-        modes = (1 - share) * self._traced(scene, a, b)[:, :, None] * self._relative_modes(scene, a, b)
+        modes = traced[:, None] * self._relative_modes(scene, a, b, channel)
         if self.denser is None or not share.any():
             return np.asarray(modes)
-        return np.concatenate([modes, share * self.denser()._modes(scene, a, b)], axis=2)
+        return np.hstack([modes, share[channel, None] * self.denser()._modes(scene, a, b, channel)])
 
     def _traced(self, scene: Scene, a: Array, b: Array) -> Array:
         """The light of this trace at the readings, shape (n_waters, n)."""
@@ -184,18 +193,14 @@ class DiffuseResponse:
         scattered = self._classes(scene, a, b, range(1), errors)
         return scattered | self.under_surface._classes(scene, a, b, range(1, CLASSES), errors)
 
-    def _relative_modes(self, scene: Scene, a: Array, b: Array) -> Array:
-        """Relative errors of the traced light at the readings as independent contributions.
+    def _relative_modes(self, scene: Scene, a: Array, b: Array, channel: NDArray[np.integer[Any]]) -> Array:
+        """Relative errors of the traced light at the readings as independent contributions, shape (n, k).
 
         At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
-
-        Returns
-        -------
-        array, shape (n_waters, n, k)
         """
         parts = self._light(scene, a, b, errors=True)
         if not parts:
-            return np.zeros((len(a), len(self.shift.cell), 0))
+            return np.zeros((len(channel), 0))
         total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.rows.straight_m)), 1e-300))
         variance = sum(np.einsum("wwh->wh", covariance) for _, covariance in parts.values())
         total = np.maximum(total, np.sqrt(variance))
@@ -203,12 +208,16 @@ class DiffuseResponse:
         modes = []
         for kind, (_, covariance) in parts.items():
             traced = self.under_surface if open_top and kind > 0 and self.under_surface else self
-            error = _root(covariance)[..., None] * traced.images  # (n_waters, n_waters, n_cells, n_sets)
-            if kind in FROM_WALLS:
-                error = traced.wall_smoother @ error
-            of_readings = self.shift.spread(error / total[:, None, :, None])
-            modes += list(np.moveaxis(of_readings, 1, 0))
-        return np.concatenate(modes, axis=2)
+            roots = _roots(covariance) / total[:, None]
+            found = np.zeros((len(channel), len(a), traced.images.shape[1]))
+            for water in np.unique(channel):
+                error = roots[water][..., None] * traced.images  # (n_waters, n_cells, n_sets)
+                if kind in FROM_WALLS:
+                    error = traced.wall_smoother @ (error * total[water][:, None]) / total[water][:, None]
+                mine = channel == water
+                found[mine] = np.moveaxis(self.shift.spread(error), 0, 1)[mine]
+            modes.append(found.reshape(len(channel), -1))
+        return np.hstack(modes)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
@@ -288,11 +297,12 @@ class DiffuseResponse:
         return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
 
-def _root(covariance: Array) -> Array:
+def _roots(covariance: Array) -> Array:
     """Lower triangular roots of the covariances of cells, shape (k, k, n_cells) as given."""
     size = np.sqrt(np.einsum("wwh->wh", covariance))
-    lengths = np.where(size > 0, size, 1.0)
+    lengths = np.where(size > 1e-150, size, np.inf)
+    few = 1e-5 * np.eye(len(size))  # sums in single precision are positive definite only up to that
     correlation = np.moveaxis(covariance / (lengths[:, None] * lengths), 2, 0)
-    return np.asarray(
-        size[:, None] * np.moveaxis(np.linalg.cholesky(correlation + 1e-5 * np.eye(len(size))), 0, 2)
-    )
+    correlation += np.eye(len(size)) * np.isinf(lengths.T)[:, :, None]
+    roots = np.linalg.cholesky((correlation + few) / (1 + 1e-5))
+    return np.asarray(size[:, None] * np.moveaxis(roots, 0, 2))

@@ -163,7 +163,7 @@ class Planes:
         return (self.last - position.z) / direction.z
 
     def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
-        """Past the last plane and leaving it: such light comes back only by turning round twice."""
+        """Past the last plane and leaving it: such light comes back only by turning round, and is little."""
         return (position.z > self.last) & (direction.z > 0)
 
 

@@ -32,7 +32,7 @@ DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpol
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
-KEPT = 24  # operators in memory
+KEPT = 40  # operators in memory, and answers for one lamp
 
 
 class ReflectedLight:
@@ -154,7 +154,7 @@ class Room:
         self.fine = self.patches.divided(self.parts)
         self._operators: dict[tuple[float, float], Operators] = {}
         self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._answer: tuple[Lamp, tuple[float, float], list[list[np.ndarray]]] | None = None
+        self._answers: dict[tuple[float, float], list[list[np.ndarray]]] = {}  # of the last lamp
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -182,25 +182,32 @@ class Room:
     ) -> list[list[np.ndarray]]:
         """Light at the readings for unit albedo, at each of some surface reflectances and attenuations."""
         key = attenuation_per_m, surface
-        if self._answer is None or self._answer[0] != lamp or self._answer[1] != key:
+        self._remember(lamp)
+        if key not in self._answers:
+            while len(self._answers) >= KEPT:
+                self._answers.pop(next(iter(self._answers)))
             fine = self.lit(lamp, attenuation_per_m, surface).astype(np.float32)
             patches = fine.reshape(len(self.patches.centre), -1).mean(axis=1)
             operators = [[self._operator(round(float(c), 6), m) for c in nodes] for m in mirrors]
             seen = fine[operators[0][0].seen]
-            made = [[operator.apply(seen, patches) for operator in row] for row in operators]
-            self._answer = lamp, key, made
-        return self._answer[2]
+            self._answers[key] = [[operator.apply(seen, patches) for operator in row] for row in operators]
+        return self._answers[key]
 
     def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (k,)."""
-        if self._last is None or self._last[0] != lamp:
-            self._last = (lamp, *_lit(lamp, self.fine))
-        _, unattenuated, in_water = self._last
+        unattenuated, in_water = self._remember(lamp)
         lit = unattenuated * np.exp(-attenuation_per_m * in_water)
         if surface:
             arriving, light = image_of_lamp(lamp, self.top, self.fine.centre, attenuation_per_m)
             lit += surface * light * np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
         return lit
+
+    def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+        """What `_lit` says of the lamp; forgets what the lamp before it gave."""
+        if self._last is None or self._last[0] != lamp:
+            self._last = (lamp, *_lit(lamp, self.fine))
+            self._answers.clear()
+        return self._last[1:]
 
     def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
         key = (attenuation_per_m, surface)

@@ -114,6 +114,21 @@ def test_light_is_smooth_in_the_attenuation() -> None:
         assert light.evaluate(scene, attenuation) == pytest.approx(reading @ again[seen], rel=0.003)
 
 
+def test_what_is_remembered_is_not_mistaken() -> None:
+    """Lamp, albedo, surface and attenuation change in turn: as if each were asked first."""
+    places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.3})
+    kept = ReflectedLight(scene, *places)
+    narrow, surface = {"lamp.hwhm_deg": 9.0}, {"tank.surface_reflectance": 1.0}
+    bright = {"tank.wall_albedo": 0.6}
+    changes: tuple[dict[str, float], ...] = ({}, narrow, bright, narrow | bright, surface, {})
+    for change in changes:
+        asked = scene.with_values(change)
+        for attenuation in (0.1, 0.33, 0.1):
+            fresh = ReflectedLight(scene, *places).evaluate(asked, attenuation)
+            assert kept.evaluate(asked, attenuation) == pytest.approx(fresh, rel=1e-12), change
+
+
 def test_opaque_water_stays_dark() -> None:
     """Attenuation 2 to 3 /m over 36 m is exp(-72) and less, where single precision ends and so does what
     can be interpolated: never more than the direct light, or than 1e-39."""

@@ -139,7 +139,8 @@ def test_colours_of_different_water_share_errors_as_seeds_do(traced: list[Diffus
     scene = OPEN_WATER.with_values({"water.scattering_per_m": 0.0, "water.sediment_g_per_m3": 0.5})
     colours = [400.0, 550.0, 700.0]
     light = np.array([response.light(scene, colours) for response in traced])
-    stated = np.array([response.errors(scene, colours)[0] for response in traced])
+    each = [np.full(len(PLACES), colour) for colour in range(3)]
+    stated = np.array([[response.errors(scene, colours, c)[0] for c in each] for response in traced])
     mean = light.mean(axis=0)
     low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
     for one, two in ((0, 1), (1, 2), (0, 2)):
@@ -157,6 +158,6 @@ def test_errors_stay_finite_where_interpolation_in_g_leaves_nothing(response: Di
         {"water.phase.g": 0.985, "water.scattering_per_m": 1e-4, "tank.wall_albedo": 0.0}
     )
     value, error = response.evaluate(edge)
-    (modes,), (smooth,) = response.errors(edge, [None])
+    modes, smooth = response.errors(edge, [None], np.zeros(len(PLACES), int))
     assert np.isfinite(value).all() and np.isfinite(modes).all() and np.isfinite(smooth).all()
     assert (error <= value * (1 + 1e-9)).all()

@@ -47,3 +47,11 @@ def test_no_number_of_repeats_beats_the_floor() -> None:
     """0.25 % of the reading, and the error of the light's response, stay."""
     error = error_of_mean(np.zeros(1), np.array([2.0]), np.array([0.003]))
     assert error[0] == pytest.approx(np.hypot(2 * FLOOR, 0.003))
+
+
+def test_spots_are_not_one_place_in_a_small_tank() -> None:
+    """All possible places within 2 cm of each other are one; the same tank ten times as large has three."""
+    for size, count in ((0.01, 1), (1.0, 3)):
+        ways, places, _ = straight_lines(0.0)
+        near = Places(places.x_m, places.y_m, 1.0 + size * places.z_m / 2, places.air)
+        assert len(best_places(ways, near).places.z_m) == count
