@@ -353,7 +353,8 @@ def summary(verdict: Verdict) -> str:
             held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
             lines.append(f"{rung.label:<28}{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}")
             if rung.rendered_error_percent is not None:
-                lines.append(f"{'  rendered afresh':<28}{rung.rendered_error_percent:>9.2f}")
+                about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
+                lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(

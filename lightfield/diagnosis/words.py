@@ -76,7 +76,8 @@ def sentence(
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )
         listed = " or ".join(join(e.effects) for e in explanations[:4])
-        more = f" or one of {len(explanations) - 4} others" if len(explanations) > 4 else ""
+        others = len(explanations) - 4
+        more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
         apart = f" ({rival.separation_sigma:.1f} sigma apart)" if rival else ""
         return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
     about = (
