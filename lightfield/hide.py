@@ -34,8 +34,9 @@ FLOOR = 0.0008
 STRENGTH = (2.0, 20.0)
 #: The scene's half width and absorption are wrong by this much.
 GUESS = (0.10, 0.25)
-#: Radius of the lamp's window in the truth, unless the scene has one.
-WINDOW_M = 0.02
+#: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
+#: distance to the nearest plane.
+WINDOW_M, WINDOW_PART = 0.02, 0.005
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,8 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
         "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
     }
     if scene.lamp.radius_m == 0:
-        changed["lamp.radius_m"] = WINDOW_M
+        nearest = min(scene.detector.planes_m)
+        changed["lamp.radius_m"] = min(WINDOW_M, WINDOW_PART * nearest)
     return scene.with_values({**changed, **values})
 
 
@@ -332,6 +334,7 @@ def hide(
         "parameters": hidden,
         "unknown": drawn,
         "lamp.hwhm_deg": truth.lamp.hwhm_deg,
+        "lamp.radius_m": truth.lamp.radius_m,
         "water.absorption_per_m": truth.water.absorption_per_m,
         "layout": layout,
         "order": order,

@@ -24,7 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[:FORM]",
-        help="effect to hide, or unknown:ripple|flicker|shadow|kink; repeatable; none: nothing is hidden",
+        help="effect to hide, or unknown:ripple|flicker|shadow|kink; repeatable; without it nothing is "
+        "hidden but what every measurement has: a guess of width and absorption that is 10 to 25 %% wrong, "
+        "and a window of 2 cm radius (0.5 %% of the nearest distance, if less) unless the scene has one",
     )
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")

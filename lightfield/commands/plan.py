@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "layout",
         type=Path,
         metavar="LAYOUT",
-        help="reading table; values may be missing",
+        help="reading table; the column value may be left out",
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
@@ -50,6 +50,8 @@ def run(args: argparse.Namespace) -> int:
         diffuse = response_for
     made = plan(layout, scene, diffuse)
     print(_text(made))
+    for warning in layout.warnings:
+        print(f"warning: {warning}")
     if args.json:
         with atomic_path(args.json) as temporary:
             temporary.write_text(json.dumps(_data(made), indent=2) + "\n", encoding="utf-8")
@@ -62,25 +64,33 @@ def _unit(made: Plan, path: str) -> str:
 
 
 def _text(made: Plan) -> str:
+    from lightfield.diagnosis.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
+
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
     for name, limit in sorted(made.limits.items()):
-        size = f"{limit.value:.3g}{_unit(made, limit.path)}" if limit.reachable else "out of range"
+        size = f"{limit.value:.3g}{_unit(made, limit.path)}"
+        size = size if limit.reachable else f"not even its largest plausible size ({size})"
         lines.append(f"  {name:<20} {limit.path:<32} {size}")
     for name, reason in made.untestable.items():
         lines.append(f"  {name:<20} not testable: {reason}")
     iso = made.isolability
-    lines += ["", "Distance D in sigma between effects (row true, column fitted); below 3 they look alike:"]
+    lines += [
+        "",
+        "Distance D in sigma between effects, each at twice its detection limit or its typical size (row "
+        f"true, column fitted): below {SAME_CLASS_SIGMA:g} they look alike. Last, the distance from the base "
+        f"model: below {DETECTABLE_SIGMA:.1f} an effect is not sure to be seen.",
+    ]
     width = 7
     lines.append(" " * 22 + "".join(f"{i + 1:>{width}}" for i in range(len(iso.names))))
     for j, name in enumerate(iso.names):
         row = "".join(f"{'-' if j == k else f'{iso.D[j, k]:.1f}':>{width}}" for k in range(len(iso.names)))
-        lines.append(f"{j + 1:>2} {name:<19}{row}")
+        lines.append(f"{j + 1:>2} {name:<19}{row}{iso.delta[j]:>{width + 3}.1f}")
     classes = iso.classes()
     lines.append("")
     if classes:
         lines += ["Seen but not told apart: " + ", ".join(group) for group in classes]
     else:
-        lines.append("Every effect that would be seen would also be told from the others.")
+        lines.append("Every effect that would be seen would also be told from the others that would be.")
     for extra in made.helpful[:_SHOWN]:
         advice = extra.advice
         spots = "; ".join(

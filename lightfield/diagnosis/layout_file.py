@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from lightfield.errors import MeasurementError
 from lightfield.measurements.readings import Readings
 from lightfield.measurements.text import read_text
 
@@ -33,4 +34,10 @@ def load_layout(path: str | Path) -> Any:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / Path(path).name
         copy.write_text("\n".join(filled) + "\n", encoding="utf-8")
-        return replace(Readings.load(copy), source=str(path))
+        try:
+            return replace(Readings.load(copy), source=str(path))
+        except MeasurementError as error:
+            raise MeasurementError(
+                error.what, where=str(path), found=error.found, rule=error.rule, remedy=error.remedy,
+                problems=error.problems,
+            ) from None  # fmt: skip

@@ -175,7 +175,7 @@ def _columns(
 def _helpful(
     forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability
 ) -> list[Helpful]:
-    """For each pair that is not told apart: the best extra readings, best improvement first."""
+    """For each pair that is seen and not told apart: the best extra readings, best improvement first."""
     layout = problem.layout
     places = possible_places(problem, forward.scene.tank)
     n = len(places.x_m)
@@ -193,7 +193,9 @@ def _helpful(
     for j, one in enumerate(found.names):
         for k in range(j + 1, len(found.names)):
             two = found.names[k]
-            if min(found.D[j, k], found.D[k, j]) >= SAME_CLASS_SIGMA or one not in away or two not in away:
+            alike = min(found.D[j, k], found.D[k, j]) < SAME_CLASS_SIGMA
+            seen = min(found.delta[j], found.delta[k]) >= DETECTABLE_SIGMA
+            if not (alike and seen) or one not in away or two not in away:
                 continue
             error = error_of_mean(noise, light, np.maximum(away[one].own, away[two].own))
             ways = [

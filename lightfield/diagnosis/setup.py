@@ -65,11 +65,12 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
     """
     scene, names = forward.scene, forward.gain_names
     unit = forward.predict({})
+    least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
     out = []
     for k, name in enumerate(names):
         mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
         brightest = mine[np.argsort(unit[mine])[-max(3, len(mine) // 10) :]]
-        gain = float(np.median(np.maximum(value[brightest], 1e-300) / np.maximum(unit[brightest], 1e-300)))
+        gain = float(np.median(np.maximum(value[brightest], least) / np.maximum(unit[brightest], 1e-300)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
         out.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))

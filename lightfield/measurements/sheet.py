@@ -92,18 +92,23 @@ def _cells(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
 
 
+_UNITS = {"m": "metres", "nm": "nanometres", "s": "seconds"}
+
+
 def _check_names(
     names: list[str], line: int, problems: Problems, known: Sequence[str], required: Sequence[str]
 ) -> None:
     for name in required:
         if name not in names:
             close = look_alike(name, [n for n in names if n not in known])
+            unit = _UNITS.get(name.rsplit("_", 1)[-1])
+            rename = f"rename {close!r} to {name}" + (f", in {unit}" if unit else "")
             problems.add(
                 f"the column {name} is missing",
                 place=line,
                 found=", ".join(names),
                 rule=f"required: {', '.join(required)}",
-                remedy=f"rename {close!r} to {name}" if close else "add it to the line of column names",
+                remedy=rename if close else "add it to the line of column names",
             )
     for name in dict.fromkeys(names):
         if name == "":

@@ -11,6 +11,9 @@ from lightfield.render.response import Reference
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
+#: Readings nearer than this see a field that varies over shorter lengths, in proportion.
+FAR_M, SHORTEST_STEP_M = 2.5, 0.02
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -97,6 +100,11 @@ def scene_grid(scene: Scene) -> Grid:
     return Grid(np.array(detector.planes_m, float), x, y, pitch, height / rows)
 
 
+def nearness(z_m: np.ndarray) -> float:
+    """How much smaller than in a tow tank everything is; 1 for readings 2.5 m and more from the lamp."""
+    return float(min(1.0, np.min(z_m) / FAR_M))
+
+
 def positions_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray, cell_m: float = 0.1) -> Grid:
     """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
 
@@ -104,10 +112,11 @@ def positions_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray, cell_m: fl
     ----------
     x_m, y_m, z_m : arrays, shape (n,), m
     cell_m : float, m
-        Largest cell.
+        Largest cell, far from the lamp; near it the field bends over shorter lengths, see `nearness`.
     """
     planes = np.unique(np.round(z_m, 4))
-    (x, pitch_x), (y, pitch_y) = _axis(x_m, cell_m), _axis(y_m, cell_m)
+    near = nearness(planes)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, near * cell_m, near * SHORTEST_STEP_M) for v in (x_m, y_m))
     grid = Grid(planes, x, y, pitch_x, pitch_y)
     occupied = np.zeros(grid.shape, bool)
     occupied[cell_of(grid, x_m, y_m, z_m)] = True
@@ -128,14 +137,14 @@ def cell_of(
     return plane, row, column
 
 
-def _axis(values: np.ndarray, cell_m: float) -> tuple[np.ndarray, float]:
-    """Cell centres along one axis and their pitch."""
+def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
+    """Cell centres along one axis and their pitch; steps shorter than the shortest are no even spacing."""
     places = np.unique(np.round(values, 4))
     gaps = np.diff(places)
     if len(gaps) == 0:
         return places, cell_m
     steps = gaps / gaps.min()
-    regular = gaps.min() >= 0.02 and np.allclose(steps, np.round(steps), atol=0.02)
+    regular = gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02)
     pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else cell_m
     count = round((places[-1] - places[0]) / pitch) + (1 if regular else 2)
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch

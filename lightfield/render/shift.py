@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightfield.render.grid import Grid, cell_of
+from lightfield.render.grid import Grid, cell_of, nearness
 
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
 WIDE_1D, WIDE_2D = 11, 21
-#: Cells this near to each other are smoothed together.
+#: Cells this near to each other are smoothed together, far from the lamp.
 SMOOTHED_M = 0.11
 
 
@@ -38,13 +38,14 @@ class Shift:
         # Rows: d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell, as weights of all cells.
         self.derivatives = np.zeros((5, n, n))
         self.smooth = np.eye(n)
+        smoothed = SMOOTHED_M * nearness(grid.z_m)
         for i in range(n):
             near, terms, weights = _expansion(cx, cy, cz, i, NEIGHBOURS_1D, NEIGHBOURS_2D)
             for row, term in zip(weights[1:], terms[1:] - 1, strict=True):
                 self.derivatives[term, i, near] = row
             apart = np.maximum(np.abs(cx[near] - cx[i]), np.abs(cy[near] - cy[i]))
-            beside = np.count_nonzero(apart <= SMOOTHED_M)
-            if beside > 2 and apart.max() <= 2 * SMOOTHED_M:
+            beside = np.count_nonzero(apart <= smoothed)
+            if beside > 2 and apart.max() <= 2 * smoothed:
                 self.smooth[i] = 0.0
                 self.smooth[i, near] = weights[0]
         # Readings along one line through the axis do not show the curvature across it: that of a round field.

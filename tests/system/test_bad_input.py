@@ -58,6 +58,7 @@ FILES: dict[str, str | bytes] = {
     "radiance.csv": f'# quantity = "radiance"\nz_m,value\n{FIVE}',
     "far.csv": "z_m,value\n1e9,1\n",
     "one.csv": "z_m,value\n4.5,1\n",
+    "unplaced.csv": "x_m\n0.1\n",
     "index.csv": "file,z_m\nno.txt,4.5\n",
     "plan.toml": "[[vary]]\npath = 'water.absorption_per_m'\n",
     "settings.toml": "[settings]\nrel_eror = 0.1\n[[vary]]\npath = 'tank.wall_albedo'\nvalues = [0.1]\n",
@@ -118,6 +119,9 @@ WRONG: list[tuple[str, list[str]]] = [
     ("compare no.nc", ["no.nc", "cannot read"]),
     ("compare garbage.nc", ["garbage.nc", "cannot read"]),
     ("compare other.nc", ["other.nc", "not a rendering"]),
+    ("compare other.nc --max-photons 1e5", ["other.nc", "as they are", "leave them out"]),
+    ("compare other.nc --solver render", ["other.nc", "nothing is fitted", "--scene"]),
+    ("compare scene.toml --with background", ["scene.toml", "nothing is fitted", "--scene scene.toml"]),
     # compare readings
     ("compare readings.csv", ["readings.csv", "--scene"]),
     ("compare no.csv --scene scene.toml", ["no.csv", "No such file"]),
@@ -126,7 +130,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("compare empty.csv --scene scene.toml", ["empty.csv", "empty"]),
     ("compare random.csv --scene scene.toml", ["random.csv", "not a text file"]),
     ("compare header.csv --scene scene.toml", ["header.csv", "no reading"]),
-    ("compare millimetres.csv --scene scene.toml", ["line 1", "z_m is missing", "rename 'z_mm' to z_m"]),
+    ("compare millimetres.csv --scene scene.toml", ["line 1", "z_m is missing", "'z_mm' to z_m, in metres"]),
     ("compare nan.csv --scene scene.toml", ["nan.csv", "line 2", "'nan'"]),
     ("compare text.csv --scene scene.toml", ["text.csv", "line 2", "'bright'"]),
     ("compare stderr.csv --scene scene.toml", ["line 2", "stderr", "-1"]),
@@ -205,7 +209,8 @@ WRONG: list[tuple[str, list[str]]] = [
     # plan
     ("plan readings.csv", ["required: --scene"]),
     ("plan no.csv --scene scene.toml", ["no.csv", "No such file"]),
-    ("plan millimetres.csv --scene scene.toml", ["line 1", "rename 'z_mm' to z_m"]),
+    ("plan millimetres.csv --scene scene.toml", ["line 1", "rename 'z_mm' to z_m, in metres"]),
+    ("plan unplaced.csv --scene scene.toml", ["lightfield: unplaced.csv: ", "line 1", "z_m is missing"]),
     ("plan far.csv --scene scene.toml --no-trace", ["line 2", "outside the tank"]),
     ("plan readings.csv --scene scene.toml --json folder", ["folder", "a file"]),
     # sweep
