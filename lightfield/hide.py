@@ -94,13 +94,14 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     elif kind == "grid":
         x = y = np.linspace(-0.9 * reach, 0.9 * reach, 7)
     elif kind == "fine":
-        planes = np.unique(
-            np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), planes[:1] - 1.0, planes[-1:] + 1.0])
-        )
-        planes = planes[planes > 0.5]
+        gaps = np.diff(planes) if len(planes) > 1 else 0.2 * planes
+        ends = [planes[:1] - gaps[:1], planes[-1:] + gaps[-1:]]
+        planes = np.unique(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), *ends]))
+        planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
     elif kind == "column":
-        x = np.linspace(-0.3, 0.3, 3)
-        top = scene.tank.lamp_depth_m - 0.1 if scene.tank is not None else reach
+        x = np.linspace(-0.3 * reach, 0.3 * reach, 3)
+        deep = scene.tank.lamp_depth_m if scene.tank is not None else np.inf
+        top = deep - min(0.1, 0.1 * deep)
         y = np.linspace(-0.9 * reach, min(top, reach), 12)
     media = ("air", "water") if kind == "air" else ("water",)
     gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(planes, y, x, indexing="ij"))

@@ -57,14 +57,16 @@ def sentence(
         return f"No missing effect detectable{within}.{seen}"
     if kind == "identified":
         names = explanations[0].effects
-        family = join(sorted(set(explanations[0].families)))
+        families = list(dict.fromkeys(explanations[0].families))
+        word = "family" if len(families) == 1 else "families"
         next_one = (
             f"; the next rival, {join(rival.effects)}, is {rival.separation_sigma:.1f} sigma away"
             if rival
             else ""
         )
         verb = "is" if len(names) == 1 else "are"
-        return f"{_sentence(join(names))} {verb} missing in the model{within} (family: {family}){next_one}."
+        kinds = f" ({word}: {join(families)})"
+        return f"{_sentence(join(names))} {verb} missing in the model{within}{kinds}{next_one}."
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lightfield.analytic import direct_field
-from lightfield.hide import draw_effect, measure, scan, true_scene
+from lightfield.hide import LAYOUTS, WINDOW_PART, draw_effect, measure, scan, true_scene
 from lightfield.scene import Scene
 
 
@@ -38,3 +39,15 @@ def test_a_form_of_an_effect_is_hidden_by_its_name() -> None:
     table = scan(scene, "line", "random", rng)
     assert set(draw_effect(scene, table, "water_gradient", rng)) == {"water.gradient_per_m2"}
     assert "water.layer_absorption_per_m" in draw_effect(scene, table, "water_gradient:layer", rng)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
+    """An aquarium of a tenth of the size: readings inside it, and a smaller window."""
+    tank = {"width_m": 0.4, "depth_m": 0.4, "length_m": 1.2, "behind_lamp_m": 0.05, "lamp_depth_m": 0.2}
+    detector = {"planes_m": [0.2, 0.4, 0.6, 0.8], "width_m": 0.3}
+    scene = Scene.from_dict({"tank": tank, "detector": detector})
+    table = scan(scene, layout, "random", np.random.default_rng(0))
+    assert (np.abs(table.x_m) <= 0.15 + 1e-9).all() and (table.y_m < 0.2).all()
+    assert table.z_m.min() >= 0.1 and table.z_m.max() <= 1.0 + 1e-9
+    assert true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m == pytest.approx(WINDOW_PART * 0.2)
