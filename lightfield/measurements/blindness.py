@@ -71,7 +71,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     if len(keys) == len(readings):
         warn(
             "no_repeats",
-            "no position is read twice: drift and repositioning errors cannot be seen",
+            "no position is read twice: drift is seen through the model alone, repositioning errors not",
             "repeat a reference position three times or more",
         )
     unknown = int(np.isnan(readings.stderr).sum())

@@ -48,7 +48,10 @@ def test_every_command_runs_as_written(clone, monkeypatch, capsys, line):
     """In the order of the README: later ones use what earlier ones wrote."""
     program, *words = shlex.split(line, comments=True)
     assert program == "lightfield"
-    more = SHORT.get(words[0], "").split()
+    fits = words[0] == "compare" and words[1].endswith(
+        ".csv"
+    )  # traces nothing afresh that could be cut short
+    more = [] if fits else SHORT.get(words[0], "").split()
     monkeypatch.chdir(clone)
     assert cli.main([*words, *more]) == 0, capsys.readouterr().err
     for option in ("-o", "--report", "--to-xml", "--exr"):
