@@ -12,7 +12,7 @@ from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 #: Readings nearer than this see a field that varies over shorter lengths, in proportion.
-FAR_M, SHORTEST_STEP_M = 2.5, 0.02
+FAR_M, SHORTEST_STEP_M = 2.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def scene_grid(scene: Scene) -> Grid:
 
 
 def nearness(z_m: np.ndarray) -> float:
-    """How much smaller than in a tow tank everything is; 1 for readings 2.5 m and more from the lamp."""
+    """How much smaller than in a tow tank everything is; 1 for readings 2 m and more from the lamp."""
     return float(min(1.0, np.min(z_m) / FAR_M))
 
 

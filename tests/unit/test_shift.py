@@ -24,7 +24,7 @@ def test_a_dark_colour_leaves_the_others_moved() -> None:
 def test_cells_and_smoothing_shrink_with_a_small_tank() -> None:
     """Ten times nearer and ten times closer together: cells of a tenth, the same weights between them."""
     x = np.tile(np.linspace(-0.8, 0.8, 17), 2)
-    z = np.repeat([2.5, 5.0], 17)
+    z = np.repeat([2.0, 5.0], 17)
     large, small = (positions_grid(k * x, 0 * x, k * z) for k in (1.0, 0.1))
     assert (small.pitch_x_m, small.pitch_y_m) == pytest.approx((0.1 * large.pitch_x_m, 0.1 * large.pitch_y_m))
     weights = [Shift(grid, k * x, 0 * x, k * z).smooth for grid, k in ((large, 1.0), (small, 0.1))]
