@@ -101,7 +101,7 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     elif kind == "column":
         x = np.linspace(-0.3 * reach, 0.3 * reach, 3)
         deep = scene.tank.lamp_depth_m if scene.tank is not None else np.inf
-        top = deep - min(0.1, 0.1 * deep)
+        top = deep - min(0.1, 0.5 * deep)
         y = np.linspace(-0.9 * reach, min(top, reach), 12)
     media = ("air", "water") if kind == "air" else ("water",)
     gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(planes, y, x, indexing="ij"))
