@@ -99,7 +99,7 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         planes = np.unique(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), *ends]))
         planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
     elif kind == "column":
-        x = np.linspace(-0.3 * reach, 0.3 * reach, 3)
+        x = min(0.3, 0.9 * reach) * np.array([-1.0, 0.0, 1.0])
         deep = scene.tank.lamp_depth_m if scene.tank is not None else np.inf
         top = deep - min(0.1, 0.5 * deep)
         y = np.linspace(-0.9 * reach, min(top, reach), 12)
