@@ -12,7 +12,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from lightfield import __version__
 from lightfield.commands._options import thread_count
@@ -131,9 +131,9 @@ def _general_options(default: str | None) -> _Parser:
 class _Parser(argparse.ArgumentParser):
     """Reports a wrong command line like any other error: one line."""
 
-    def __init__(self, **settings: object) -> None:
+    def __init__(self, **settings: Any) -> None:
         settings.setdefault("allow_abbrev", False)
-        super().__init__(**settings)  # type: ignore[arg-type]  # argparse's own keywords, passed through
+        super().__init__(**settings)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(message, remedy=f"{self.prog} --help")

@@ -16,6 +16,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -173,13 +174,14 @@ def _header(image: SpectralImage) -> dict[str, object]:
     return header
 
 
-def _attributes(header: Mapping[str, object]) -> dict[str, Attribute]:
+def _attributes(header: Mapping[str, Any]) -> dict[str, Attribute]:
     own = {"plane_z_m", "pixel_size_m", "first_pixel_m", "orientation"}
     found: dict[str, Attribute] = {}
     for key, attribute in header.items():
         name = key.removeprefix(OURS)
         if key.startswith(OURS) and name not in own:
-            found[name] = float(attribute[0]) if isinstance(attribute, np.ndarray) else attribute  # type: ignore[assignment]  # OpenEXR has no types
+            number = isinstance(attribute, np.ndarray)
+            found[name] = float(attribute[0]) if number else attribute
     return found
 
 

@@ -40,20 +40,22 @@ def _file(truth: Truth, folder: Path) -> Path:
 def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Light at the readings and then the held-out places, and its Monte Carlo error, shape (n + m,).
 
-    For unit on-axis intensity; rendered now unless it was before.
+    For unit on-axis intensity; rendered now unless it was before, at these very places.
     """
-    path = _file(truth, folder)
-    if not path.exists():
-        from lightfield.rendered import rendered_light  # loads Mitsuba
+    path, bench = _file(truth, folder), BENCHES[truth.bench]
+    readings = with_held_out(bench, table_of(bench, "plane", np.random.default_rng(0)))
+    places = np.stack([readings.x_m, readings.y_m, readings.z_m])
+    if path.exists():
+        with np.load(path) as stored:
+            if "places" in stored and np.array_equal(stored["places"], places):
+                return stored["light"], stored["stderr"]
+    from lightfield.rendered import rendered_light  # loads Mitsuba
 
-        bench = BENCHES[truth.bench]
-        places = with_held_out(bench, table_of(bench, "plane", np.random.default_rng(0)))
-        seed = 1000 + number_of(path.stem) % 100_000
-        light, stderr = rendered_light(
-            lit_scene(truth), places, seed=seed, rel_error=REL_ERROR, max_photons=PHOTONS
-        )
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            np.savez(stream, light=light, stderr=stderr)
-    with np.load(path) as stored:
-        return stored["light"], stored["stderr"]
+    seed = 1000 + number_of(path.stem) % 100_000
+    light, stderr = rendered_light(
+        lit_scene(truth), readings, seed=seed, rel_error=REL_ERROR, max_photons=PHOTONS
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, light=light, stderr=stderr, places=places)
+    return light, stderr

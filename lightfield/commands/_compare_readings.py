@@ -38,12 +38,6 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.render.diffuse import response_for
     from lightfield.scene import Scene
 
-    scene, readings = Scene.load(args.scene), Readings.load(args.what)
-    names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
-    if args.output:
-        output_folder(args.output)
-    if args.fit_json:
-        output_file(args.fit_json)
     options = given(args)
     if options and args.solver != "render":
         raise UsageError(
@@ -52,6 +46,12 @@ def run(args: argparse.Namespace) -> int:
             rule="these belong to --solver render",
             remedy="add --solver render, or leave them out",
         )
+    scene, readings = Scene.load(args.scene), Readings.load(args.what)
+    names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
+    if args.output:
+        output_folder(args.output)
+    if args.fit_json:
+        output_file(args.fit_json)
     if "seed" in options:
         options["seed"] += 1  # seed 0 is that of the response which the render is to check
     source = partial(response_for, cache=not args.no_cache)

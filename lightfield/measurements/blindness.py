@@ -71,7 +71,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     if len(keys) == len(readings):
         warn(
             "no_repeats",
-            "no position is read twice: drift is seen through the model alone, repositioning errors not",
+            "no position is read twice: drift shows only through the model, repositioning errors do not show",
             "repeat a reference position three times or more",
         )
     unknown = int(np.isnan(readings.stderr).sum())

