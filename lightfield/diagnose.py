@@ -16,7 +16,8 @@ from lightfield.diagnosis import compose, ledger
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
-from lightfield.diagnosis.setup import budget_of, clear_first, problem_of, source_of, spectral
+from lightfield.diagnosis.search import Fitted
+from lightfield.diagnosis.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
 from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
@@ -148,7 +149,7 @@ def diagnose(
     diffuse : "trace", None or callable
         Where scattered and reflected light comes from: traced by the renderer and kept in its cache, not at
         all (then scattering, walls and surface cannot be tested), or a function that takes what
-        `render.diffuse.response_for` does: a scene, three arrays of positions, and `share`.
+        `render.diffuse.response_for` does: a scene, three arrays of positions, `share`, `dense_per_m`.
     only : sequence of str, optional
         Names of the effects to consider; default: the whole table.
     alpha : float
@@ -188,16 +189,19 @@ def _diagnose(
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
     )
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
-    waters = clear_first(source)
-    for water in waters:
-        forward = SceneForward(scene, readings, water)
+    source, dense = remembered(source), None
+    known: tuple[Fitted, ...] = ()
+    for traces_left in reversed(range(TRACES)):
+        forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
-        prepared = prepare(problem, quoted, budget, rng, alpha)
-        if water is not waters[-1] and forward.is_dense(prepared.reference.values):
+        prepared = prepare(problem, quoted, budget, rng, alpha, known)
+        dense, known = prepared.to_trace_per_m, prepared.known
+        if dense is not None and traces_left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha)
-        if not any(forward.is_dense(one.fit.values) for one in finding.contenders):
+        dense = forward.to_trace(one.fit.values for one in finding.contenders)
+        if dense is None:
             break
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]

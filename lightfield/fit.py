@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -25,6 +25,10 @@ class Forward(Protocol):
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]: ...
 
     def position_slope(self, values: Mapping[str, float]) -> Array: ...
+
+    def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None: ...
+
+    def to_traced(self, values: Mapping[str, float]) -> float: ...
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
 from lightfield.diagnosis.preparation import bench, prepare
 from lightfield.diagnosis.problem import Explanation, Problem
-from lightfield.diagnosis.setup import budget_of, clear_first, problem_of, source_of, spectral
+from lightfield.diagnosis.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
 from lightfield.diagnosis.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fit import Array, Fit, Whiten
@@ -256,8 +256,9 @@ def _fit_readings(
     source, reason = source_of(scene, diffuse)
     scene = spectral(scene, readings)
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
-    for water in clear_first(source):
-        forward = SceneForward(scene, readings, water)
+    source, dense = remembered(source), None
+    for _ in range(TRACES):
+        forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
         explanation = _chosen(problem, with_effects, untestable)
         rng = np.random.default_rng(seed)
@@ -266,7 +267,8 @@ def _fit_readings(
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])
         fit = _best(problem, explanation, made.whiten, base.u)
-        if not any(forward.is_dense(one.values) for one in (prepared.reference, fit)):
+        dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
+        if dense is None:
             break
     notes = [f"assumed: {a}" for a in budget.assumed]
     for _ in range(2 if solver == "render" else 0):

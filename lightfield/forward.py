@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield import analytic
-from lightfield.render.diffuse_response import CLEAR_TO_PER_M
+from lightfield.render.diffuse_response import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.water.iop import scattering_per_m
 
@@ -34,8 +34,7 @@ class Diffuse(Protocol):
         self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: Any
     ) -> tuple[Any, Any]: ...
 
-    @property
-    def clear(self) -> Diffuse: ...
+    def with_denser(self, other: Any) -> Diffuse: ...
 
 
 DiffuseSource = Callable[..., Diffuse]
@@ -94,8 +93,11 @@ class SceneForward:
         Values that are not given to `predict` are the scene's.
     readings : Readings
     diffuse : callable, optional
-        `response_for(scene, x_m, y_m, z_m, share=1.0)`: traces once the scattered and reflected light, with
-        that part of its photons; called only when needed.
+        `response_for(scene, x_m, y_m, z_m, share=1.0, dense_per_m=None)`: traces once the scattered and
+        reflected light, with that part of its photons, in clear water or one that scatters so much; called
+        only when needed.
+    dense_per_m : float, optional, m^-1
+        Also trace in this water; default: if the scene's own asks for it.
     """
 
     def __init__(
@@ -105,6 +107,7 @@ class SceneForward:
         diffuse: DiffuseSource | None = None,
         full: float | None = None,
         width_deg: float | None = None,
+        dense_per_m: float | None = None,
     ) -> None:
         self.scene, self.readings, self._source = scene, readings, diffuse
         self._response: Diffuse | None = None
@@ -117,6 +120,8 @@ class SceneForward:
         wavelength = np.asarray(readings.wavelength_nm, float)
         self._wavelengths, self._channel = np.unique(np.round(wavelength, 3), return_inverse=True)
         self._fields: OrderedDict[tuple[tuple[str, float], ...], Array] = OrderedDict()
+        own = self.dense_water({}) if dense_per_m is None else None
+        self._dense = trace_for(own) if own is not None else dense_per_m
 
     @property
     def size(self) -> int:
@@ -151,7 +156,7 @@ class SceneForward:
         n = len(next(iter(places.values())))
         there = replace(self.readings.subset(np.zeros(n, int)), **places)
         source = partial(self._source, share=share) if self._source and share != 1 else self._source
-        return SceneForward(self.scene, there, source, self._full, self._width)
+        return SceneForward(self.scene, there, source, self._full, self._width, self._dense)
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
         """A copy whose light is scaled, reading by reading, so that at `values` it equals a full render.
@@ -161,7 +166,7 @@ class SceneForward:
         light, stderr : array, shape (n,)
             The render, for unit on-axis intensity.
         """
-        out = SceneForward(self.scene, self.readings, self._source, self._full, self._width)
+        out = SceneForward(self.scene, self.readings, self._source, self._full, self._width, self._dense)
         out._response = self._response
         field = out._field(values)
         out._fields.clear()
@@ -174,12 +179,23 @@ class SceneForward:
             {k: v for k, v in values.items() if not k.startswith(GAIN)}, validate=validate
         )
 
-    def is_dense(self, values: Mapping[str, float]) -> bool:
-        """Does the water scatter so much that its diffuse light needs a trace of its own?"""
+    def dense_water(self, values: Mapping[str, float]) -> float | None:
+        """Scattering coefficient of the water if it is too dense for a trace in clear water, m^-1."""
         water = self.scene_at(values, validate=False).water
         middle = float(np.mean(self.scene.detector.bands_nm[0]))
         at = np.where(np.isnan(self._wavelengths), middle, self._wavelengths)
-        return bool((scattering_per_m(water, at) > CLEAR_TO_PER_M).any())
+        return dense_water(scattering_per_m(water, at))
+
+    def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
+        """The trace that is still missing for the first of what was found in dense water, m^-1."""
+        now = self._dense or CLEAR_PER_M
+        asked = [trace_for(b, now) for values in found if (b := self.dense_water(values)) is not None]
+        return asked[0] if asked and asked[0] != self._dense else None
+
+    def to_traced(self, values: Mapping[str, float]) -> float:
+        """Factor by which dense water would have to scatter more to be the traced one; 1 in clear water."""
+        b = self.dense_water(values)
+        return self._dense / b if self._dense is not None and b is not None else 1.0
 
     def predict(self, values: Mapping[str, float]) -> Array:
         """Readings, shape (n,)."""
@@ -245,7 +261,11 @@ class SceneForward:
             # scene fitted to these readings then shares one response, and a stored rung gives the same
             # numbers again.
             traced = self.scene.with_values({"lamp.hwhm_deg": self._width}, validate=False)
-            self._response = self._source(traced, r.x_m, r.y_m, r.z_m)
+            response = self._source(traced, r.x_m, r.y_m, r.z_m)
+            if self._dense is not None:
+                denser = self._source(traced, r.x_m, r.y_m, r.z_m, dense_per_m=self._dense)
+                response = response.with_denser(denser)
+            self._response = response
         return self._response
 
     def _diffuse(self, scene: Scene) -> Array:

@@ -6,7 +6,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -54,27 +54,29 @@ class Tracing:
     def cpu_seconds(self) -> float:
         return float((self._spent - self._before)[1])
 
-    def __call__(self, scene: Any, *places: Any, share: float = 1.0) -> Any:
+    def __call__(self, scene: Any, *places: Any, **options: float) -> Any:
         from lightfield.render.diffuse import _bucket, response_for
 
         where = (np.asarray(p).tobytes() for p in places)
-        key = (self.bench, share, _bucket(scene.lamp.hwhm_deg), *where)
+        key = (self.bench, *sorted(options.items()), _bucket(scene.lamp.hwhm_deg), *where)
         if key in self._kept:
             return self._kept[key]
-        response = self._clocked(partial(response_for, scene, *places, share=share))
+        response = self._clocked(partial(response_for, scene, *places, **options))
+        under = response.under_surface
+        if under is not None:
+            under = replace(under, trace=partial(self._clocked, under.trace))
+        response = replace(response, trace=partial(self._clocked, response.trace), under_surface=under)
         if self.bench:
             self._kept[key] = response
         return response
 
     @classmethod
     def _clocked(cls, make: Callable[[], Any]) -> Any:
-        """A response whose traces of denser waters, made when they are asked for, are clocked as well."""
+        """What is made, in time that counts as tracing."""
         start = np.array([time.perf_counter(), time.process_time()])
-        response = make()
+        made = make()
         cls._spent += np.array([time.perf_counter(), time.process_time()]) - start
-        if response.denser is None:
-            return response
-        return replace(response, denser=lru_cache(partial(cls._clocked, response.denser)))
+        return made
 
 
 def run(trial: Trial, folder: Path) -> Row:
@@ -119,7 +121,8 @@ def _run(trial: Trial, folder: Path) -> Row:
     sigma = np.hypot(trial.noise * clean, FLOOR)
     gain = float(clean.max() / light[:n].max())
     gained = stated if stated is not None else PLANE_GAIN_PERCENT / 100
-    oracle = Oracle(believed, readings, clean, sigma, gained, tracing)
+    dense = SceneForward(scene, readings).dense_water({})
+    oracle = Oracle(believed, readings, clean, sigma, gained, tracing, dense)
     row |= {
         "values": {k: v for k, v in truth.values if isinstance(v, float)},
         "drawn": drawn,

@@ -15,6 +15,7 @@ from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.setup import problem_of
 from lightfield.fit import Fit
 from lightfield.forward import DiffuseSource, SceneForward
+from lightfield.render.diffuse_response import trace_for
 from lightfield.scene import Scene
 
 Array = np.ndarray
@@ -33,6 +34,8 @@ class Oracle:
         True standard error.
     plane_gain : float
         Relative error of every visit to a plane, true or as the tool assumes it.
+    dense_per_m : float, optional, m^-1
+        The true water, if it is dense.
     """
 
     def __init__(
@@ -43,8 +46,10 @@ class Oracle:
         sigma: Array,
         plane_gain: float,
         diffuse: DiffuseSource,
+        dense_per_m: float | None,
     ) -> None:
-        self.forward = SceneForward(believed, replace(readings, value=clean), diffuse)
+        trace = None if dense_per_m is None else trace_for(dense_per_m)
+        self.forward = SceneForward(believed, replace(readings, value=clean), diffuse, dense_per_m=trace)
         # Not by anything in the noisy readings: the same light for all fits.
         self.problem, _ = problem_of(
             self.forward, replace(readings, value=clean), effects.table().values(), None

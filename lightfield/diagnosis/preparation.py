@@ -8,7 +8,7 @@ description is not yet a finding; it only says where the readings lie without ca
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,8 @@ from lightfield.fit import Fit
 Array = NDArray[np.float64]
 
 REPLICATES = 999
+#: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
+FAR_FROM_TRACED = 0.2
 #: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
 _WORTH = 1.1
 
@@ -46,7 +48,8 @@ class Prepared:
 
     `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
     explanations by diffuse light add their own. `excess` is the mean factor of the variances of `noise` over
-    the stated ones, `known` what was fitted on the way.
+    the stated ones, `known` what was fitted on the way, `to_trace_per_m` the water whose diffuse light must
+    be traced to say more.
     """
 
     problem: Problem
@@ -57,6 +60,7 @@ class Prepared:
     errors_stated: bool
     excess: float = 1.0
     known: tuple[Fitted, ...] = ()
+    to_trace_per_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -79,19 +83,25 @@ def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) 
     return rich_basis(fit, bank(problem, fit, whiten), _whitened_unknowns(problem, whiten), with_time)
 
 
-def _plain(problem: Problem, quoted: Array, prediction: Array, rho: float = 0.0) -> Whitener:
-    """Whitening by the smoothed quoted errors alone."""
+def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
+    """Whitening by the smoothed quoted errors, and more of one's own, alone."""
     layout = problem.layout
     zero = np.zeros(layout.size)
     sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
-    return Whitener(Noise(layout, sigma, prediction, Budget(0.0, 0.0, 0.0), zero), rho)
+    return Whitener(Noise(layout, np.hypot(sigma, more), prediction, Budget(0.0, 0.0, 0.0), zero))
 
 
 def _without_outliers(
-    problem: Problem, quoted: Array, explanation: Explanation, fit: Fit, usable: Array, by_effects: bool
+    problem: Problem,
+    quoted: Array,
+    explanation: Explanation,
+    fit: Fit,
+    usable: Array,
+    by_effects: bool,
+    more: Array | float = 0.0,
 ) -> tuple[Problem, Whitener, Fit]:
     problem = replace(problem, keep=usable)
-    whiten = _plain(problem, quoted, fit.prediction)
+    whiten = _plain(problem, quoted, fit.prediction, more)
     fit = problem.fit(explanation, whiten, [fit.u])
     for _ in range(3):
         basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
@@ -102,37 +112,107 @@ def _without_outliers(
         left_out = scattered(every, problem.value - fit.prediction, problem.layout)
         problem = replace(problem, keep=usable * ~left_out)
         fit = problem.fit(explanation, whiten, [fit.u])
-        whiten = _plain(problem, quoted, fit.prediction)
+        whiten = _plain(problem, quoted, fit.prediction, more)
     return problem, whiten, fit
 
 
+@dataclass(frozen=True)
+class _Description:
+    """One or two effects that bring the model to the readings, if the base is not there.
+
+    Parameters
+    ----------
+    known : tuple of (explanation, fit)
+        All fits that were made.
+    to_trace_per_m : float, optional
+        Water whose diffuse light must be traced to say more.
+    """
+
+    explanation: Explanation
+    fit: Fit
+    known: tuple[Fitted, ...] = ()
+    to_trace_per_m: float | None = None
+
+
 def _describe(
-    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool
-) -> tuple[Explanation, Fit, tuple[Fitted, ...]]:
-    """One or two effects that bring the model to the readings, if the base is not there; and all fits."""
+    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[Fitted]
+) -> _Description:
     n = int(problem.keep.sum())
-    unknowns = _whitened_unknowns(problem, whiten)
     few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
-    test = AdequacyTest(problem, whiten, unknowns, few, errors_stated)
+
+    def misses(whiten: Whitener, fit: Fit) -> bool:
+        unknowns = _whitened_unknowns(problem, whiten)
+        return min(AdequacyTest(problem, whiten, unknowns, few, errors_stated)(fit).tests.values()) < 1e-4
+
+    test = AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), few, errors_stated)
     at_base = test(base)
     if min(at_base.tests.values()) > 1e-4:
-        return (), base, ()
-    singles = fit_singles(problem, test, base, at_base)
-    if not singles:
-        return (), base, ()
-    ranked = [Tried(e, f, f.chi2) for e, f in sorted(singles, key=lambda s: s[1].chi2)]
-    best: tuple[Explanation, Fit] = (ranked[0].explanation, ranked[0].fit)
-    best_test = test(best[1])
-    pairs: list[Fitted] = []
-    if min(best_test.tests.values()) < 1e-4:
+        return _Description((), base)
+    known = fit_singles(problem, test, base, at_base, known_before)
+    if not known:
+        return _Description((), base)
+    ranked = [Tried(e, f, f.chi2) for e, f in sorted(known, key=lambda s: s[1].chi2)]
+    best: Fitted = (ranked[0].explanation, ranked[0].fit)
+    own, settled = _settled_single(problem, *best, whiten, whiten.noise)
+    missing = problem.forward.to_trace([settled.values])
+    if misses(whiten, best[1]) and misses(own, settled):
         pairs = fit_pairs(problem, test, base, at_base, ranked[:4])
         best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
+        known += pairs
+        settled = _settled(problem, *best, whiten, whiten.noise)[1]
+        asked = problem.forward.to_trace([settled.values])
+        missing = asked and (missing or asked)  # what one effect asks for is known better
+    known = [(e, settled if e is best[0] else f) for e, f in known]
     explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
-    return explanation, fit, (*singles, *pairs)
+    return _Description(explanation, fit, tuple(known), missing)
+
+
+def _settled(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
+    for _ in range(2):
+        whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
+        fit = problem.fit(explanation, whiten, [fit.u])
+    return whiten, fit
+
+
+def _settled_single(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """The same for a single effect, from every valley that it may have.
+
+    Errors that grow with an effect move the valleys of its shapes, and water between two traced ones may look
+    right only because neither trace says much of it.
+    """
+    found = [_settled(problem, explanation, fit, whiten, noise)]
+    more = problem.forward.to_traced(found[0][1].values)
+    if abs(more - 1) > FAR_FROM_TRACED:
+        (candidate,), u = explanation, fit.u.copy()
+        for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
+            u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
+        there = problem.fit(explanation, whiten, [u], max_steps=0)
+        found.append(_settled(problem, explanation, there, whiten, noise))
+    best = min(found, key=_objective)
+    other = restarted(problem, explanation, best[1], best[0])
+    if other is not best[1]:
+        best = min(best, _settled(problem, explanation, other, whiten, noise), key=_objective)
+    return best
+
+
+def _objective(found: tuple[Whitener, Fit]) -> float:
+    """Twice the negative logarithm of the likelihood, up to a constant."""
+    whiten, fit = found
+    return fit.chi2 + whiten.log_determinant
 
 
 def prepare(
-    problem: Problem, quoted: Array, budget: Budget, rng: np.random.Generator, alpha: float = ALPHA
+    problem: Problem,
+    quoted: Array,
+    budget: Budget,
+    rng: np.random.Generator,
+    alpha: float = ALPHA,
+    known: Sequence[Fitted] = (),
 ) -> Prepared:
     """Outliers, smoothed errors and serial correlation.
 
@@ -146,11 +226,13 @@ def prepare(
         Standard errors of the table; NaN where unknown.
     alpha : float
         Level of the test of the base model.
+    known : sequence of (explanation, fit)
+        Fits to the same readings with another trace of the diffuse light, to begin from.
     """
-    rich = _prepared(problem, quoted, budget, by_effects=True)
+    rich = _prepared(problem, quoted, budget, True, known)
     if _base_passes(rich, rng, alpha):
         return rich
-    alone = _prepared(problem, quoted, budget, by_effects=False)
+    alone = _prepared(problem, quoted, budget, False)
     if (alone.problem.keep == rich.problem.keep).all():
         return rich
     few = alone.problem.keep.sum() >= rich.problem.keep.sum() - 1
@@ -164,24 +246,36 @@ def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> 
     return made.test(problem.fit((), made.whiten, starts)).passes(alpha)
 
 
-def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool) -> Prepared:
+def _prepared(
+    problem: Problem, quoted: Array, budget: Budget, by_effects: bool, known: Sequence[Fitted] = ()
+) -> Prepared:
     """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
     usable, layout = problem.keep, problem.layout
     stated = errors_stated(quoted)
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
     problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
-    nothing: tuple[Explanation, Fit, tuple[Fitted, ...]] = ((), base, ())
-    explanation, reference, known = _describe(problem, whiten, base, stated) if by_effects else nothing
+    described = _Description((), base)
+    if by_effects:
+        # The light of another trace moves the fits by it too far to begin from there.
+        same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
+        described = _describe(problem, whiten, base, stated, same)
+    explanation, reference = described.explanation, described.fit
+    own = np.zeros(layout.size)
     if explanation:
-        problem, whiten, reference = _without_outliers(problem, quoted, explanation, reference, usable, True)
-    quoted_sigma = whiten.noise.sigma
-    if stated:
-        rich, relative = _rich(problem, whiten, reference), np.clip(reference.prediction, 0, None)
-        factor = unstated_error(
-            reference.residual, rich, problem.keep, relative / quoted_sigma, VARIANCE_EXCESS
+        # The error of the light in the description is neither noise of the readings nor makes outliers.
+        modes, smooth = problem.forward.errors(reference.values)
+        own = np.sqrt((modes**2).sum(axis=1) + smooth**2)
+        problem, whiten, reference = _without_outliers(
+            problem, quoted, explanation, reference, usable, True, own
         )
-        whiten = Whitener(replace(whiten.noise, sigma=factor * quoted_sigma))
+    quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
+    if stated:
+        rich, total = _rich(problem, whiten, reference), whiten.noise.sigma
+        relative = np.clip(reference.prediction, 0, None) / total
+        factor = unstated_error(reference.residual, rich, problem.keep, relative, VARIANCE_EXCESS)
+        sigma = np.hypot(quoted_sigma, np.sqrt(factor**2 - 1) * total)
+        whiten = Whitener(replace(whiten.noise, sigma=factor * total))
         reference = problem.fit(explanation, whiten, [reference.u])
     still = _rich(problem, whiten, reference, with_time=False)
     serial = Serial()
@@ -189,10 +283,11 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, by_effects: bool)
         serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
-    plain = Noise(layout, whiten.noise.sigma, reference.prediction, budget, slope)
+    plain = Noise(layout, sigma, reference.prediction, budget, slope)
     noise = with_response_error(problem, plain, base)
-    excess = float(((whiten.noise.sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
-    return Prepared(problem, noise, serial, reference, explanation, stated, excess, known)
+    excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
+    fitted, missing = described.known, described.to_trace_per_m
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess, fitted, missing)
 
 
 def whitened_test(
@@ -255,33 +350,18 @@ class OwnErrors:
     main: Bench
     rng: np.random.Generator
 
-    def _whiten(self, fit: Fit) -> Whitener:
-        noise = with_response_error(self.prepared.problem, self.prepared.noise, fit)
-        return Whitener(noise, self.main.whiten.rho, self.main.phi, self.main.whiten.tolerance)
-
     def promise(self, fit: Fit) -> float:
         """Chi-square and growth of the log determinant where the fit lies now."""
-        whiten, problem = self._whiten(fit), self.prepared.problem
+        problem, main = self.prepared.problem, self.main.whiten
+        noise = with_response_error(problem, self.prepared.noise, fit)
+        whiten = Whitener(noise, main.rho, main.phi, main.tolerance)
         residual = whiten(problem.keep * (problem.value - fit.prediction))
-        return float(residual @ residual) + whiten.log_determinant - self.main.whiten.log_determinant
+        return float(residual @ residual) + whiten.log_determinant - main.log_determinant
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
-        """Test, fit from where the last one lies, and growth of the log determinant.
-
-        Errors that grow with an effect move the valleys of its shapes: those of a single one each get their
-        chance.
-        """
-        whiten, best = self._settled(explanation, fit)
-        if len(explanation) == 1:
-            other = restarted(self.prepared.problem, explanation, best, whiten)
-            if other is not best:
-                pair = (whiten, best), self._settled(explanation, other)
-                whiten, best = min(pair, key=lambda p: p[1].chi2 + p[0].log_determinant)
+        """Test, fit from where the last one lies, and growth of the log determinant."""
+        settle = _settled_single if len(explanation) == 1 else _settled
+        problem, noise = self.prepared.problem, self.prepared.noise
+        whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
         return _bench(self.prepared, whiten, self.rng).test, best, growth
-
-    def _settled(self, explanation: Explanation, fit: Fit) -> tuple[Whitener, Fit]:
-        for _ in range(2):
-            whiten = self._whiten(fit)
-            fit = self.prepared.problem.fit(explanation, whiten, [fit.u])
-        return whiten, fit

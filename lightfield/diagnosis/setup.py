@@ -24,6 +24,8 @@ PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
 #: The scene's half-width is a guess, good to this factor.
 _WIDTH_FACTOR = 5.0
 _FEWEST_TO_SPARE = 1
+#: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
+TRACES = 3
 
 
 def budget_of(readings: Any) -> Budget:
@@ -192,22 +194,16 @@ def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[Diffus
     return response_for, None
 
 
-def clear_first(source: DiffuseSource | None) -> list[DiffuseSource | None]:
-    """Sources to try one after the other: of clear water alone, which spares traces, then of any water.
-
-    The first will do unless what explains the readings is dense water, see `SceneForward.is_dense`.
-    """
+def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
+    """The source, which gives what it has been asked for before from memory."""
     if source is None:
-        return [None]
+        return None
     made: dict[tuple[Any, ...], Diffuse] = {}
 
-    def any_water(scene: Scene, *places: Array, **share: float) -> Diffuse:
-        key = (*(np.asarray(p, float).tobytes() for p in places), *share.values())
+    def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
+        key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
         if key not in made:
-            made[key] = source(scene, *places, **share)
+            made[key] = source(scene, *places, **options)
         return made[key]
 
-    def clear_water(scene: Scene, *places: Array, **share: float) -> Diffuse:
-        return any_water(scene, *places, **share).clear
-
-    return [clear_water, any_water]
+    return once

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beam_tallies import BeamTallies, Sent
 from lightfield.render.beamnodes import BeamNodes
-from lightfield.render.diffuse_response import CLEAR_TO_PER_M, DiffuseResponse
+from lightfield.render.diffuse_response import CLEAR_PER_M, DiffuseResponse, Traced
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
@@ -33,11 +33,8 @@ from lightfield.render.symmetry import mirror_images
 from lightfield.scene import Scene
 
 REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
-#: Scattering of the traced waters, m^-1, and where each takes over from the one before: (b_0 - b)^2 z / b_0
-#: stays near 1.5 and below for planes up to 9 m away. Photons walk longer in dense water; fewer are sent.
-REFERENCE_SCATTERING = (0.2, 0.7, 1.5)
-TAKES_OVER = ((CLEAR_TO_PER_M, 0.45), (0.9, 1.2))
-SENT = (1.0, 1 / 4, 1 / 20)
+#: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
+SENT_PER_M = 0.14
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 3_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
@@ -55,6 +52,7 @@ def response_for(
     *,
     photons: int = PHOTONS,
     share: float = 1.0,
+    dense_per_m: float | None = None,
     g_nodes: Sequence[float] = G_NODES,
     seed: int = 0,
     cache: bool = True,
@@ -67,9 +65,11 @@ def response_for(
         Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
     x_m, y_m, z_m : arrays, shape (n,), m
     photons : int
-        Per inner node of g in the clearest of the traced waters.
+        Per inner node of g in clear water.
     share : float
         Part of them that is sent out.
+    dense_per_m : float, optional, m^-1
+        Trace in water that scatters so much, for `DiffuseResponse.with_denser`.
     g_nodes : sequence of float
         Ascending; used when the phase function is Henyey-Greenstein.
     seed : int
@@ -101,22 +101,16 @@ def response_for(
     needed = [kind for kind in range(CLASSES) if kind not in known]
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
 
-    def traced_in(scattering: float, sent: int) -> DiffuseResponse:
-        one = partial(_response, scene, places, scattering, seed=seed, cache=cache)
-        main = one(nodes, open_top, needed, photons=sent)
-        if scene.tank is None or open_top:
-            return main
-        # Light that was only scattered is the same under either top.
-        few = round(UNDER_SURFACE * sent)
-        return replace(main, under_surface=one(middle, True, needed[1:], photons=few))
-
-    def from_water(i: int) -> DiffuseResponse:
-        made = traced_in(REFERENCE_SCATTERING[i], round(share * photons * SENT[i]))
-        if i == len(TAKES_OVER):
-            return made
-        return replace(made, denser=lru_cache(partial(from_water, i + 1)), takes_over_per_m=TAKES_OVER[i])
-
-    return replace(from_water(0), reflected=reflected)
+    scattering, sent = CLEAR_PER_M, share * photons
+    if dense_per_m is not None:
+        scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
+    one = functools.partial(_response, scene, places, scattering, seed=seed, cache=cache)
+    made = replace(one(nodes, open_top, needed, photons=round(sent)), reflected=reflected)
+    if scene.tank is None or open_top:
+        return made
+    # Light that was only scattered is the same under either top.
+    few = round(UNDER_SURFACE * sent)
+    return replace(made, under_surface=one(middle, True, needed[1:], photons=few))
 
 
 def _response(
@@ -137,38 +131,59 @@ def _response(
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
-    beam_nodes = BeamNodes(angle_nodes(width), width)
-    sent_to = np.full(max(len(nodes), 1), photons)
-    if len(nodes) > 2:
-        sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
+    images, smooth, shift = mirror_images(traced, grid), smoother(grid), Shift(grid, *places)
+    straight = straight_path(traced, grid)
+
+    def tell() -> Traced:
+        beam_nodes = BeamNodes(angle_nodes(width), width)
+        sent_to = np.full(max(len(nodes), 1), photons)
+        if len(nodes) > 2:
+            sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
+        stored = _stored(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed, cache)
+        histories = np.asarray(stored["histories"], int)
+        rows = TransportResponse(
+            np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
+        )
+        tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
+        from_walls = np.isin(light_classes(histories), FROM_WALLS)
+        if from_walls.any():
+            tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
+        sent = Sent(np.asarray(stored["density"], float), traced.lamp)
+        beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
+        return Traced(beams, stored["relative_stderr"] * images.error, rows)
+
+    return DiffuseResponse(
+        functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth
+    )
+
+
+def _stored(
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    beam_nodes: BeamNodes,
+    g_nodes: tuple[float, ...],
+    needed: Sequence[int],
+    photons: NDArray[np.integer[Any]],
+    seed: int,
+    cache: bool,
+) -> dict[str, Array]:
+    """What `_trace` gives, from the cache if it is there."""
     key = {
         "kind": "diffuse",
-        **transport_key(traced, grid, reference),
-        "g": nodes,
+        **transport_key(scene, grid, reference),
+        "g": g_nodes,
         "classes": list(needed),
-        "photons": sent_to.tolist(),
+        "photons": photons.tolist(),
         "seed": seed,
         "nodes": asdict(beam_nodes.nodes),
     }
     stored = store.load(key) if cache else None
     if stored is None:
-        stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed)
+        stored = _trace(scene, grid, reference, beam_nodes, g_nodes, needed, photons, seed)
         if cache:
             store.save(key, stored)
-    histories = np.asarray(stored["histories"], int)
-    straight = straight_path(traced, grid)
-    rows = TransportResponse(np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons)
-    tallies, errors = stored["tallies"], stored["relative_stderr"]
-    images = mirror_images(traced, grid)
-    tallies, errors = images.averaged(tallies, beam_nodes.nodes), errors * images.error
-    from_walls = np.isin(light_classes(histories), FROM_WALLS)
-    smooth = smoother(grid)
-    if from_walls.any():
-        tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
-    sent = Sent(np.asarray(stored["density"], float), traced.lamp)
-    shift = Shift(grid, *places)
-    beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
-    return DiffuseResponse(beams, errors, nodes, rows, shift, images.orbits, smooth)
+    return stored
 
 
 def _bucket(hwhm_deg: float) -> float:

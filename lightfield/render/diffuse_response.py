@@ -7,8 +7,8 @@ new trace:
     E_diffuse(p) = sum over directions w  I(w)
                    sum over histories h  R_g[h, w, p]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
 
-A trace answers for waters near its own b_0; far from it few photons carry all the weight. So there are
-several, traced when they are first asked for, and one fades into the next.
+A trace answers for waters near its own b_0; far from it few photons carry all the weight. Clear waters share
+one; water that scatters much is answered by a trace of its own, into which the first one fades.
 
 Followed to first order only: an offset of the lamp moves the scattered field with it (the walls stay), and an
 apparent source behind the window stretches the beam plane by plane.
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from lightfield.render.response import (
     HERMITE_SHARES,
     NEVER_SCATTERED,
     Array,
+    Reference,
     TransportResponse,
 )
 from lightfield.render.shift import Shift
@@ -41,10 +42,63 @@ from lightfield.render.straight import from_behind, inhomogeneous
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-#: Waters that scatter less than this are answered by the first trace alone.
-CLEAR_TO_PER_M = 0.3
+#: Scattering of the water of the first trace. Waters that scatter less than the second number are answered by
+#: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
+CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.5, 1.5
+#: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
+#: fall short.
+REACH, FALLS_SHORT = 1.15, 0.3
+#: From where a trace is worth as much as another to where it is relied on, as a factor in b.
+FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
+
+
+def dense_water(scattering_per_m: Array) -> float | None:
+    """Scattering coefficient of water that stands for several, m^-1; None where the first trace will do.
+
+    Parameters
+    ----------
+    scattering_per_m : array, shape (n_wavelengths,)
+    """
+    dense = scattering_per_m[scattering_per_m > CLEAR_TO_PER_M]
+    return float(np.exp(np.log(dense).mean())) if len(dense) else None
+
+
+def trace_for(scattering_per_m: float, traced_per_m: float | None = None) -> float:
+    """Scattering coefficient of the trace that dense water asks for, m^-1.
+
+    Parameters
+    ----------
+    scattering_per_m : float
+        Of the water.
+    traced_per_m : float, optional
+        Set when the water was found by a fit with the trace of another one. In denser water the rare photons
+        that should carry the light are mostly missed, and a fit stops short of the truth.
+    """
+    b = scattering_per_m
+    if traced_per_m is not None:
+        b *= max(b / traced_per_m, 1.0) ** FALLS_SHORT
+    steps = np.ceil(np.log(b / (REACH * DENSE_FROM_PER_M)) / np.log(DENSE_STEP))
+    return float(DENSE_FROM_PER_M * DENSE_STEP ** max(steps, 0))
+
+
+class Traced(NamedTuple):
+    """What a trace tells.
+
+    Parameters
+    ----------
+    beams : BeamTallies
+        One per node of g.
+    relative_stderr : array, shape (n_g, 5, n_cells)
+        Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
+    rows : TransportResponse
+        Histories of the rows, with an empty tally.
+    """
+
+    beams: BeamTallies
+    relative_stderr: Array
+    rows: TransportResponse
 
 
 @dataclass(frozen=True)
@@ -53,14 +107,16 @@ class DiffuseResponse:
 
     Parameters
     ----------
-    beams : BeamTallies
-        The tallies of the traces, one per node of g.
-    relative_stderr : array, shape (n_g, 5, n_cells)
-        Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
+    trace : callable
+        Gives what the trace tells; asked only when light is wanted that it must tell of.
+    kinds : tuple of int
+        The classes of light that it tells of, see `light_classes`.
+    reference : Reference
+        Water and walls that it is made with.
+    straight_m : array, shape (n_cells,), m
+        Straight line from the lamp to each cell, in water.
     g_nodes : tuple of float
         Empty when the phase function has no g (one tally then).
-    rows : TransportResponse
-        Histories of the rows, with an empty tally.
     shift : Shift
         From cells to positions.
     images : array of 0 and 1, shape (n_cells, n_sets)
@@ -71,23 +127,21 @@ class DiffuseResponse:
         The same tank with a water surface in place of its lid; for light that was reflected.
     reflected : ReflectedLight, optional
         Light that was reflected and not scattered, known better than from a trace.
-    denser : callable, optional
-        Gives the response of the same scene traced in water that scatters more.
-    takes_over_per_m : (float, float)
-        Scattering coefficients between which the denser one takes over.
+    denser : DiffuseResponse, optional
+        The same scene traced in water that scatters more, see `with_denser`.
     """
 
-    beams: BeamTallies
-    relative_stderr: Array
+    trace: Callable[[], Traced]
+    kinds: tuple[int, ...]
+    reference: Reference
+    straight_m: Array
     g_nodes: tuple[float, ...]
-    rows: TransportResponse
     shift: Shift
     images: Array
     wall_smoother: Array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
-    denser: Callable[[], DiffuseResponse] | None = None
-    takes_over_per_m: tuple[float, float] = (np.inf, np.inf)
+    denser: DiffuseResponse | None = None
 
     def evaluate(self, scene: Scene, wavelength_nm: float | None = None) -> tuple[Array, Array]:
         """Scattered and reflected part for unit on-axis intensity.
@@ -138,17 +192,21 @@ class DiffuseResponse:
         )
         return self._modes(scene, a, b, channel), smooth[channel, np.arange(len(channel))]
 
-    @property
-    def clear(self) -> DiffuseResponse:
-        """The same without the denser waters: never traces, and is not to be believed in water that is."""
-        return replace(self, denser=None)
+    def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:
+        """The same, with what a trace in denser water says of waters like that one."""
+        return replace(self, denser=other)
 
     def _share_of_denser(self, b: Array) -> Array:
-        """How much of each water is left to the denser response; smooth in b, shape (n_waters,)."""
+        """How much of each water is left to the denser response; smooth in b, shape (n_waters,).
+
+        Far from the water of a trace the variance grows as exp((b - b_0)^2 L / b_0): two traces are worth
+        the same at the geometric mean of their waters.
+        """
         if self.denser is None:
             return np.zeros(len(b))
-        low, high = self.takes_over_per_m
-        t = np.clip((b - low) / (high - low), 0, 1)
+        one, other = (r.reference.scattering_per_m for r in (self, self.denser))
+        low = max(CLEAR_TO_PER_M, np.sqrt(one * other) / FADE)
+        t = np.clip((b - low) / (low * FADE**2 - low), 0, 1)
         return np.asarray(t * t * (3 - 2 * t))
 
     def _moved(self, scene: Scene, a: Array, b: Array) -> Array:
@@ -156,7 +214,7 @@ class DiffuseResponse:
         share = self._share_of_denser(b)
         if self.denser is None or not share.any():
             return self._traced(scene, a, b)
-        beyond = share[:, None] * self.denser()._moved(scene, a, b)
+        beyond = share[:, None] * self.denser._moved(scene, a, b)
         return beyond if (share == 1).all() else beyond + (1 - share)[:, None] * self._traced(scene, a, b)
 
     def _modes(self, scene: Scene, a: Array, b: Array, channel: NDArray[np.integer[Any]]) -> Array:
@@ -167,13 +225,13 @@ class DiffuseResponse:
         modes = traced[:, None] * self._relative_modes(scene, a, b, channel)
         if self.denser is None or not share.any():
             return np.asarray(modes)
-        return np.hstack([modes, share[channel, None] * self.denser()._modes(scene, a, b, channel)])
+        return np.hstack([modes, share[channel, None] * self.denser._modes(scene, a, b, channel)])
 
     def _traced(self, scene: Scene, a: Array, b: Array) -> Array:
         """The light of this trace at the readings, shape (n_waters, n)."""
-        nothing = np.zeros((len(a), len(self.rows.straight_m)))
+        nothing = np.zeros((len(a), len(self.straight_m)))
         light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
-        z, r = self.shift.cell_z_m, self.rows.straight_m
+        z, r = self.shift.cell_z_m, self.straight_m
         seen = light * inhomogeneous(scene.water, z, r)
         seen = seen * from_behind(scene.lamp.apparent_distance_m, a + b, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
@@ -201,7 +259,7 @@ class DiffuseResponse:
         parts = self._light(scene, a, b, errors=True)
         if not parts:
             return np.zeros((len(channel), 0))
-        total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.rows.straight_m)), 1e-300))
+        total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.straight_m)), 1e-300))
         variance = sum(np.einsum("wwh->wh", covariance) for _, covariance in parts.values())
         total = np.maximum(total, np.sqrt(variance))
         open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
@@ -221,14 +279,14 @@ class DiffuseResponse:
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
-        light = np.zeros((len(attenuation), len(self.shift.cell)))
-        if self.reflected is None:
+        light, tank = np.zeros((len(attenuation), len(self.shift.cell))), scene.tank
+        if self.reflected is None or tank is None or tank.wall_albedo == tank.surface_reflectance == 0:
             return light
         nodes, shares = self._spread(scene)
         for one, c in zip(light, attenuation, strict=True):
             for share, at in zip(shares, nodes, strict=True):
                 one += share * self.reflected.evaluate(scene, float(c + at))
-        along = inhomogeneous(scene.water, self.shift.cell_z_m, self.rows.straight_m)
+        along = inhomogeneous(scene.water, self.shift.cell_z_m, self.straight_m)
         return light * self.shift.pick(along)
 
     @staticmethod
@@ -251,7 +309,7 @@ class DiffuseResponse:
         out: dict[int, tuple[Array, Array]] = {}
         lit = [
             kind
-            for kind in self.beams.rows_of
+            for kind in self.kinds
             if kind in kinds
             and (rho > 0 or kind not in FROM_WALLS)
             and (surface > 0 or kind not in FROM_SURFACE)
@@ -259,24 +317,27 @@ class DiffuseResponse:
         ]
         if not lit:
             return out
-        ones, reference = np.ones_like(spread), self.rows.reference
+        beams, relative_stderr, rows = self.trace()
+        ones, reference = np.ones_like(spread), self.reference
         change = spread + b - reference.absorption_per_m - reference.scattering_per_m
-        along = np.exp(-change[:, None] * self.rows.straight_m)
+        along = np.exp(-change[:, None] * self.straight_m)
         shares = self._g_shares(scene)
         for kind in lit:
-            weights = self.rows.row_weights(spread, b, rho * ones, surface * ones, self.beams.rows_of[kind])
+            if kind not in beams.rows_of:
+                continue
+            weights = rows.row_weights(spread, b, rho * ones, surface * ones, beams.rows_of[kind])
             # Light that was never scattered knows no g: its tally is the same at every node.
-            value = np.zeros((len(a), len(self.rows.straight_m)))
+            value = np.zeros((len(a), len(self.straight_m)))
             covariance = np.zeros((len(a), *(value.shape if errors else (0, 0))))
             for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                beam = self.beams.contracted(index, kind, scene.lamp)
+                beam = beams.contracted(index, kind, scene.lamp)
                 found = ((weights @ beam) * along).reshape(len(a), len(within), -1)
                 part = share * np.einsum("whc,h->wc", found, average)
                 value += part
                 if errors:
                     mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                    error = part * self.relative_stderr[index, kind]
-                    covariance += error[:, None] * error * self.beams.thinning(index, kind, scene.lamp, mixed)
+                    error = part * relative_stderr[index, kind]
+                    covariance += error[:, None] * error * beams.thinning(index, kind, scene.lamp, mixed)
             out[kind] = value, covariance
         return out
 

@@ -153,6 +153,7 @@ class Room:
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
         self._operators: dict[tuple[float, float], Operators] = {}
+        self._ways: dict[tuple[Any, ...], Ways] = {}
         self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
         self._answers: dict[tuple[float, float], list[list[np.ndarray]]] = {}  # of the last lamp
 
@@ -203,9 +204,18 @@ class Room:
         return lit
 
     def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
-        """What `_lit` says of the lamp; forgets what the lamp before it gave."""
+        """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,).
+
+        Forgets what the lamp before this one gave.
+        """
         if self._last is None or self._last[0] != lamp:
-            self._last = (lamp, *_lit(lamp, self.fine))
+            place = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m, lamp.profile
+            if place not in self._ways:
+                while len(self._ways) >= KEPT:
+                    self._ways.pop(next(iter(self._ways)))
+                self._ways[place] = Ways.of(lamp, self.fine)
+            ways = self._ways[place]
+            self._last = (lamp, ways.lit(lamp), ways.in_water)
             self._answers.clear()
         return self._last[1:]
 
@@ -255,19 +265,43 @@ class Room:
         return _response(self.scene, direction)
 
 
-def _lit(lamp: Lamp, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
-    """Irradiance of patches by the lamp without attenuation, and the way of its light in water, (k,)."""
-    source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
-    light = np.zeros(len(patches.centre))
-    ahead = _before_lamp(lamp, patches.centre[:, 2])
-    way = patches.centre[ahead] - source
-    r = np.linalg.norm(way, axis=1)
-    direction = way / r[:, None]
-    facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0)
-    light[ahead] = _intensity(lamp, direction) * facing / r**2
-    in_water = np.zeros(len(light))
-    in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
-    return light, in_water
+class Ways(NamedTuple):
+    """Straight ways from the place of a lamp to patches; arrays of shape (k,).
+
+    Parameters
+    ----------
+    ahead : array of bool
+        Patches that a lamp there can light.
+    theta, phi : arrays, rad
+        Directions of those, in the frame of the tank.
+    facing : array, m^-2
+        Cosine of incidence over the square of the way, of those.
+    in_water : array, m
+    """
+
+    ahead: np.ndarray
+    theta: np.ndarray
+    phi: np.ndarray
+    facing: np.ndarray
+    in_water: np.ndarray
+
+    @classmethod
+    def of(cls, lamp: Lamp, patches: Patches) -> Ways:
+        source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
+        ahead = _before_lamp(lamp, patches.centre[:, 2])
+        way = patches.centre[ahead] - source
+        r = np.linalg.norm(way, axis=1)
+        direction = way / r[:, None]
+        facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0) / r**2
+        in_water = np.zeros(len(ahead))
+        in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
+        return cls(ahead, *_angles(direction), facing, in_water)
+
+    def lit(self, lamp: Lamp) -> np.ndarray:
+        """Irradiance by a lamp there, without attenuation."""
+        light = np.zeros(len(self.ahead))
+        light[self.ahead] = relative_intensity(lamp, *beam_angles(lamp, self.theta, self.phi)) * self.facing
+        return light
 
 
 def image_of_lamp(
@@ -330,9 +364,12 @@ def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:
 
 def _intensity(lamp: Lamp, direction: np.ndarray) -> np.ndarray:
     """Relative intensity in directions given in the frame of the tank, shape (n, 3)."""
-    theta = np.arccos(np.clip(direction[:, 2], -1, 1))
-    phi = np.arctan2(direction[:, 1], direction[:, 0])
-    return np.asarray(relative_intensity(lamp, *beam_angles(lamp, theta, phi)))
+    return np.asarray(relative_intensity(lamp, *beam_angles(lamp, *_angles(direction))))
+
+
+def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angle to the axis of the tank and about it, rad, of directions of shape (n, 3)."""
+    return np.arccos(np.clip(direction[:, 2], -1, 1)), np.arctan2(direction[:, 1], direction[:, 0])
 
 
 def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:

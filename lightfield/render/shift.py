@@ -35,19 +35,20 @@ class Shift:
         self.dx, self.dy = x_m - cx[self.cell], y_m - cy[self.cell]
         self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
         n = len(cx)
-        # Rows: d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell, as weights of all cells.
-        self.derivatives = np.zeros((5, n, n))
+        # Of d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell: weights of all cells.
+        derivatives = np.zeros((5, n, n))
         self.smooth = np.eye(n)
         smoothed = SMOOTHED_M * nearness(grid.z_m)
         for i in range(n):
             near, terms, weights = _expansion(cx, cy, cz, i, NEIGHBOURS_1D, NEIGHBOURS_2D)
             for row, term in zip(weights[1:], terms[1:] - 1, strict=True):
-                self.derivatives[term, i, near] = row
+                derivatives[term, i, near] = row
             apart = np.maximum(np.abs(cx[near] - cx[i]), np.abs(cy[near] - cy[i]))
             beside = np.count_nonzero(apart <= smoothed)
             if beside > 2 and apart.max() <= 2 * smoothed:
                 self.smooth[i] = 0.0
                 self.smooth[i, near] = weights[0]
+        self._expansion = np.ascontiguousarray(np.vstack([*derivatives, self.smooth]).T)
         # Readings along one line through the axis do not show the curvature across it: that of a round field.
         self.across: int | None = None
         if np.ptp(cy) == 0 and np.abs(cy).max() < 1e-6:
@@ -60,8 +61,8 @@ class Shift:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
         top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
-        slopes = [log @ d.T for d in self.derivatives]
-        middle = np.where(field > 1e-6 * top, np.exp(log @ self.smooth.T), field)
+        *slopes, smooth = np.moveaxis((log @ self._expansion).reshape(*log.shape[:-1], 6, -1), -2, 0)
+        middle = np.where(field > 1e-6 * top, np.exp(smooth), field)
         middle = middle / self._mean_over_middle(slopes)
         gx, gy, gxx, gxy, gyy = (d[..., self.cell] for d in slopes)
         dx, dy = self.dx - offset_x_m, self.dy - offset_y_m

@@ -10,6 +10,7 @@ from montecarlo import chi_square_p
 from scipy import stats
 
 from lightfield.render.diffuse import DiffuseResponse, response_for
+from lightfield.render.diffuse_response import dense_water, trace_for
 from lightfield.render.grid import cell_of
 from lightfield.render.rendering import render_scene
 from lightfield.scene import Scene
@@ -28,6 +29,13 @@ SCENE = Scene.from_dict(
 def response() -> DiffuseResponse:
     """Traced once: four values of g, a lid and a water surface."""
     return response_for(SCENE, *PLACES.T, photons=400_000, cache=False)
+
+
+@pytest.fixture(scope="module")
+def denser(response: DiffuseResponse) -> DiffuseResponse:
+    """With a second trace, in water that scatters 0.75 per metre."""
+    dense = response_for(SCENE, *PLACES.T, photons=1_600_000, dense_per_m=0.75, cache=False)
+    return response.with_denser(dense)
 
 
 def fresh(scene: Scene, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -50,8 +58,6 @@ CASES: dict[str, dict[str, Any]] = {
     "elliptic": {"lamp.ellipticity": 1.4},
     "less scattering": {"water.scattering_per_m": 0.05},
     "more scattering": {"water.scattering_per_m": 0.35},
-    "between the traced waters": {"water.scattering_per_m": 0.38},
-    "dense": {"water.scattering_per_m": 0.6},
     "more absorption": {"water.absorption_per_m": 0.3},
     "g between nodes": {"water.phase.g": 0.9},
     "g 0.8": {"water.phase.g": 0.8},
@@ -75,6 +81,28 @@ def test_other_beams_waters_and_walls(response: DiffuseResponse, name: str) -> N
     z = (value - mean) / np.hypot(error, stderr)
     assert chi_square_p(z) > 0.001
     assert (np.hypot(error, stderr) < 0.15 * mean).all()
+
+
+@pytest.mark.parametrize("b", [0.25, 0.38, 0.6, 0.75, 0.9])
+def test_dense_water(denser: DiffuseResponse, b: float) -> None:
+    """In clear water, between the traced ones, and beyond the second: as above."""
+    scene = SCENE.with_values({"water.scattering_per_m": b})
+    value, error = denser.evaluate(scene)
+    mean, stderr = fresh(scene)
+    assert chi_square_p((value - mean) / np.hypot(error, stderr)) > 0.001
+    assert (np.hypot(error, stderr) < 0.15 * mean).all()
+
+
+def test_dense_water_asks_for_a_trace_near_its_own() -> None:
+    """None for clear water; else one whose variance is at most e times that of its own water, 8.5 m away."""
+    assert dense_water(np.array([0.1, 0.3])) is None
+    assert dense_water(np.array([0.2, 0.4, 0.9])) == pytest.approx(0.6)
+    for b in np.geomspace(0.31, 1.9, 50):
+        traced = trace_for(b)
+        assert (b - traced) ** 2 * 8.5 / traced < 1, b
+    found = [trace_for(b, 0.2) for b in (0.31, 0.55, 0.68)]
+    assert found == sorted(found), "a fit with the trace of clear water stops short of what it looks for"
+    assert found[1] > trace_for(0.55) or found[2] > trace_for(0.68)
 
 
 def test_nothing_scattered_nothing_reflected(response: DiffuseResponse) -> None:
