@@ -25,6 +25,9 @@ from lightfield.fit import Array
 from lightfield.forward import DiffuseSource, SceneForward
 from lightfield.scene import Scene
 
+#: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
+FRESH_PHOTONS = 2e6
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -64,19 +67,18 @@ class Diagnosis:
         covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
         return np.sqrt(np.diag(covariance))
 
-    def rendered(self, max_photons: float | None = None) -> Diagnosis:
+    def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
 
         Parameters
         ----------
-        max_photons : float, optional
+        max_photons : float
             Photon budget of the trace.
         """
-        from lightfield.rendered import PHOTONS, rendered_light  # loads Mitsuba
+        from lightfield.rendered import rendered_light  # loads Mitsuba
 
         step, problem = self.steps[-1], self.prepared.problem
-        budget = PHOTONS if max_photons is None else max_photons
-        light, error = rendered_light(self.scene, self.readings, max_photons=budget)
+        light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
         model = self.forward.read(light, step.fit.values)
         up = self.forward.read(light + error, step.fit.values)
         counted = bright(problem)

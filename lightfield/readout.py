@@ -23,7 +23,8 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
     time_s : array, s
         NaN (unknown) counts as 0.
     """
-    lamp, t = scene.lamp, np.nan_to_num(np.asarray(time_s, dtype=float), nan=0.0)
+    lamp, t = scene.lamp, np.asarray(time_s, dtype=float)
+    t = np.where(np.isnan(t), 0.0, t)
     factor = 1.0 + lamp.drift_per_hour * t / 3600.0
     if lamp.warmup_fraction:
         factor = factor * (1.0 - lamp.warmup_fraction * np.expm1(-t / lamp.warmup_time_s))

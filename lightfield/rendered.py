@@ -24,6 +24,7 @@ def rendered_light(
     seed: int = 1,
     rel_error: float = REL_ERROR,
     max_photons: float = PHOTONS,
+    symmetry: bool = False,
 ) -> tuple[Array, Array]:
     """Light at the readings for unit on-axis intensity, from a fresh render of the whole scene.
 
@@ -38,6 +39,8 @@ def rendered_light(
     seed : int
         Other than that of the responses used in the fit.
     rel_error, max_photons : float
+    symmetry : bool
+        Let places that are mirror images of each other share their photons, and so their errors.
 
     Returns
     -------
@@ -55,7 +58,9 @@ def rendered_light(
         (float(px), float(py), float(pz)) for px, py, pz in zip(x[wet], y[wet], z[wet], strict=True)
     )
     located = scene.with_values({"detector.positions_m": places}, validate=False)
-    rendering = render_scene(located, rel_error=rel_error, max_photons=max_photons, seed=seed)
+    rendering = render_scene(
+        located, rel_error=rel_error, max_photons=max_photons, seed=seed, symmetry=symmetry
+    )
     wavelength = np.asarray(readings.wavelength_nm, float)
     middle = float(np.mean(scene.detector.bands_nm[0]))
     channels = np.where(np.isnan(wavelength), middle, wavelength)

@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 REPLICATES = 999
 #: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
 FAR_FROM_TRACED = 0.2
+#: Effects that describe the readings worse than the best one by this factor in chi-square will not do.
+FAR_FROM_BEST = 4.0
 #: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
 _WORTH = 1.1
 
@@ -151,18 +153,27 @@ def _describe(
     known = fit_singles(problem, test, base, at_base, known_before)
     if not known:
         return _Description((), base)
-    ranked = [Tried(e, f, f.chi2) for e, f in sorted(known, key=lambda s: s[1].chi2)]
-    best: Fitted = (ranked[0].explanation, ranked[0].fit)
-    own, settled = _settled_single(problem, *best, whiten, whiten.noise)
-    missing = problem.forward.to_trace([settled.values])
-    if misses(whiten, best[1]) and misses(own, settled):
-        pairs = fit_pairs(problem, test, base, at_base, ranked[:4])
+    known.sort(key=lambda s: s[1].chi2)
+    ranked = [Tried(e, f, f.chi2) for e, f in known]
+    # Light of few photons has large errors: which effect is the best shows only under its own.
+    settled = [
+        (e, _from_valleys(problem, e, f, whiten, whiten.noise) if e[0].effect.diffuse else (whiten, f))
+        for e, f in known
+        if f.chi2 < FAR_FROM_BEST * known[0][1].chi2
+    ]
+    chosen, (own, fit) = min(settled, key=lambda s: _objective(s[1]))
+    best: Fitted = next(s for s in known if s[0] is chosen)
+    missing = problem.forward.to_trace([fit.values])
+    if misses(whiten, best[1]) and misses(own, fit):
+        # When dense water is the best so far, the question is only whether a pair in clear water does better.
+        first = ranked[: 1 if missing else 4]
+        pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
         known += pairs
-        settled = _settled(problem, *best, whiten, whiten.noise)[1]
-        asked = problem.forward.to_trace([settled.values])
+        asked = problem.forward.to_trace([_settled(problem, *best, whiten, whiten.noise)[1].values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
-    known = [(e, settled if e is best[0] else f) for e, f in known]
+    found = {id(e): fit for e, (_, fit) in settled}
+    known = [(e, found.get(id(e), f)) for e, f in known]
     explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
     return _Description(explanation, fit, tuple(known), missing)
 
@@ -177,14 +188,11 @@ def _settled(
     return whiten, fit
 
 
-def _settled_single(
+def _from_valleys(
     problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
 ) -> tuple[Whitener, Fit]:
-    """The same for a single effect, from every valley that it may have.
-
-    Errors that grow with an effect move the valleys of its shapes, and water between two traced ones may look
-    right only because neither trace says much of it.
-    """
+    """The same for a single effect: water between two traced ones may look right only because neither trace
+    says much of it, so that dense water is looked for at the traced one as well."""
     found = [_settled(problem, explanation, fit, whiten, noise)]
     more = problem.forward.to_traced(found[0][1].values)
     if abs(more - 1) > FAR_FROM_TRACED:
@@ -193,7 +201,14 @@ def _settled_single(
             u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
         there = problem.fit(explanation, whiten, [u], max_steps=0)
         found.append(_settled(problem, explanation, there, whiten, noise))
-    best = min(found, key=_objective)
+    return min(found, key=_objective)
+
+
+def _from_shapes(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """The same, at every shape: errors that grow with an effect move the valleys of its shapes."""
+    best = _from_valleys(problem, explanation, fit, whiten, noise)
     other = restarted(problem, explanation, best[1], best[0])
     if other is not best[1]:
         best = min(best, _settled(problem, explanation, other, whiten, noise), key=_objective)
@@ -230,7 +245,7 @@ def prepare(
         Fits to the same readings with another trace of the diffuse light, to begin from.
     """
     rich = _prepared(problem, quoted, budget, True, known)
-    if _base_passes(rich, rng, alpha):
+    if rich.to_trace_per_m or _base_passes(rich, rng, alpha):
         return rich
     alone = _prepared(problem, quoted, budget, False)
     if (alone.problem.keep == rich.problem.keep).all():
@@ -360,7 +375,7 @@ class OwnErrors:
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
-        settle = _settled_single if len(explanation) == 1 else _settled
+        settle = _from_shapes if len(explanation) == 1 else _settled
         problem, noise = self.prepared.problem, self.prepared.noise
         whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
         growth = whiten.log_determinant - self.main.whiten.log_determinant

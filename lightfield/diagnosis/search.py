@@ -23,8 +23,8 @@ Fitted = tuple[Explanation, Fit]
 FAR_BEHIND = 25.0
 _PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
 #: Steps after which a pair shows what it is worth, anew and when it was fitted before under other errors; how
-#: many are then fitted to the end.
-_ROUGH, _FEW, _FINISHED = 5, 2, 14
+#: many are then fitted to the end, and how many when that will do.
+_ROUGH, _FEW, _FINISHED, _QUICK = 5, 2, 14, 3
 #: So many of the explanations by diffuse light are refitted under the errors of their own response.
 _REFITTED = 8
 #: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
@@ -234,6 +234,7 @@ def fit_pairs(
     at_base: Adequacy,
     singles: list[Tried],
     known: Sequence[Fitted] = (),
+    thorough: bool = True,
 ) -> list[Fitted]:
     """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base.
 
@@ -241,6 +242,8 @@ def fit_pairs(
     ----------
     known : sequence of (explanation, fit)
         Fits under other errors, to begin from instead.
+    thorough : bool
+        False: only those that are the best at first sight are fitted to the end, from one place each.
     """
     extended: list[tuple[float, Explanation, Array]] = []
     for single in singles[:_SINGLES_EXTENDED]:
@@ -266,9 +269,10 @@ def fit_pairs(
         rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=steps)) for pair, u in starts]
         begun.append(min(rough, key=lambda f: f[1].chi2))
     begun.sort(key=lambda f: f[1].chi2)
-    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:_FINISHED]]
+    most = _FINISHED if thorough else _QUICK
+    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:most]]
     finished.sort(key=lambda f: f[1].chi2)
-    for i, (pair, fit) in enumerate(finished[:_RESTARTED]):
+    for i, (pair, fit) in enumerate(finished[: _RESTARTED if thorough else 0]):
         if _key(pair) not in before:
             finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
     return finished

@@ -12,7 +12,7 @@ from lightfield.render.build import Setup, prepare
 from lightfield.render.grid import Grid, band_wavelengths
 from lightfield.render.response import CLASSES, Bookkeeping, Reference, TransportResponse, light_classes
 from lightfield.render.settings import Progress, Settings
-from lightfield.render.symmetry import merge_mirror_images
+from lightfield.render.symmetry import merge_mirror_images, symmetric
 from lightfield.render.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
@@ -37,6 +37,8 @@ def trace_until(
     """
     if settings.symmetry:
         grid = merge_mirror_images(scene, grid)
+    # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
+    mirrored = settings.symmetry and grid.occupied is not None and symmetric(scene)[0]
     setup = prepare(scene, grid, reference)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
@@ -58,6 +60,7 @@ def trace_until(
                 launch,
                 settings.seed * 1009 + batch,
                 first=first,
+                mirror_x=mirrored,
                 reflecting=setup.reflecting,
             )
             counts *= launch

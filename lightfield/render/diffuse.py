@@ -34,12 +34,12 @@ from lightfield.scene import Scene
 
 REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
 #: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
-SENT_PER_M = 0.14
+SENT_PER_M = 0.16
 G_NODES = (0.75, 0.87, 0.924, 0.97)
-PHOTONS = 3_000_000
+PHOTONS = 2_500_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace.
-AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.5
+AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.33
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
 CELL_M = 0.2
 

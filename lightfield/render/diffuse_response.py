@@ -44,10 +44,10 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 #: Scattering of the water of the first trace. Waters that scatter less than the second number are answered by
 #: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
-CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.5, 1.5
+CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.39, 1.7
 #: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
 #: fall short.
-REACH, FALLS_SHORT = 1.15, 0.3
+REACH, FALLS_SHORT = 1.05, 0.4
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
@@ -55,18 +55,21 @@ SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
 
 
 def dense_water(scattering_per_m: Array) -> float | None:
-    """Scattering coefficient of water that stands for several, m^-1; None where the first trace will do.
+    """The largest of several scattering coefficients, m^-1; None where the first trace will do.
 
     Parameters
     ----------
     scattering_per_m : array, shape (n_wavelengths,)
     """
-    dense = scattering_per_m[scattering_per_m > CLEAR_TO_PER_M]
-    return float(np.exp(np.log(dense).mean())) if len(dense) else None
+    most = float(scattering_per_m.max())
+    return most if most > CLEAR_TO_PER_M else None
 
 
 def trace_for(scattering_per_m: float, traced_per_m: float | None = None) -> float:
     """Scattering coefficient of the trace that dense water asks for, m^-1.
+
+    Rather that of denser water than of clearer: photons that scattered too often weigh little there, while
+    here they would be missing.
 
     Parameters
     ----------

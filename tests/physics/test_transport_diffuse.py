@@ -94,15 +94,17 @@ def test_dense_water(denser: DiffuseResponse, b: float) -> None:
 
 
 def test_dense_water_asks_for_a_trace_near_its_own() -> None:
-    """None for clear water; else one whose variance is at most e times that of its own water, 8.5 m away."""
+    """None for clear water; else one that scatters about as much or more, but not so much more that its
+    variance would be over e^2.3 times that of the water's own trace, 8.5 m away."""
     assert dense_water(np.array([0.1, 0.3])) is None
-    assert dense_water(np.array([0.2, 0.4, 0.9])) == pytest.approx(0.6)
+    assert dense_water(np.array([0.2, 0.4, 0.9])) == 0.9
     for b in np.geomspace(0.31, 1.9, 50):
         traced = trace_for(b)
-        assert (b - traced) ** 2 * 8.5 / traced < 1, b
-    found = [trace_for(b, 0.2) for b in (0.31, 0.55, 0.68)]
-    assert found == sorted(found), "a fit with the trace of clear water stops short of what it looks for"
-    assert found[1] > trace_for(0.55) or found[2] > trace_for(0.68)
+        assert b < 1.06 * traced, b
+        assert (b - traced) ** 2 * 8.5 / traced < 2.3, b
+    # Fits with the trace of clear water stop short: of b = 0.71 at 0.5 to 0.57, of 1.11 at 0.56 to 0.67.
+    assert all(trace_for(b, 0.2) >= trace_for(0.71) for b in (0.5, 0.57))
+    assert all(trace_for(b, 0.2) >= trace_for(1.11) for b in (0.56, 0.67))
 
 
 def test_nothing_scattered_nothing_reflected(response: DiffuseResponse) -> None:
