@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from lightfield.diagnosis.adequacy import ALPHA, VARIANCE_EXCESS, AdequacyTest
+from lightfield.diagnosis.description import Description, describe
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, errors_stated, smooth_stderr
+from lightfield.diagnosis.own_errors import from_shapes, settled, with_response_error
 from lightfield.diagnosis.problem import Explanation, Problem
-from lightfield.diagnosis.profile import restarted
 from lightfield.diagnosis.robust import (
     Serial,
     noise_scale,
@@ -28,20 +28,14 @@ from lightfield.diagnosis.robust import (
     serial_correlation,
     unstated_error,
 )
-from lightfield.diagnosis.search import Fitted, Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.search import Fitted
 from lightfield.diagnosis.subspace import orthonormal
-from lightfield.diagnosis.templates import bank, smooth_unknowns
+from lightfield.diagnosis.templates import bank, whitened_unknowns
 from lightfield.fit import Fit
 
 Array = NDArray[np.float64]
 
 REPLICATES = 999
-#: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
-FAR_FROM_TRACED = 0.2
-#: Effects that describe the readings worse than the best one by this factor in chi-square will not do.
-FAR_FROM_BEST = 4.0
-#: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
-_WORTH = 1.1
 
 
 @dataclass(frozen=True)
@@ -75,14 +69,8 @@ class Bench:
     phi: float
 
 
-def _whitened_unknowns(problem: Problem, whiten: Whitener) -> dict[str, Array]:
-    noise = whiten.noise
-    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction)
-    return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}
-
-
 def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
-    return rich_basis(fit, bank(problem, fit, whiten), _whitened_unknowns(problem, whiten), with_time)
+    return rich_basis(fit, bank(problem, fit, whiten), whitened_unknowns(problem, whiten), with_time)
 
 
 def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
@@ -116,109 +104,6 @@ def _without_outliers(
         fit = problem.fit(explanation, whiten, [fit.u])
         whiten = _plain(problem, quoted, fit.prediction, more)
     return problem, whiten, fit
-
-
-@dataclass(frozen=True)
-class _Description:
-    """One or two effects that bring the model to the readings, if the base is not there.
-
-    Parameters
-    ----------
-    known : tuple of (explanation, fit)
-        All fits that were made.
-    to_trace_per_m : float, optional
-        Water whose diffuse light must be traced to say more.
-    """
-
-    explanation: Explanation
-    fit: Fit
-    known: tuple[Fitted, ...] = ()
-    to_trace_per_m: float | None = None
-
-
-def _describe(
-    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[Fitted]
-) -> _Description:
-    n = int(problem.keep.sum())
-    few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
-
-    def misses(whiten: Whitener, fit: Fit) -> bool:
-        unknowns = _whitened_unknowns(problem, whiten)
-        return min(AdequacyTest(problem, whiten, unknowns, few, errors_stated)(fit).tests.values()) < 1e-4
-
-    test = AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), few, errors_stated)
-    at_base = test(base)
-    if min(at_base.tests.values()) > 1e-4:
-        return _Description((), base)
-    known = fit_singles(problem, test, base, at_base, known_before)
-    if not known:
-        return _Description((), base)
-    known.sort(key=lambda s: s[1].chi2)
-    ranked = [Tried(e, f, f.chi2) for e, f in known]
-    # Light of few photons has large errors: which effect is the best shows only under its own.
-    settled = [
-        (e, _from_valleys(problem, e, f, whiten, whiten.noise) if e[0].effect.diffuse else (whiten, f))
-        for e, f in known
-        if f.chi2 < FAR_FROM_BEST * known[0][1].chi2
-    ]
-    chosen, (own, fit) = min(settled, key=lambda s: _objective(s[1]))
-    best: Fitted = next(s for s in known if s[0] is chosen)
-    missing = problem.forward.to_trace([fit.values])
-    if misses(whiten, best[1]) and misses(own, fit):
-        # When dense water is the best so far, the question is only whether a pair in clear water does better.
-        first = ranked[: 1 if missing else 4]
-        pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
-        best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
-        known += pairs
-        asked = problem.forward.to_trace([_settled(problem, *best, whiten, whiten.noise)[1].values])
-        missing = asked and (missing or asked)  # what one effect asks for is known better
-    found = {id(e): fit for e, (_, fit) in settled}
-    known = [(e, found.get(id(e), f)) for e, f in known]
-    explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
-    return _Description(explanation, fit, tuple(known), missing)
-
-
-def _settled(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
-) -> tuple[Whitener, Fit]:
-    """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
-    for _ in range(2):
-        whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
-        fit = problem.fit(explanation, whiten, [fit.u])
-    return whiten, fit
-
-
-def _from_valleys(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
-) -> tuple[Whitener, Fit]:
-    """The same for a single effect: water between two traced ones may look right only because neither trace
-    says much of it, so that dense water is looked for at the traced one as well."""
-    found = [_settled(problem, explanation, fit, whiten, noise)]
-    more = problem.forward.to_traced(found[0][1].values)
-    if abs(more - 1) > FAR_FROM_TRACED:
-        (candidate,), u = explanation, fit.u.copy()
-        for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
-            u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
-        there = problem.fit(explanation, whiten, [u], max_steps=0)
-        found.append(_settled(problem, explanation, there, whiten, noise))
-    return min(found, key=_objective)
-
-
-def _from_shapes(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
-) -> tuple[Whitener, Fit]:
-    """The same, at every shape: errors that grow with an effect move the valleys of its shapes."""
-    best = _from_valleys(problem, explanation, fit, whiten, noise)
-    other = restarted(problem, explanation, best[1], best[0])
-    if other is not best[1]:
-        best = min(best, _settled(problem, explanation, other, whiten, noise), key=_objective)
-    return best
-
-
-def _objective(found: tuple[Whitener, Fit]) -> float:
-    """Twice the negative logarithm of the likelihood, up to a constant."""
-    whiten, fit = found
-    return fit.chi2 + whiten.log_determinant
 
 
 def prepare(
@@ -270,11 +155,11 @@ def _prepared(
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
     problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
-    described = _Description((), base)
+    described = Description((), base)
     if by_effects:
         # The light of another trace moves the fits by it too far to begin from there.
         same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
-        described = _describe(problem, whiten, base, stated, same)
+        described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
     own = np.zeros(layout.size)
     if explanation:
@@ -310,13 +195,7 @@ def whitened_test(
 ) -> AdequacyTest:
     """The adequacy test under a given noise, for readings that are planned rather than measured."""
     noise = whiten.replicates(rng, replicates)
-    return AdequacyTest(problem, whiten, _whitened_unknowns(problem, whiten), noise, False)
-
-
-def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
-    """The noise with the error that the response of the diffuse light has at a fit."""
-    modes, smooth = problem.forward.errors(fit.values)
-    return replace(noise, photon_modes=modes, response_error=smooth)
+    return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), noise, False)
 
 
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
@@ -333,7 +212,7 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
 
 def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
     problem = prepared.problem
-    unknowns = _whitened_unknowns(problem, whiten)
+    unknowns = whitened_unknowns(problem, whiten)
     replicates = _replicates(whiten, prepared.serial, rng)
     scale = whiten.phi * prepared.excess
     test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, scale)
@@ -375,7 +254,7 @@ class OwnErrors:
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
-        settle = _from_shapes if len(explanation) == 1 else _settled
+        settle = from_shapes if len(explanation) == 1 else settled
         problem, noise = self.prepared.problem, self.prepared.noise
         whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
         growth = whiten.log_determinant - self.main.whiten.log_determinant

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.layout import Layout
+from lightfield.diagnosis.noise import Whitener
 from lightfield.diagnosis.problem import Problem
 from lightfield.fit import Fit, Parameter, Whiten
 
@@ -139,3 +140,10 @@ def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[
         unit = sigma if name in ("x", "plane") else factor
         out[name] = unit[:, None] * np.stack(columns, axis=1) if columns else empty
     return out
+
+
+def whitened_unknowns(problem: Problem, whiten: Whitener) -> dict[str, Array]:
+    """`smooth_unknowns` of the readings that are kept, whitened."""
+    noise = whiten.noise
+    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction)
+    return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}
