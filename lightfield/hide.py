@@ -174,6 +174,22 @@ def draw_effect(
     return _amplitudes(chosen, size, rng)
 
 
+def _only_hidden(values: Mapping[str, float], names: Sequence[str]) -> None:
+    """Refuse values by which an effect would be hidden that the truth does not name."""
+    chosen = {effects.get_form(name)[0].name for name in names}
+    for effect in effects.table().values():
+        amplitudes = {free.path for form in effect.forms for free in form.amplitudes}
+        other = sorted(amplitudes & set(values))
+        if effect.name not in chosen and other:
+            raise UsageError(
+                "a size of an effect that is not hidden",
+                where="--size",
+                found=", ".join(other),
+                rule=f"sizes of what --effect names: {', '.join(sorted(chosen)) or 'nothing'}",
+                remedy=f"add --effect {effect.name}",
+            )
+
+
 def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator) -> Scene:
     """The scene as it is: guesses wrong by 10 to 25 %, a finite window, and the hidden values."""
     wrong = 1 + rng.choice([-1, 1], 2) * rng.uniform(*GUESS, 2)
@@ -306,7 +322,7 @@ def hide(
     Raises
     ------
     UsageError
-        Unknown effect, unknown layout, or an effect that cannot act here.
+        Unknown effect, unknown layout, an effect that cannot act here, or a size that hides one more.
     """
     rng = np.random.default_rng(seed)
     table = scan(scene, layout, order, rng)
@@ -314,6 +330,7 @@ def hide(
     known = [name for name in names if not name.startswith(unknowns.PREFIX)]
     for name in known:
         hidden |= draw_effect(scene, table, name, rng, strength)
+    _only_hidden(values or {}, known)
     hidden |= dict(values or {})
     truth = true_scene(scene, hidden, rng)
     factor: Array | float = 1.0
