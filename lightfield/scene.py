@@ -326,25 +326,27 @@ class Scene(Part):
         return {**others, "water.absorption_at": tuple(points)}
 
     def _replaced(self, values: Mapping[str, Any]) -> Scene:
-        scene = self
-        grouped: dict[str, dict[str, Any]] = {}
+        changes: dict[str, dict[str, Any]] = {}
         for path, value in values.items():
             owner, _, leaf = path.rpartition(".")
-            grouped.setdefault(owner, {})[leaf] = value
-        for owner, update in grouped.items():
-            chain: list[Any] = [scene]
+            changes.setdefault(owner, {})[leaf] = value
+        # From the inside outwards, so that every table is copied once.
+        while changes:
+            owner = max(changes, key=lambda path: path.count(".") + bool(path))
+            update, table = changes.pop(owner), self
             for name in owner.split(".") if owner else ():
-                if not isinstance(chain[-1], BaseModel) or name not in type(chain[-1]).model_fields:
+                if not isinstance(table, BaseModel) or name not in type(table).model_fields:
                     raise self._no_such(f"{owner}.{next(iter(update))}")
-                chain.append(getattr(chain[-1], name))
+                table = getattr(table, name)
             for leaf in update:
-                if not isinstance(chain[-1], BaseModel) or leaf not in type(chain[-1]).model_fields:
+                if not isinstance(table, BaseModel) or leaf not in type(table).model_fields:
                     raise self._no_such(f"{owner}.{leaf}")
-            changed = chain[-1].model_copy(update=update)
-            for parent, name in zip(reversed(chain[:-1]), reversed(owner.split(".")), strict=False):
-                changed = parent.model_copy(update={name: changed})
-            scene = changed
-        return scene
+            changed = table.model_copy(update=update)
+            if not owner:
+                return changed
+            parent, _, name = owner.rpartition(".")
+            changes.setdefault(parent, {})[name] = changed
+        return self
 
     def _no_such(self, path: str) -> SceneError:
         if self.tank is None and path.startswith("tank."):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from lightfield.render.response import CLASSES, Array, light_classes
 from lightfield.scene import Lamp
 
 KEPT_BEAMS = 256
-BEAM = (
+BEAM = attrgetter(
     "profile",
     "hwhm_deg",
     "shape_exponent",
@@ -78,7 +79,7 @@ class BeamTallies:
 
         With `squares` the sum over photons of squared contributions, up to a constant.
         """
-        key = (index, kind, squares, *(getattr(lamp, name) for name in BEAM))
+        key = (index, kind, squares, BEAM(lamp))
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
