@@ -242,7 +242,7 @@ class DiffuseResponse:
     @staticmethod
     def _water(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
         """Absorption and scattering coefficients, m^-1, each of shape (n_wavelengths,)."""
-        middle = float(np.mean(scene.detector.bands_nm[0]))
+        middle = 0.5 * sum(scene.detector.bands_nm[0])
         at = np.array([middle if w is None else w for w in wavelengths_nm])
         return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 

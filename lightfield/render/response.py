@@ -219,10 +219,14 @@ class TransportResponse:
         factor = (b / reference)[:, None] ** n
         top = self._open_ended[rows]
         if top.any() and (b != reference).any():
-            length = self.excess_m[rows][top] + self.straight_m.mean()
+            length = self.excess_m[rows][top] + self._mean_straight_m
             more, more_before = (gammainc(n[top], rate * length) for rate in (b[:, None], reference))
             factor[:, top] = np.exp((b[:, None] - reference) * length) * more / more_before
         return np.asarray(factor)
+
+    @cached_property
+    def _mean_straight_m(self) -> float:
+        return float(self.straight_m.mean())
 
     @cached_property
     def _open_ended(self) -> NDArray[np.bool_]:

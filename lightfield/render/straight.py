@@ -25,6 +25,8 @@ def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array
     -------
     factor : array, shape (n_waters, n)
     """
+    if apparent_distance_m == 0:
+        return np.ones((len(attenuation_per_m), len(z_m)))
     behind = z_m + apparent_distance_m
     radius = np.sqrt(np.maximum(straight_m**2 - z_m**2, 0))
     return np.asarray(
@@ -34,6 +36,8 @@ def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array
 
 def inhomogeneous(water: Water, z_m: Array, straight_m: Array) -> Array:
     """Transmission of what a gradient or a layer of the water adds, shape (n,)."""
+    if water.gradient_per_m2 == water.layer_absorption_per_m == 0:
+        return np.ones(len(z_m))
     tau = water.gradient_per_m2 * (0.5 * z_m - water.gradient_centre_m) * straight_m
     if water.layer_absorption_per_m:
         half = 0.5 * water.layer_width_m
