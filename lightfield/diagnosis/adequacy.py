@@ -9,12 +9,13 @@ and shapes that mean nothing without amplitude.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import special
 
 from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.subspace import beside, orthonormal
@@ -120,8 +121,8 @@ class AdequacyTest:
     ----------
     unknowns : mapping of array, shape (n, k)
         Whitened smooth unknowns, spans and scans.
-    replicates : array, shape (n, n_bootstrap)
-        Whitened noise.
+    noise : callable
+        Gives whitened noise, shape (n, n_bootstrap), when a fit is tested.
     errors_stated : bool
         The table quotes standard errors, so that their scale can be doubted.
     """
@@ -131,18 +132,21 @@ class AdequacyTest:
         problem: Problem,
         whiten: Whiten,
         unknowns: Mapping[str, Array],
-        replicates: Array,
+        noise: Callable[[], Array],
         errors_stated: bool,
         scale: float = 1.0,
     ) -> None:
         self.problem, self.whiten, self.unknowns = problem, whiten, unknowns
-        self.replicates, self.errors_stated, self.scale = replicates, errors_stated, scale
+        self.noise, self.errors_stated, self.scale = noise, errors_stated, scale
+
+    @cached_property
+    def replicates(self) -> Array:
+        """Whitened noise, shape (n, n_bootstrap)."""
+        return self.noise()
 
     def on(self, problem: Problem) -> AdequacyTest:
         """The same test of a problem whose forward model has changed a little."""
-        return AdequacyTest(
-            problem, self.whiten, self.unknowns, self.replicates, self.errors_stated, self.scale
-        )
+        return AdequacyTest(problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale)
 
     def __call__(self, fit: Fit) -> Adequacy:
         """Test one fit."""
@@ -176,7 +180,7 @@ class AdequacyTest:
             dict(zip(labels, map(float, seen_p[:, 0]), strict=True)),
             scores,
             tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
-            float(stats.chi2.sf(nu * excess, nu)) if self.errors_stated and not taken else 1.0,
+            float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
             taken,
         )
 

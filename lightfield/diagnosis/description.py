@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri
 
 from lightfield.diagnosis.adequacy import AdequacyTest
 from lightfield.diagnosis.noise import Whitener
@@ -61,9 +61,10 @@ def describe(
 
     def misses(whiten: Whitener, fit: Fit) -> bool:
         unknowns = whitened_unknowns(problem, whiten)
-        return min(AdequacyTest(problem, whiten, unknowns, few, errors_stated)(fit).tests.values()) < 1e-4
+        test = AdequacyTest(problem, whiten, unknowns, lambda: few, errors_stated)
+        return min(test(fit).tests.values()) < 1e-4
 
-    test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), few, errors_stated)
+    test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
     at_base = test(base)
     if min(at_base.tests.values()) > 1e-4:
         return Description((), base)
@@ -85,7 +86,7 @@ def describe(
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else 4]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
-        best = min([best, *pairs], key=lambda p: p[1].chi2 / stats.chi2.isf(0.5, n - len(p[1].u)))
+        best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
         asked = problem.forward.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs

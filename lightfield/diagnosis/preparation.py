@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,7 +196,7 @@ def whitened_test(
 ) -> AdequacyTest:
     """The adequacy test under a given noise, for readings that are planned rather than measured."""
     noise = whiten.replicates(rng, replicates)
-    return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), noise, False)
+    return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: noise, False)
 
 
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
@@ -213,15 +214,16 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
 def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
     problem = prepared.problem
     unknowns = whitened_unknowns(problem, whiten)
-    replicates = _replicates(whiten, prepared.serial, rng)
-    scale = whiten.phi * prepared.excess
-    test = AdequacyTest(problem, whiten, unknowns, replicates, prepared.errors_stated, scale)
+    # Drawn now, worked out when tested: what is drawn must not depend on what was tested before.
+    white = whiten.replicates(rng, REPLICATES)
+    noise, scale = partial(_with_serial, whiten, prepared.serial, white), whiten.phi * prepared.excess
+    test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale)
     return Bench(whiten, test, unknowns, whiten.phi)
 
 
-def _replicates(whiten: Whitener, serial: Serial, rng: np.random.Generator) -> Array:
+def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
     """Whitened noise that carries the uncertainty of the serial correlation, shape (n, REPLICATES)."""
-    white = whiten.replicates(rng, REPLICATES)
+    white = white.copy()
     for i, rho in enumerate(serial.levels):
         if abs(rho - whiten.rho) > 1e-3:
             mine = slice(i, None, len(serial.levels))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri
 
 from lightfield.diagnosis.adequacy import ALPHA, Adequacy, Score
 from lightfield.diagnosis.problem import Problem
@@ -18,7 +18,7 @@ from lightfield.diagnosis.search import Tried
 from lightfield.fit import Array, Fit, Whiten
 
 #: Projected size, in sigma, that is found with 95 % probability at the family-wise level of about 25 tests.
-DETECTABLE_SIGMA = float(stats.norm.isf(ALPHA / (2 * 25)) + stats.norm.isf(0.05))
+DETECTABLE_SIGMA = float(-ndtri(ALPHA / (2 * 25)) - ndtri(0.05))
 #: Explanations nearer than this belong to one class: naming one of them is little better than a guess.
 SAME_CLASS_SIGMA = 3.0
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 from lightfield.diagnosis.layout import Layout
 from lightfield.diagnosis.noise import Whitener
@@ -84,7 +84,7 @@ def outliers(residual: Array, basis: Array, keep: Array) -> NDArray[np.bool_]:
         t, nu = _studentised(residual, basis, usable & ~bad)
         proposed = np.flatnonzero(bad)
         weakest = int(proposed[t[proposed].argmin()])
-        if t[weakest] > stats.t.isf(level, nu) and bad.sum() <= most:
+        if t[weakest] > -special.stdtrit(nu, level) and bad.sum() <= most:
             break
         bad[weakest] = False
     return np.asarray(bad)
@@ -185,7 +185,8 @@ def _log_evidence(white: Array, stated: float | None) -> float:
     log_scale = np.linspace(-3.0, 9.0, 121)
     prior = np.zeros_like(log_scale)
     if stated is not None:
-        prior = stats.t.logpdf((log_scale - np.log(stated)) / SCALE_SPREAD, 4)
+        # Student's t with 4 degrees of freedom, up to a constant.
+        prior = -2.5 * np.log1p(((log_scale - np.log(stated)) / SCALE_SPREAD) ** 2 / 4)
     q, r = np.linalg.qr(white[:, :-1])
     rest = white[:, -1] - q @ (q.T @ white[:, -1])
     nu = len(white) - r.shape[1]

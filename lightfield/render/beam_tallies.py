@@ -67,6 +67,7 @@ class BeamTallies:
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _then: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _values: dict[Any, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def rows_of(self) -> dict[int, NDArray[np.integer[Any]]]:
@@ -86,7 +87,7 @@ class BeamTallies:
             tally = self._tally(index, kind, is_round(lamp))
             contracted = np.empty(tally.shape[1:], np.float32)
             for stretch, cells in self._stretches(lamp.apparent_distance_m):
-                values = self.beam_nodes.values(_stretched(lamp, stretch)) / stretch**2
+                values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
                 if squares:
                     per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                     values = (per_ring**2 / self.sent.density[:, None]).ravel()
@@ -95,6 +96,15 @@ class BeamTallies:
                 contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
             self._beams[key] = contracted
         return np.asarray(self._beams[key])
+
+    def _coefficients(self, lamp: Lamp) -> Array:
+        """`BeamNodes.values` of the last few lamps: they are the same for every trace and class of light."""
+        key = BEAM(lamp)
+        if key not in self._values:
+            while len(self._values) >= KEPT_BEAMS:
+                self._values.pop(next(iter(self._values)))
+            self._values[key] = self.beam_nodes.values(lamp)
+        return np.asarray(self._values[key])
 
     def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Factor on the variance because other photons count now than in the traced beam and water.
