@@ -26,7 +26,7 @@ from lightfield.forward import DiffuseSource, SceneForward
 from lightfield.scene import Scene
 
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
-FRESH_PHOTONS = 2e6
+FRESH_PHOTONS = 1.5e6
 
 
 @dataclass(frozen=True)

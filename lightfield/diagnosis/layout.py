@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int_]
+
+#: Correlation lengths of a smooth error of the model: across the beam and along it, in metres.
+ACROSS_M, ALONG_M = 0.25, 1.5
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,13 @@ class Layout:
     def angle_rad(self) -> Array:
         """Angle from the lamp's axis, shape (n,)."""
         return np.asarray(np.arctan2(np.hypot(self.x_m, self.y_m), self.z_m))
+
+    @cached_property
+    def alike(self) -> Array:
+        """Correlation of an error that varies smoothly over places, shape (n, n); none from water to air."""
+        x, y, z = (np.subtract.outer(v, v) ** 2 for v in (self.x_m, self.y_m, self.z_m))
+        kernel = np.exp(-0.5 * ((x + y) / ACROSS_M**2 + z / ALONG_M**2))
+        return np.asarray(kernel * (self.air[:, None] == self.air[None]))
 
     def varies(self, name: str) -> bool:
         """Does a coordinate ("x_m", "y_m", "z_m") take different values?"""

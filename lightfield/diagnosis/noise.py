@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dtrtri
 from scipy.optimize import nnls
 
 from lightfield.diagnosis.layout import Layout
@@ -15,9 +16,8 @@ Array = NDArray[np.float64]
 
 #: Assumed when a table has hardly any standard errors: relative part, constant part over the largest reading.
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
-#: Correlation lengths of a model error that is of no interest: across the beam and along it, in metres.
-ACROSS_M, ALONG_M = 0.25, 1.5
-#: How far that error, and that of the response of diffuse light, is the same in two bands (of one trace).
+#: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
+#: the same in two bands.
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 _TALL = 2.0
 #: Fewer standard errors than this say nothing about the others.
@@ -127,13 +127,9 @@ class Noise:
         if self.response_error is not None and self.response_error.any():
             smooth.append((1.0, self.response_error, RESPONSES_ALIKE))
         if smooth:
-            apart = (
-                np.subtract.outer(lay.x_m, lay.x_m) ** 2 + np.subtract.outer(lay.y_m, lay.y_m) ** 2
-            ) / ACROSS_M**2 + np.subtract.outer(lay.z_m, lay.z_m) ** 2 / ALONG_M**2
-            kernel = np.exp(-0.5 * apart) * (lay.air[:, None] == lay.air[None])
             one_channel = lay.channel[:, None] == lay.channel[None]
             for relative, part, alike in smooth:
-                out += relative**2 * np.outer(part, part) * kernel * np.where(one_channel, 1.0, alike)
+                out += relative**2 * np.outer(part, part) * lay.alike * np.where(one_channel, 1.0, alike)
         if self.photon_modes is not None:
             out += self.photon_modes @ self.photon_modes.T
         return out
@@ -165,7 +161,7 @@ class Whitener:
         self._inverse: Array | None = None
         self._diagonal = 1 / diagonal
         if np.abs(factor - np.diag(diagonal)).max() > 1e-12 * diagonal.max():
-            self._inverse = np.linalg.inv(factor)
+            self._inverse, _ = dtrtri(factor, lower=1)
 
     def __call__(self, columns: Array) -> Array:
         if self._inverse is not None:
