@@ -192,7 +192,7 @@ class SceneForward:
         asked = [trace_for(b, now) for values in found if (b := self.dense_water(values)) is not None]
         return asked[0] if asked and asked[0] != self._dense else None
 
-    def to_traced(self, values: Mapping[str, float]) -> float:
+    def factor_to_traced(self, values: Mapping[str, float]) -> float:
         """Factor by which dense water would have to scatter more to be the traced one; 1 in clear water."""
         b = self.dense_water(values)
         return self._dense / b if self._dense is not None and b is not None else 1.0

@@ -139,7 +139,20 @@ def _response(
         sent_to = np.full(max(len(nodes), 1), photons)
         if len(nodes) > 2:
             sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
-        stored = _stored(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed, cache)
+        key = {
+            "kind": "diffuse",
+            **transport_key(traced, grid, reference),
+            "g": nodes,
+            "classes": list(needed),
+            "photons": sent_to.tolist(),
+            "seed": seed,
+            "nodes": asdict(beam_nodes.nodes),
+        }
+        stored = store.load(key) if cache else None
+        if stored is None:
+            stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed)
+            if cache:
+                store.save(key, stored)
         histories = np.asarray(stored["histories"], int)
         rows = TransportResponse(
             np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
@@ -155,35 +168,6 @@ def _response(
     return DiffuseResponse(
         functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth
     )
-
-
-def _stored(
-    scene: Scene,
-    grid: Grid,
-    reference: Reference,
-    beam_nodes: BeamNodes,
-    g_nodes: tuple[float, ...],
-    needed: Sequence[int],
-    photons: NDArray[np.integer[Any]],
-    seed: int,
-    cache: bool,
-) -> dict[str, Array]:
-    """What `_trace` gives, from the cache if it is there."""
-    key = {
-        "kind": "diffuse",
-        **transport_key(scene, grid, reference),
-        "g": g_nodes,
-        "classes": list(needed),
-        "photons": photons.tolist(),
-        "seed": seed,
-        "nodes": asdict(beam_nodes.nodes),
-    }
-    stored = store.load(key) if cache else None
-    if stored is None:
-        stored = _trace(scene, grid, reference, beam_nodes, g_nodes, needed, photons, seed)
-        if cache:
-            store.save(key, stored)
-    return stored
 
 
 def _bucket(hwhm_deg: float) -> float:

@@ -44,10 +44,10 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 #: Scattering of the water of the first trace. Waters that scatter less than the second number are answered by
 #: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
-CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.39, 1.7
+CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.43, 1.7
 #: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
 #: fall short.
-REACH, FALLS_SHORT = 1.05, 0.4
+REACH, FALLS_SHORT = 1.05, 0.37
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.

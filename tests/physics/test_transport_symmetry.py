@@ -61,3 +61,23 @@ def test_shared_photons_give_the_same_maps(parts: dict[str, Any]) -> None:
     gain = np.median(error / image_error) ** 2
     copies = mean[0].size / len(own)
     assert 0.6 * copies < gain < 1.6 * copies
+
+
+def test_listed_places_count_every_photon_twice() -> None:
+    """On one side only, where no cell has a partner: the same light as without, and smaller errors; nothing
+    is shared by a beam that points aside."""
+    places = [(x, 0.0, z) for z in (4.5, 6.5) for x in (0.25, 0.5, 0.75)]
+    one = scene(detector={"positions_m": places})
+    settings: dict[str, Any] = {"rel_error": 1e-3, "max_photons": 6e5, "cache": False}
+    at = np.array([525.0])
+
+    def light(of: Scene, seed: int, symmetry: bool) -> tuple[np.ndarray, np.ndarray]:
+        made = render_scene(of, seed=seed, symmetry=symmetry, **settings)
+        mean, error = (v.ravel() for v in made.relative_maps(at, "diffuse"))
+        return mean[mean > 0], error[mean > 0]
+
+    (mean, error), (image, image_error) = light(one, 3, False), light(one, 4, True)
+    assert chi_square_p((image - mean) / np.hypot(error, image_error)) > 0.001
+    assert 1.3 < np.median(error / image_error) ** 2 < 3.0
+    aside = one.with_values({"lamp.tilt_x_deg": 1.0})
+    np.testing.assert_allclose(light(aside, 3, True)[0], light(aside, 3, False)[0], rtol=1e-5)
