@@ -37,6 +37,8 @@ GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
+#: Photons of the render at most, and its error as a part of the noise: readings shall scatter by their noise.
+PHOTONS, ERROR_OF_NOISE = 3e7, 0.25
 
 
 @dataclass(frozen=True)
@@ -213,6 +215,7 @@ def measure(
     *,
     noise: float = 0.01,
     light: Array | None = None,
+    light_stderr: Array | None = None,
     factor: Array | float = 1.0,
     serial: float = 0.0,
     outliers: float = 0.0,
@@ -222,14 +225,16 @@ def measure(
 ) -> tuple[Any, Array, Array]:
     """Take the readings of a scene.
 
+    What the render does not know of the light is an error of the readings, and stated with theirs.
+
     Parameters
     ----------
     table : Readings
         Positions and times.
     noise : float
         Relative noise of a bright reading.
-    light : array, shape (n,), optional
-        Light from an earlier render of the same scene; absent: rendered now.
+    light, light_stderr : array, shape (n,), optional
+        Light from an earlier render of the same scene, and its error; absent: rendered now.
     factor : array, shape (n,)
         Unknown influences on the light.
     serial : float
@@ -245,16 +250,22 @@ def measure(
     -------
     readings : Readings
     noise_free : array, shape (n,)
-    light : array, shape (n,)
-        For unit on-axis intensity.
+    light_error : array, shape (n,)
+        Relative error of the rendered light.
     """
     if light is None:
-        from lightfield.rendered import PHOTONS, rendered_light  # loads Mitsuba
+        from lightfield.rendered import rendered_light  # loads Mitsuba
 
-        seed = int(rng.integers(1, 1_000_000))
-        light, _ = rendered_light(
-            truth, table, seed=seed, max_photons=PHOTONS if photons is None else photons
+        light, light_stderr = rendered_light(
+            truth,
+            table,
+            seed=int(rng.integers(1, 1_000_000)),
+            rel_error=ERROR_OF_NOISE * noise,
+            max_photons=PHOTONS if photons is None else photons,
+            symmetry=True,
         )
+    unsure = np.zeros(len(light)) if light_stderr is None else light_stderr
+    light_error = np.divide(unsure, light, out=np.zeros(len(light)), where=light > 0)
     bright = light * factor
     forward = SceneForward(truth, table, full=1.0)
     gains = dict.fromkeys(forward.gain_names, 1.0 / float((bright * forward.power({})).max()))
@@ -274,7 +285,8 @@ def measure(
     gross = rng.random(len(clean)) < outliers
     error = error + gross * rng.choice([-1, 1], len(clean)) * rng.uniform(6, 30, len(clean))
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, len(clean)) / (SAMPLES - 1))
-    return replace(table, value=shown + sigma * error, stderr=quoted), clean, light
+    stderr = np.hypot(quoted, light_error * shown)
+    return replace(table, value=shown + sigma * error, stderr=stderr), clean, light_error
 
 
 def _displaced(truth: Scene, table: Any, position_m: float, rng: np.random.Generator) -> Array:
@@ -339,7 +351,7 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    readings, clean, _ = measure(
+    readings, clean, light_error = measure(
         scene, truth, table, rng, noise=noise, factor=factor,
         plane_gain=plane_gain, position_m=position_m, photons=photons,
     )  # fmt: skip
@@ -359,6 +371,7 @@ def hide(
         "noise": noise,
         "plane_gain_percent": 100 * plane_gain,
         "position_mm": 1000 * position_m,
+        "light_error_percent": 100 * float(np.median(light_error)),
         "seed": seed,
     }
     return Hidden(readings, scene, secret, clean)

@@ -19,6 +19,8 @@ STRENGTHS = (0.4, 2.0, 10.0)
 NOISES = (0.004, 0.01)
 DRAWS = 8
 NULL_DRAWS = 24
+#: Random sequences of the responses that a diagnosis uses.
+SEQUENCES = 3
 NOISE_KINDS: Mapping[str, Mapping[str, float]] = {
     "independent": {},
     "serial": {"serial": 0.4},
@@ -74,6 +76,11 @@ class Trial:
     @property
     def seed(self) -> int:
         return number_of(self.key)
+
+    @property
+    def sequence(self) -> int:
+        """Random numbers of the responses that it is judged with: sets that share them share their errors."""
+        return self.draw // 2 % SEQUENCES
 
 
 @cache

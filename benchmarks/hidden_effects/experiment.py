@@ -38,13 +38,15 @@ class Tracing:
     ----------
     bench : str
         Responses of one set-up, where only beam and absorption change, are kept in memory.
+    sequence : int
+        Which random numbers they are traced with.
     """
 
     _kept: ClassVar[dict[tuple[Any, ...], Any]] = {}
     _spent: ClassVar[np.ndarray] = np.zeros(2)
 
-    def __init__(self, bench: str = "") -> None:
-        self.bench, self._before = bench, self._spent.copy()
+    def __init__(self, bench: str = "", sequence: int = 0) -> None:
+        self.bench, self.sequence, self._before = bench, sequence, self._spent.copy()
 
     @property
     def seconds(self) -> float:
@@ -54,10 +56,11 @@ class Tracing:
     def cpu_seconds(self) -> float:
         return float((self._spent - self._before)[1])
 
-    def __call__(self, scene: Any, *places: Any, **options: float) -> Any:
+    def __call__(self, scene: Any, *places: Any, **options: Any) -> Any:
         from lightfield.render.diffuse import _bucket, response_for
 
         where = (np.asarray(p).tobytes() for p in places)
+        options = {**options, "seed": self.sequence}
         key = (self.bench, *sorted(options.items()), _bucket(scene.lamp.hwhm_deg), *where)
         if key in self._kept:
             return self._kept[key]
@@ -108,12 +111,20 @@ def _run(trial: Trial, folder: Path) -> Row:
         factor, drawn = unknowns.draw(truth.unknown, layout_of(table), rng)
     kind = NOISE_KINDS[trial.noise_kind]
     readings, clean, _ = measure(
-        believed, scene, table, rng, noise=trial.noise, light=light[:n], factor=factor, **kind
+        believed,
+        scene,
+        table,
+        rng,
+        noise=trial.noise,
+        light=light[:n],
+        light_stderr=light_error[:n],
+        factor=factor,
+        **kind,
     )
     stated = kind.get("plane_gain")
     if stated:
         readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * stated))
-    tracing = Tracing(bench.name)
+    tracing = Tracing(bench.name, trial.sequence)
     found, times = timed(readings, believed, tracing)
     row = summary(found) | times | {"n": n, "delta": 0.0}
     if truth.stratum == "null":
@@ -132,7 +143,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     if truth.stratum == "one" and oracle.delta > SEEN:
         row["rival"], row["D"] = oracle.nearest(truth.hidden)
     if truth.stratum in ("one", "two") and truth.bench != "colour":
-        row |= follow(trial, found, clean, light[:n], Tracing())
+        row |= follow(trial, found, clean, light[:n], Tracing(sequence=trial.sequence))
     if truth.stratum == "two":
         row["second"] = oracle.second(truth.hidden, dict(truth.values))
     if truth.stratum == "one" and found.verdict.verdict == "identified":

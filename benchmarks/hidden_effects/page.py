@@ -14,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.hidden_effects import judge, pictures
+from benchmarks.hidden_effects.catalogue import SEQUENCES
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, of_stratum, rate, scores
 from lightfield.files import atomic_path
 
@@ -173,8 +174,9 @@ def markdown(rows: Sequence[Row], cases: Sequence[Row], planned: int) -> str:
         "## Scores",
         "",
         "In brackets: 95 % Clopper-Pearson limits; sets. Sets of one render are not independent of each "
-        "other, so the limits are somewhat too narrow for rates that depend on the truth more than on "
-        "the noise. *Reached* compares the measured value with the aims, for false alarms its upper limit; "
+        f"other, nor are sets judged with one of the {SEQUENCES} random sequences of the transport response; "
+        "so the limits are somewhat too narrow for rates that depend on the truth more than on the noise. "
+        "*Reached* compares the measured value with the aims, for false alarms its upper limit; "
         "where there are few sets it says little.",
         "",
         *_table(["score", "measured", "release aim", "world class", "reached"],

@@ -48,7 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="error of every position, stated in the head of the table (default 0)",
     )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
-    add("--max-photons", type=float, metavar="N", help="photon budget of the trace")
+    add(
+        "--max-photons",
+        type=float,
+        metavar="N",
+        help="photon budget of the trace (default 3e7); what it leaves unknown is stated with the errors",
+    )
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="scene.toml, data.csv, truth.json")
 
 
@@ -88,6 +93,9 @@ def run(args: argparse.Namespace) -> int:
     )
     folder = made.save(args.output)
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
+    light = made.truth["light_error_percent"]
+    if light > 50 * args.noise:
+        print(f"the light is known to {light:.2g} % only, stated with the errors; more: --max-photons")
     print(f"do not look: {folder / 'truth.json'}")
     return 0
 

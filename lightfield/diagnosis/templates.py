@@ -40,7 +40,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
     """Templates of every candidate form whose parameters the fit does not move."""
     moved = set(fit.paths)
     there = [c.effect for c in problem.candidates if moved & {p.path for p in c.amplitudes}]
-    values, at = fit.values, fit.prediction
+    values = fit.values
     raw: list[Array] = []
     labels: list[tuple[Candidate, tuple[float, ...], int]] = []
     for candidate in problem.candidates:
@@ -50,6 +50,10 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
             continue
         for shape in candidate.grid:
             with_shape = values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
+            # All that scatters shares one phase function: its change alone is no sign of more of it, and
+            # would compare two traces, with all their noise.
+            shared = candidate.effect.diffuse and candidate.shapes
+            at = problem.forward.predict(with_shape) if shared else fit.prediction
             for parameter in candidate.amplitudes:
                 raw.append(problem.keep * _slope(problem, with_shape, parameter, at))
             labels.append((candidate, shape, len(candidate.amplitudes)))

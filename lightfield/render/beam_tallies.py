@@ -14,6 +14,7 @@ from lightfield.render.beamnodes import BeamNodes, is_round
 from lightfield.render.response import CLASSES, Array, light_classes
 from lightfield.scene import Lamp
 
+Cells = NDArray[np.integer[Any]] | slice
 KEPT_BEAMS = 256
 BEAM = attrgetter(
     "profile",
@@ -84,16 +85,15 @@ class BeamTallies:
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
-            tally = self._tally(index, kind, is_round(lamp))
-            contracted = np.empty(tally.shape[1:], np.float32)
-            for stretch, cells in self._stretches(lamp.apparent_distance_m):
+            contracted = np.empty((len(self.rows_of[kind]), len(self.cell_z_m)), np.float32)
+            for stretch, plane in self._stretches(lamp.apparent_distance_m):
                 values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
                 if squares:
                     per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                     values = (per_ring**2 / self.sent.density[:, None]).ravel()
-                mine = tally if cells is None else tally[:, :, cells]
-                flat = values.astype(np.float32) @ mine.reshape(len(mine), -1)
-                contracted[:, slice(None) if cells is None else cells] = flat.reshape(mine.shape[1:])
+                tally, cells = self._tally(index, kind, is_round(lamp), plane)
+                flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
+                contracted[:, cells] = flat.reshape(tally.shape[1:])
             self._beams[key] = contracted
         return np.asarray(self._beams[key])
 
@@ -138,29 +138,31 @@ class BeamTallies:
         sums = total[:, None] * total
         return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
 
-    def _tally(self, index: int, kind: int, rings: bool) -> Array:
-        """Rows of one class, shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up."""
-        key = (index, kind, rings)
+    def _tally(self, index: int, kind: int, rings: bool, plane: float | None) -> tuple[Array, Cells]:
+        """Rows of one class at the cells of a plane or at all, and which cells they are.
+
+        Of shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up.
+        """
+        key = (index, kind, rings, plane)
         if key not in self._tallies:
-            tally = self.tallies[index][:, self.rows_of[kind]]
+            cells: Cells = slice(None) if plane is None else np.flatnonzero(self.cell_z_m == plane)
+            tally = self.tallies[index][:, self.rows_of[kind]][:, :, cells]
             if rings:
                 nodes = self.beam_nodes.nodes
                 tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
-            self._tallies[key] = np.ascontiguousarray(tally)
-        return np.asarray(self._tallies[key])
+            self._tallies[key] = np.ascontiguousarray(tally), cells
+        tally, cells = self._tallies[key]
+        return tally, cells
 
-    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, NDArray[np.integer[Any]] | None]]:
-        """Factor on the beam's angles at each plane, and the cells of that plane.
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, float | None]]:
+        """Factor on the beam's angles at each plane, and where that plane is; None for all of them.
 
         Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
         order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
         """
         if apparent_distance_m == 0:
             return [(1.0, None)]
-        planes = self.cell_z_m
-        return [
-            (float((z + apparent_distance_m) / z), np.flatnonzero(planes == z)) for z in np.unique(planes)
-        ]
+        return [((z + apparent_distance_m) / z, z) for z in np.unique(self.cell_z_m).tolist()]
 
 
 def _stretched(lamp: Lamp, factor: float) -> Lamp:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
 from lightfield.render.grid import Grid, cell_of, nearness
 
@@ -48,29 +49,32 @@ class Shift:
             if beside > 2 and apart.max() <= 2 * smoothed:
                 self.smooth[i] = 0.0
                 self.smooth[i, near] = weights[0]
-        self._expansion = np.ascontiguousarray(np.vstack([*derivatives, self.smooth]).T)
+        # Straight to the readings, from the few cells around each.
+        self._expansion = sparse.csr_array(np.vstack([d[self.cell] for d in (*derivatives, self.smooth)]))
         # Readings along one line through the axis do not show the curvature across it: that of a round field.
         self.across: int | None = None
         if np.ptp(cy) == 0 and np.abs(cy).max() < 1e-6:
             self.across = 1
         elif np.ptp(cx) == 0 and np.abs(cx).max() < 1e-6:
             self.across = 0
-        self.radius_m = cx if self.across == 1 else cy
+        self.radius_m = (cx if self.across == 1 else cy)[self.cell]
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
         top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
-        *slopes, smooth = np.moveaxis((log @ self._expansion).reshape(*log.shape[:-1], 6, -1), -2, 0)
-        middle = np.where(field > 1e-6 * top, np.exp(smooth), field)
-        middle = middle / self._mean_over_middle(slopes)
-        gx, gy, gxx, gxy, gyy = (d[..., self.cell] for d in slopes)
+        expanded = (self._expansion @ log.reshape(-1, log.shape[-1]).T).T
+        *slopes, smooth = np.moveaxis(expanded.reshape(*log.shape[:-1], 6, -1), -2, 0)
+        here = field[..., self.cell]
+        middle = np.where(here > 1e-6 * top, np.exp(smooth), here) / self._mean_over_middle(slopes)
+        gx, gy, gxx, gxy, gyy = slopes
         dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
         change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
-        return np.asarray(middle[..., self.cell] * np.exp(np.clip(change, -3, 3)))
+        return np.asarray(middle * np.exp(np.clip(change, -3, 3)))
 
     def _mean_over_middle(self, slopes: list[np.ndarray]) -> np.ndarray:
-        """Mean of the field over each cell, relative to its middle: 1 + h^2/24 f''/f along both edges."""
+        """Mean of the field over each reading's cell, relative to its middle: 1 + h^2/24 f''/f along both
+        edges."""
         gx, gy, gxx, _, gyy = slopes
         if self.across is not None:
             along, second = (gx, gxx) if self.across == 1 else (gy, gyy)

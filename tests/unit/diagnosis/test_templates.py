@@ -1,0 +1,56 @@
+"""What an absent effect would add to the readings: a derivative in its own size, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightfield import effects
+from lightfield.diagnosis.setup import problem_of
+from lightfield.diagnosis.templates import bank
+from lightfield.forward import SceneForward
+from lightfield.hide import scan
+from lightfield.scene import Scene
+
+
+class Haze:
+    """Light scattered once, b / (1 - g) times a smooth halo; no errors."""
+
+    def __init__(self, x_m: np.ndarray) -> None:
+        self.halo = 1e-3 / (1 + x_m**2)
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        strength = scene.water.scattering_per_m / (1 - float(scene.get("water.phase.g")))
+        return np.array([strength * self.halo for _ in wavelengths_nm])
+
+    def errors(self, scene: Scene, *_: Any) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros((len(self.halo), 0)), np.zeros(len(self.halo))
+
+    def with_denser(self, other: Any) -> Haze:
+        return self
+
+
+def haze(scene: Scene, x_m: np.ndarray, *_: Any, **options: float) -> Haze:
+    return Haze(np.asarray(x_m))
+
+
+def test_water_that_scatters_already_is_not_asked_for_another_phase_function() -> None:
+    """More of the same particles: d/db is halo / (1 - g) at every g, though g itself would move all light."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.2}})
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    clean = SceneForward(scene, table, haze).predict({})
+    readings = replace(table, value=clean, stderr=np.full(len(clean), 1e-4))
+    problem, _ = problem_of(SceneForward(scene, readings, haze), readings, [effects.get("scattering")], None)
+    fit = problem.fit((), lambda columns: columns, [problem.model().start], max_steps=0)
+    templates = bank(problem, fit, lambda columns: columns)
+    assert {t.shape for t in templates} >= {(0.924,), (0.8,), (0.97,)}
+    gain = np.exp(fit.u[0])
+    distance = np.hypot(table.x_m, table.z_m)
+    lost = gain * distance * SceneForward(scene, readings).predict({})
+    for template in templates:
+        expected = gain * Haze(np.asarray(table.x_m)).halo / (1 - template.shape[0]) - lost
+        assert template.columns[:, 0] == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
