@@ -57,11 +57,12 @@ class Tracing:
         return float((self._spent - self._before)[1])
 
     def __call__(self, scene: Any, *places: Any, **options: Any) -> Any:
-        from lightfield.render.diffuse import _bucket, response_for
+        from lightfield.render.diffuse import response_for, sent_width_deg
 
         where = (np.asarray(p).tobytes() for p in places)
         options = {**options, "seed": self.sequence}
-        key = (self.bench, *sorted(options.items()), _bucket(scene.lamp.hwhm_deg), *where)
+        width = sent_width_deg(scene.lamp.hwhm_deg, options.get("dense_per_m") is not None)
+        key = (self.bench, *sorted(options.items()), width, *where)
         if key in self._kept:
             return self._kept[key]
         response = self._clocked(partial(response_for, scene, *places, **options))

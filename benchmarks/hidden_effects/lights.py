@@ -13,8 +13,8 @@ from benchmarks.hidden_effects.catalogue import Truth
 from lightfield.files import atomic_path
 from lightfield.scene import Scene
 
-#: The error of the light is small beside the least noise of the readings, 0.4 %, in dense water too.
-PHOTONS, REL_ERROR = 3e8, 0.002
+#: The error of the light is at most half the least noise of the readings, 0.4 %, and stated with it.
+PHOTONS, REL_ERROR = 1e8, 0.002
 #: What acts after the light has arrived, or on all light alike.
 AFTERWARDS = (
     "detector.background", "detector.saturation", "detector.saturation_quadratic",

@@ -80,8 +80,9 @@ def test_dense_water_is_traced_only_when_it_explains_the_readings(found):
 
 
 def test_the_storys_page_states_its_numbers(found):
-    """Base model refitted as the page does it: what the weights of the readings rest on moves with the
-    photons (two seeds differ by 0.3 %). The explained model is held to the noise floor.
+    """Both fits as the page makes them, with all photons: with fewer they move by some per cent.
+
+    What few photons explain is held to the noise floor.
 
     The rms of n readings scatters by 1/sqrt(2 n) of itself; three times that are allowed.
     """
@@ -90,12 +91,11 @@ def test_the_storys_page_states_its_numbers(found):
     base = fit_readings(done.readings, Scene.load(STORY / "scene.toml"), diffuse="trace")
     (stated,) = re.findall(r"error \*\*([\d.]+) %\*\*", page)
     assert base.error_percent == pytest.approx(float(stated), rel=0.01)
-    spread = 1 + 3 / np.sqrt(2 * len(done.readings))
-    explained = done.verdict.ladder[-1].error_percent
+    by_hand = fit_readings(done.readings, Scene.load(STORY / "scene.toml"), ["scattering"], diffuse="trace")
     for stated in re.findall(r"Error \*\*([\d.]+) %\*\*", page):
-        # Three seeds scatter by 4 %, the page rounds by 2 %: twice that.
-        assert explained == pytest.approx(float(stated), rel=0.09)
-    assert explained < spread * done.verdict.noise_floor_percent
+        assert by_hand.error_percent == pytest.approx(float(stated), rel=0.03), "the page rounds by 2 %"
+    spread = 1 + 3 / np.sqrt(2 * len(done.readings))
+    assert done.verdict.ladder[-1].error_percent < spread * done.verdict.noise_floor_percent
 
 
 def test_the_explained_scene_rendered_afresh_stays_at_the_noise(found):
@@ -146,19 +146,23 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "path", "truth"),
+    ("file", "name", "path", "truth"),
     [
-        ("cdom", "water.cdom_440_per_m", 0.1),
-        ("chlorophyll", "water.chlorophyll_mg_per_m3", 0.8),
-        ("sediment", "water.sediment_g_per_m3", 0.5),
+        ("cdom", "cdom", "water.cdom_440_per_m", 0.1),
+        ("chlorophyll", "chlorophyll", "water.chlorophyll_mg_per_m3", 0.8),
+        ("sediment", "sediment", "water.sediment_g_per_m3", 0.5),
+        ("much_sediment", "sediment", "water.sediment_g_per_m3", 2.0),
     ],
 )
-def test_what_is_dissolved_or_floats_in_pure_water_is_named(name, path, truth):
+def test_what_is_dissolved_or_floats_in_pure_water_is_named(file, name, path, truth):
     """Four bands, 450 to 650 nm, half width and grey absorption refitted: the spectrum tells them apart.
+
+    The last water scatters 1.1 per metre: 4 to 7 % of the light on the axis at 5 m was not scattered, and
+    a trace in dense water has to be asked for.
 
     With water that is unknown at every wavelength none of them can be tested.
     """
-    table, scene = Readings.load(DATA / f"{name}.csv"), Scene.load(DATA / "colour.toml")
+    table, scene = Readings.load(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
     verdict = diagnose(table, scene, diffuse=quick, advise=False).verdict
     assert (verdict.verdict, verdict.effects) == ("identified", [name])
     estimate = verdict.explanations[0].parameters[path]
