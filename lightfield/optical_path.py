@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lightfield.tables import Array
 from lightfield.water.iop import absorption_per_m, is_grey, scattering_per_m
@@ -118,6 +119,12 @@ def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, defa
         wavelength_nm = default_nm
     w = np.asarray(wavelength_nm, dtype=float)
     w = np.where(np.isnan(w), default_nm, w)
-    unique, back = np.unique(w, return_inverse=True)
+    unique, back = _colours(w.tobytes())
     c = absorption_per_m(water, unique) + scattering_per_m(water, unique)
     return c[back].reshape(w.shape)
+
+
+@lru_cache(maxsize=16)
+def _colours(wavelengths_nm: bytes) -> tuple[Array, NDArray[np.intp]]:
+    """The different wavelengths, and which of them each one is: the same for every scene of a fit."""
+    return np.unique(np.frombuffer(wavelengths_nm), return_inverse=True)

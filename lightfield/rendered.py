@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.fit import Array
+from lightfield.render import store
 from lightfield.render.receivers import direct_at
-from lightfield.render.rendering import Rendering, render_scene
+from lightfield.render.rendering import Rendering, render_scene, software
 from lightfield.render.shift import Shift
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
@@ -45,10 +47,29 @@ def rendered_light(
     Returns
     -------
     light, stderr : array, shape (n,), 1/m^2
+        From the cache, if this very render was made before.
     """
     x, y, z = (np.asarray(v, float) for v in (readings.x_m, readings.y_m, readings.z_m))
-    light, error = np.zeros(len(x)), np.zeros(len(x))
     dry = np.asarray(readings.medium) == "air"
+    wavelength = np.asarray(readings.wavelength_nm, float)
+    middle = float(np.mean(scene.detector.bands_nm[0]))
+    channels = np.where(np.isnan(wavelength), middle, wavelength)
+    settings = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry}
+    places = {"x": x, "y": y, "z": z, "dry": dry, "wavelength": channels}
+    key = {"kind": "readings", "scene": scene.digest(), "software": software(), **places, **settings}
+    stored = store.load(key)
+    if stored is None:
+        light, error = _render(scene, x, y, z, dry, channels, **settings)
+        stored = {"light": light, "error": error}
+        store.save(key, stored)
+    return stored["light"], stored["error"]
+
+
+def _render(
+    scene: Scene, x: Array, y: Array, z: Array, dry: NDArray[np.bool_], channels: Array, **settings: Any
+) -> tuple[Array, Array]:
+    """Light at places in air (`dry`) or water, and its error, shape (n,)."""
+    light, error = np.zeros(len(x)), np.zeros(len(x))
     if dry.any():
         light[dry] = direct_at(scene, x[dry], y[dry], z[dry], 0.0, in_air=True)
     wet = ~dry & (z > 0)
@@ -58,12 +79,7 @@ def rendered_light(
         (float(px), float(py), float(pz)) for px, py, pz in zip(x[wet], y[wet], z[wet], strict=True)
     )
     located = scene.with_values({"detector.positions_m": places}, validate=False)
-    rendering = render_scene(
-        located, rel_error=rel_error, max_photons=max_photons, seed=seed, symmetry=symmetry
-    )
-    wavelength = np.asarray(readings.wavelength_nm, float)
-    middle = float(np.mean(scene.detector.bands_nm[0]))
-    channels = np.where(np.isnan(wavelength), middle, wavelength)
+    rendering = render_scene(located, **settings)
     for channel in np.unique(channels[wet]):
         mine = wet & (channels == channel)
         light[mine], error[mine] = _wet_light(rendering, float(channel), x[mine], y[mine], z[mine])

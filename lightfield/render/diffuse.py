@@ -40,7 +40,7 @@ SENT_PER_M = 0.16
 #: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
 SENT_WIDTH, SENT_WIDTH_DENSE = 0.75, 0.5
 G_NODES = (0.75, 0.87, 0.924, 0.97)
-PHOTONS = 2_500_000
+PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace.
 AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.33

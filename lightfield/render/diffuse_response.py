@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,8 +47,8 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 #: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
 CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.43, 1.7
 #: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
-#: fall short.
-REACH, FALLS_SHORT = 1.05, 0.37
+#: fall short at least (0.06 to 0.1 where the farthest reading is 5 m away, 0.2 to 0.4 at 8.5 m).
+REACH, FALLS_SHORT = 1.05, 0.12
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
@@ -356,9 +357,15 @@ class DiffuseResponse:
                 found=g,
                 rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
             )
-        nodes, at = np.log1p(-np.array(self.g_nodes)), np.log1p(-g)
-        shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
-        return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
+        return _lagrange(self.g_nodes, g)
+
+
+@lru_cache(maxsize=64)
+def _lagrange(g_nodes: tuple[float, ...], g: float) -> list[tuple[float, int]]:
+    """Shares of the nodes that take part, and their numbers."""
+    nodes, at = np.log1p(-np.array(g_nodes)), np.log1p(-g)
+    shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
+    return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
 
 def _roots(covariance: Array) -> Array:

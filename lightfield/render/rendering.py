@@ -196,8 +196,13 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
         "scene": scene.with_values(irrelevant, validate=False).digest(),
         "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
         "reference": asdict(reference),
-        "software": [version("mitsuba"), version("drjit")],
+        "software": software(),
     }
+
+
+def software() -> list[str]:
+    """Versions of what renders."""
+    return [version("mitsuba"), version("drjit")]
 
 
 def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> dict[str, np.ndarray]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lightfield.hide import scan
 from lightfield.render.grid import scene_grid
 from lightfield.render.rendering import Rendering, render_scene, transport_key
 from lightfield.render.response import Reference
 from lightfield.render.store import digest_of
+from lightfield.rendered import rendered_light
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict(
@@ -38,6 +41,34 @@ def test_damaged_entries_are_traced_again(tmp_path: Path, monkeypatch: pytest.Mo
     rebuilt = rendered()
     np.testing.assert_allclose(rebuilt.response.tally, first.response.tally, rtol=1e-5, atol=1e-9)
     assert entry.stat().st_size > 2000
+
+
+def test_light_at_readings_is_rendered_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another seed, place, colour, scene or precision is another render."""
+    monkeypatch.setenv("LIGHTFIELD_CACHE", str(tmp_path))
+    asked = []
+
+    def render(scene: Scene, x: np.ndarray, *_: Any, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(settings["seed"])
+        return np.full(len(x), float(len(asked))), np.full(len(x), 0.5)
+
+    monkeypatch.setattr("lightfield.rendered._render", render)
+    table = scan(SCENE, "line", "random", np.random.default_rng(0))
+    first = rendered_light(SCENE, table)
+    again = rendered_light(SCENE, table)
+    assert len(asked) == 1
+    for one, other in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+    others: list[tuple[Scene, Any, dict[str, Any]]] = [
+        (SCENE, table, {"seed": 2}), (SCENE, table, {"symmetry": True}), (SCENE, table, {"rel_error": 0.1}),
+        (SCENE, table, {"max_photons": 10.0}), (SCENE.with_values({"lamp.hwhm_deg": 4.0}), table, {}),
+        (SCENE, replace(table, x_m=table.x_m + 0.01), {}),
+        (SCENE, replace(table, wavelength_nm=np.full(len(table), 600.0)), {}),
+        (SCENE, replace(table, medium=np.full(len(table), "air")), {}),
+    ]  # fmt: skip
+    for scene, readings, options in others:
+        rendered_light(scene, readings, **options)
+    assert len(asked) == 1 + len(others)
 
 
 def key(scene: Scene) -> str:
