@@ -51,3 +51,17 @@ def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
     assert (np.abs(table.x_m) <= 0.15 + 1e-9).all() and (table.y_m < 0.2).all()
     assert table.z_m.min() >= 0.1 and table.z_m.max() <= 1.0 + 1e-9
     assert true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m == pytest.approx(WINDOW_PART * 0.2)
+
+
+def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
+    """Light known to 1 % at noise of 0.1 %: the stated errors are 1 % larger in quadrature, values the same."""
+    scene = Scene.from_dict({"detector": {"planes_m": [4.5], "width_m": 1.0}})
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    light = direct_field(scene, table.x_m, table.y_m, table.z_m)
+    sure, clean, known = measure(scene, scene, table, np.random.default_rng(1), noise=0.001, light=light)
+    unsure, _, relative = measure(
+        scene, scene, table, np.random.default_rng(1), noise=0.001, light=light, light_stderr=0.01 * light
+    )
+    assert (known == 0).all() and relative == pytest.approx(0.01)
+    assert unsure.value == pytest.approx(sure.value)
+    assert np.sqrt(unsure.stderr**2 - sure.stderr**2) == pytest.approx(0.01 * clean, rel=1e-6)
