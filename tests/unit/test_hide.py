@@ -54,7 +54,7 @@ def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
 
 
 def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
-    """Light known to 1 % at noise of 0.1 %: the stated errors are 1 % larger in quadrature, values the same."""
+    """Light known to 1 %: the stated errors are 1 % larger in quadrature, the values the same."""
     scene = Scene.from_dict({"detector": {"planes_m": [4.5], "width_m": 1.0}})
     table = scan(scene, "line", "random", np.random.default_rng(0))
     light = direct_field(scene, table.x_m, table.y_m, table.z_m)
