@@ -225,7 +225,8 @@ def measure(
 ) -> tuple[Any, Array, Array]:
     """Take the readings of a scene.
 
-    What the render does not know of the light is an error of the readings, and stated with theirs.
+    What the render does not know of the light is an error of the readings, and stated with theirs. (Places
+    that are mirror images of each other share it; so it is kept small beside the noise.)
 
     Parameters
     ----------

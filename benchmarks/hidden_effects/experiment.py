@@ -61,8 +61,7 @@ class Tracing:
 
         where = (np.asarray(p).tobytes() for p in places)
         options = {**options, "seed": self.sequence}
-        width = sent_width_deg(scene.lamp.hwhm_deg, options.get("dense_per_m") is not None)
-        key = (self.bench, *sorted(options.items()), width, *where)
+        key = (self.bench, *sorted(options.items()), sent_width_deg(scene.lamp.hwhm_deg), *where)
         if key in self._kept:
             return self._kept[key]
         response = self._clocked(partial(response_for, scene, *places, **options))

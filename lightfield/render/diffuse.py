@@ -35,10 +35,10 @@ from lightfield.scene import Scene
 REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
 #: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
 SENT_PER_M = 0.16
-#: Width of the beam that photons are sent in, as a part of what the readings look like, in clear water and in
-#: dense, which widens what is seen of a beam (to 1.8 of its width at b = 1.1 per m). Sent at 0.6 to 0.9 of a
+#: Width of the beam that photons are sent in, as a part of what the readings look like: water that scatters
+#: widens what is seen of a beam (to 1.4 of its width at b = 0.2 per m, 1.8 at 1.1). Sent at 0.5 to 0.9 of a
 #: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
-SENT_WIDTH, SENT_WIDTH_DENSE = 0.75, 0.5
+SENT_WIDTH = 0.55
 G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
@@ -108,7 +108,7 @@ def response_for(
     scattering, sent = CLEAR_PER_M, share * photons
     if dense_per_m is not None:
         scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
-    width = sent_width_deg(scene.lamp.hwhm_deg, dense_per_m is not None)
+    width = sent_width_deg(scene.lamp.hwhm_deg)
     one = functools.partial(_response, scene, places, scattering, width, seed=seed, cache=cache)
     made = replace(one(nodes, open_top, needed, photons=round(sent)), reflected=reflected)
     if scene.tank is None or open_top:
@@ -175,13 +175,12 @@ def _response(
     )
 
 
-def sent_width_deg(hwhm_deg: float, dense: bool) -> float:
-    """Half width of the beam that photons are sent in, for one that looks so wide in clear or dense water.
+def sent_width_deg(hwhm_deg: float) -> float:
+    """Half width of the beam that photons are sent in, for one that looks so wide.
 
     In steps of a factor 1.5, so that guesses that differ a little share a response.
     """
-    narrow = (SENT_WIDTH_DENSE if dense else SENT_WIDTH) * hwhm_deg
-    return float(4.0 * 1.5 ** np.round(np.log(narrow / 4.0) / np.log(1.5)))
+    return float(4.0 * 1.5 ** np.round(np.log(SENT_WIDTH * hwhm_deg / 4.0) / np.log(1.5)))
 
 
 def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
