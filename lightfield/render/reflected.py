@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lightfield.lamps.profile import relative_intensity
-from lightfield.render.beamnodes import beam_angles
+from lightfield.render.beamnodes import beam_angles, is_round
 from lightfield.render.patches import Patches, Transfer, transfer, walls
 from lightfield.scene import Lamp, Scene
 
@@ -300,7 +300,9 @@ class Ways(NamedTuple):
     def lit(self, lamp: Lamp) -> np.ndarray:
         """Irradiance by a lamp there, without attenuation."""
         light = np.zeros(len(self.ahead))
-        light[self.ahead] = relative_intensity(lamp, *beam_angles(lamp, self.theta, self.phi)) * self.facing
+        # A round beam needs no azimuths, which cost more than all the rest.
+        angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, self.theta, self.phi)
+        light[self.ahead] = relative_intensity(lamp, *angles) * self.facing
         return light
 
 
