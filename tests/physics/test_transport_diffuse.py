@@ -102,8 +102,8 @@ def test_dense_water_asks_for_a_trace_near_its_own() -> None:
         traced = trace_for(b)
         assert b < 1.06 * traced, b
         assert (b - traced) ** 2 * 8.5 / traced < 1.6, b
-    # Fits with the trace of clear water stop short: of b = 0.71 at 0.50 to 0.57, of 1.11 at 0.70 to 0.80, or at
-    # 0.95 to 1.05 where the farthest reading is 5 m away.
+    # Fits with the trace of clear water stop short: of b = 0.71 at 0.50 to 0.57, of 1.11 at 0.70 to 0.80, or
+    # at 0.95 to 1.05 where the farthest reading is 5 m away.
     assert all(trace_for(b, 0.2) >= trace_for(0.71) for b in (0.5, 0.57))
     assert all(trace_for(b, 0.2) == trace_for(1.11) for b in (0.70, 0.80, 0.95, 1.045))
 
