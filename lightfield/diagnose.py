@@ -75,7 +75,7 @@ class Diagnosis:
         max_photons : float
             Photon budget of the trace.
         """
-        from lightfield.rendered import rendered_light  # loads Mitsuba
+        from lightfield.rendered import rendered_light  # loads the renderer
 
         step, problem = self.steps[-1], self.prepared.problem
         light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)

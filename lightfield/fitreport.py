@@ -272,7 +272,7 @@ def _fit_readings(
             break
     notes = [f"assumed: {a}" for a in budget.assumed]
     for _ in range(2 if solver == "render" else 0):
-        from lightfield.rendered import rendered_light  # loads Mitsuba
+        from lightfield.rendered import rendered_light  # loads the renderer
 
         light, error = rendered_light(forward.scene_at(fit.values), readings, **tracing)
         forward = forward.corrected(light, error, fit.values)

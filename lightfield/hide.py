@@ -255,7 +255,7 @@ def measure(
         Relative error of the rendered light.
     """
     if light is None:
-        from lightfield.rendered import rendered_light  # loads Mitsuba
+        from lightfield.rendered import rendered_light  # loads the renderer
 
         light, light_stderr = rendered_light(
             truth,

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
 from lightfield.render.beam_tallies import BeamTallies
-from lightfield.render.reflected import ReflectedLight
+from lightfield.render.reflected import ReflectedLight, lagrange
 from lightfield.render.response import (
     CLASSES,
     FROM_SURFACE,
@@ -357,14 +357,13 @@ class DiffuseResponse:
                 found=g,
                 rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
             )
-        return _lagrange(self.g_nodes, g)
+        return _shares(self.g_nodes, g)
 
 
 @lru_cache(maxsize=64)
-def _lagrange(g_nodes: tuple[float, ...], g: float) -> list[tuple[float, int]]:
+def _shares(g_nodes: tuple[float, ...], g: float) -> list[tuple[float, int]]:
     """Shares of the nodes that take part, and their numbers."""
-    nodes, at = np.log1p(-np.array(g_nodes)), np.log1p(-g)
-    shares = [float(np.prod([(at - y) / (x - y) for y in nodes if y != x])) for x in nodes]
+    shares = lagrange(np.log1p(-np.array(g_nodes)), float(np.log1p(-g))).tolist()
     return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
 

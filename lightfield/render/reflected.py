@@ -168,9 +168,9 @@ class Room:
         mirrors = SURFACE_NODES if surface else (0.0,)
         total = np.zeros(len(self.places))
         reached = self._reached(lamp, attenuation_per_m, surface, mirrors, nodes)
-        for share, there in zip(_lagrange(np.array(mirrors), surface), reached, strict=True):
+        for share, there in zip(lagrange(np.array(mirrors), surface), reached, strict=True):
             found = np.array([_added_up(orders, albedo) for orders in there])
-            total += share * np.exp(_lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
+            total += share * np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return total
 
     def _reached(
@@ -374,6 +374,6 @@ def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arccos(np.clip(direction[:, 2], -1, 1)), np.arctan2(direction[:, 1], direction[:, 0])
 
 
-def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
+def lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
     """Weights of polynomial interpolation at one place."""
     return np.array([np.prod([(at - y) / (x - y) for y in nodes if y != x]) for x in nodes])

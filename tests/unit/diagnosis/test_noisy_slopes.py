@@ -7,7 +7,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from lightfield.diagnosis.adequacy import _score
 from lightfield.diagnosis.noisy_slopes import NoisySlopes
 from lightfield.diagnosis.templates import Template
 from lightfield.fit import Model, Parameter, least_squares
@@ -74,3 +76,15 @@ def test_the_mean_of_a_score_is_what_shared_noise_makes_it() -> None:
         predicted.append(pretended.of(Template(candidate, (), column[:, None])))
     assert abs(np.mean(found)) > 5 * 0.05, "without correction the score would be believed"
     assert abs(np.mean(found) - np.mean(predicted)) < 3 * np.std(found) / np.sqrt(len(found))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_direction_of_a_score_has_the_sign_that_its_amplitude_tells(sign: float) -> None:
+    """What is taken off is known along the template; a score may look along it or against it."""
+    column = sign * np.exp(-((X - 0.4) ** 2))
+    candidate: Any = SimpleNamespace(amplitudes=(TILT,), shapes=())
+    free = np.ones((N, 1)) / np.sqrt(N)
+    score = _score(Template(candidate, (), column[:, None]), free)
+    rest = column - column.mean()
+    along = np.sign(score.to_amplitude[0, 0]) * score.direction[:, 0]
+    np.testing.assert_allclose(along, rest / np.linalg.norm(rest), atol=1e-12)
