@@ -363,7 +363,7 @@ class DiffuseResponse:
 @lru_cache(maxsize=64)
 def _shares(g_nodes: tuple[float, ...], g: float) -> list[tuple[float, int]]:
     """Shares of the nodes that take part, and their numbers."""
-    shares = lagrange(np.log1p(-np.array(g_nodes)), float(np.log1p(-g))).tolist()
+    shares = lagrange(np.log1p(-np.array(g_nodes)).tolist(), float(np.log1p(-g))).tolist()
     return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import ceil, pi, sqrt
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from lightfield.scene import Scene
 
 NEAR, SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
 
-Response = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Response = Callable[[Sequence[np.ndarray], np.ndarray], np.ndarray]
 
 
 class Patches(NamedTuple):
@@ -80,7 +80,7 @@ def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transf
     ----------
     places : array, shape (n, 3), m
     response : callable
-        Of the receivers with these numbers to light that flies along these directions.
+        Of the receivers with these numbers to light that flies along x, y and z components of directions.
     patches : Patches
         k of them.
     """
@@ -102,12 +102,14 @@ def _exchange(
     places: np.ndarray, centre: np.ndarray, normal: np.ndarray, response: Response, which: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lambert's cosines over pi d^2, per area of the patch, and d."""
-    way = places - centre
-    distance = np.linalg.norm(way, axis=-1)
-    direction = way / np.maximum(distance, 1e-9)[..., None]
-    leaving = np.maximum((direction * normal).sum(axis=-1), 0)
-    seen = leaving * response(direction, which)
-    return np.where(distance > 1e-6, seen / (pi * np.maximum(distance, 1e-6) ** 2), 0.0), distance
+    # One array for each component: sums over a last axis of three are slow.
+    way = [places[..., i] - centre[..., i] for i in range(3)]
+    distance = np.sqrt(sum(w * w for w in way))
+    inverse = 1 / np.maximum(distance, 1e-6)
+    direction = [w * inverse for w in way]
+    leaving = sum(d * normal[..., i] for i, d in enumerate(direction))
+    seen = np.maximum(leaving, 0) * response(direction, which)
+    return np.where(distance > 1e-6, seen * inverse**2 / pi, 0.0), distance
 
 
 def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from math import floor, log, radians, sqrt
+from math import floor, log, prod, radians, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +32,7 @@ DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpol
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
-KEPT = 40  # operators in memory, and answers for one lamp
+KEPT, KEPT_ANSWERS = 40, 100  # operators in memory, and answers
 
 
 class ReflectedLight:
@@ -83,7 +83,7 @@ class ReflectedLight:
         tank = self.scene.tank
         assert tank is not None
         arriving, light = image_of_lamp(lamp, tank.lamp_depth_m, self.places, attenuation_per_m)
-        return np.asarray(light * _response(self.scene, arriving))
+        return np.asarray(light * _response(self.scene, list(arriving.T)))
 
 
 class Operators(NamedTuple):
@@ -128,11 +128,11 @@ class Operators(NamedTuple):
 
 
 def _added_up(orders: np.ndarray, albedo: float) -> np.ndarray:
-    """All reflections, those beyond the last known as a geometric series; (REFLECTIONS, n) to (n,)."""
-    light = albedo ** np.arange(1, len(orders) + 1)[:, None] * orders.astype(float)
-    last, before = light[-1].sum(), light[-2].sum()
-    ratio = min(float(last / before), 0.99) if before > 0 else 0.0
-    return np.asarray(light.sum(axis=0) + light[-1] * ratio / (1 - ratio))
+    """All reflections, beyond the last known as a geometric series; (..., REFLECTIONS, n) to (..., n)."""
+    light = albedo ** np.arange(1, REFLECTIONS + 1)[:, None] * orders
+    last, before = light[..., -1, :].sum(axis=-1), light[..., -2, :].sum(axis=-1)
+    ratio = np.minimum(np.divide(last, before, out=np.zeros_like(last), where=before > 0), 0.99)
+    return np.asarray(light.sum(axis=-2) + light[..., -1, :] * (ratio / (1 - ratio))[..., None])
 
 
 class Room:
@@ -155,7 +155,7 @@ class Room:
         self._operators: dict[tuple[float, float], Operators] = {}
         self._ways: dict[tuple[Any, ...], Ways] = {}
         self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._answers: dict[tuple[float, float], list[list[np.ndarray]]] = {}  # of the last lamp
+        self._answers: dict[tuple[Lamp, float, float], np.ndarray] = {}
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -164,14 +164,12 @@ class Room:
         and interpolated: its logarithm is nearly linear in the first (cubic between four nodes, which leaves
         0.2 % and no jump), itself a low polynomial in the second.
         """
-        nodes = C_STEP * (max(floor(attenuation_per_m / C_STEP) - 1, 0) + np.arange(4))
-        mirrors = SURFACE_NODES if surface else (0.0,)
-        total = np.zeros(len(self.places))
-        reached = self._reached(lamp, attenuation_per_m, surface, mirrors, nodes)
-        for share, there in zip(lagrange(np.array(mirrors), surface), reached, strict=True):
-            found = np.array([_added_up(orders, albedo) for orders in there])
-            total += share * np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
-        return total
+        first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
+        nodes = [C_STEP * (first + i) for i in range(4)]
+        mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
+        found = _added_up(self._reached(lamp, attenuation_per_m, surface, mirrors, nodes), albedo)
+        along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
+        return np.asarray(lagrange(mirrors, surface) @ along_c)
 
     def _reached(
         self,
@@ -179,19 +177,19 @@ class Room:
         attenuation_per_m: float,
         surface: float,
         mirrors: Sequence[float],
-        nodes: np.ndarray,
-    ) -> list[list[np.ndarray]]:
-        """Light at the readings for unit albedo, at each of some surface reflectances and attenuations."""
-        key = attenuation_per_m, surface
-        self._remember(lamp)
+        nodes: Sequence[float],
+    ) -> np.ndarray:
+        """Light at the readings for unit albedo, shape (n_mirrors, n_nodes, REFLECTIONS, n)."""
+        key = lamp, attenuation_per_m, surface
         if key not in self._answers:
-            while len(self._answers) >= KEPT:
+            while len(self._answers) >= KEPT_ANSWERS:
                 self._answers.pop(next(iter(self._answers)))
             fine = self.lit(lamp, attenuation_per_m, surface).astype(np.float32)
             patches = fine.reshape(len(self.patches.centre), -1).mean(axis=1)
-            operators = [[self._operator(round(float(c), 6), m) for c in nodes] for m in mirrors]
+            operators = [[self._operator(round(c, 6), m) for c in nodes] for m in mirrors]
             seen = fine[operators[0][0].seen]
-            self._answers[key] = [[operator.apply(seen, patches) for operator in row] for row in operators]
+            reached = [[operator.apply(seen, patches) for operator in row] for row in operators]
+            self._answers[key] = np.array(reached, float)
         return self._answers[key]
 
     def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
@@ -204,10 +202,7 @@ class Room:
         return lit
 
     def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
-        """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,).
-
-        Forgets what the lamp before this one gave.
-        """
+        """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,)."""
         if self._last is None or self._last[0] != lamp:
             place = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m, lamp.profile
             if place not in self._ways:
@@ -216,7 +211,6 @@ class Room:
                 self._ways[place] = Ways.of(lamp, self.fine)
             ways = self._ways[place]
             self._last = (lamp, ways.lit(lamp), ways.in_water)
-            self._answers.clear()
         return self._last[1:]
 
     def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
@@ -252,16 +246,17 @@ class Room:
         return self.fine.some((self.before[:, None] * self.parts**2 + np.arange(self.parts**2)).ravel())
 
     def _in_surface(self, places: np.ndarray, response: Any, patches: Patches) -> Transfer:
-        def mirrored(direction: np.ndarray, which: np.ndarray) -> np.ndarray:
-            return np.asarray(response(direction, which) * fresnel(np.abs(direction[..., 1])))
+        def mirrored(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+            return np.asarray(response(direction, which) * fresnel(np.abs(direction[1])))
 
         return transfer(places, mirrored, patches.mirrored(self.top))
 
-    def _facing(self, direction: np.ndarray, which: np.ndarray) -> np.ndarray:
+    def _facing(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
         """Response of the patches themselves to light along `direction`."""
-        return np.maximum(-(direction * self.patches.normal[which]).sum(axis=-1), 0)
+        normal = self.patches.normal[which]
+        return np.maximum(-sum(d * normal[..., i] for i, d in enumerate(direction)), 0)
 
-    def _read(self, direction: np.ndarray, which: np.ndarray) -> np.ndarray:
+    def _read(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
         return _response(self.scene, direction)
 
 
@@ -290,9 +285,9 @@ class Ways(NamedTuple):
         source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
         ahead = _before_lamp(lamp, patches.centre[:, 2])
         way = patches.centre[ahead] - source
-        r = np.linalg.norm(way, axis=1)
+        r = np.sqrt(np.einsum("ki,ki->k", way, way))
         direction = way / r[:, None]
-        facing = np.maximum(-(direction * patches.normal[ahead]).sum(axis=1), 0) / r**2
+        facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
         in_water = np.zeros(len(ahead))
         in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
         return cls(ahead, *_angles(direction), facing, in_water)
@@ -337,12 +332,11 @@ def _in_water(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
     return r_m if behind == 0 else r_m * z_m / (z_m + behind)
 
 
-def _response(scene: Scene, direction: np.ndarray) -> np.ndarray:
-    """Irradiance response to light that flies along `direction`, shape (..., 3)."""
+def _response(scene: Scene, direction: Sequence[np.ndarray]) -> np.ndarray:
+    """Irradiance response to light that flies along `direction`, x, y and z components."""
     detector = scene.detector
     tilt = radians(detector.tilt_x_deg)
-    axis = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
-    cosine = np.clip(-(direction @ axis), 0, 1)
+    cosine = np.clip(np.cos(tilt) * direction[2] - np.sin(tilt) * direction[0], 0, 1)
     if detector.acceptance_hwhm_deg:
         ratio = np.arccos(cosine) / radians(detector.acceptance_hwhm_deg)
         return np.asarray(cosine * np.exp(-log(2) * ratio**2))
@@ -374,6 +368,6 @@ def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arccos(np.clip(direction[:, 2], -1, 1)), np.arctan2(direction[:, 1], direction[:, 0])
 
 
-def lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
+def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
     """Weights of polynomial interpolation at one place."""
-    return np.array([np.prod([(at - y) / (x - y) for y in nodes if y != x]) for x in nodes])
+    return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])
