@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 #: Family-wise level at which the base model is given up.
 ALPHA = 0.01
 SPANS = ("x", "plane", "time")
-SCANS = ("bump", "step", "one plane")
+SCANS = ("bump", "ripple", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.
 ABSORBED = 1e-3
 #: Scatter up to this many times the quoted variance is put down to errors quoted too small.

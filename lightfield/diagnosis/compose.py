@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from lightfield.diagnosis import words
 from lightfield.diagnosis.advice import ROUGH, possible_places, where_next
@@ -34,6 +35,8 @@ _NAMED = 0.35
 _SHOWN = 8
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
 _CREDIBLE = 2.0
+#: From this factor on it is said, if it is no chance.
+_NOTED_SCALE = 1.5
 
 
 def estimates(
@@ -192,10 +195,12 @@ def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two:
 
 
 def _where(best: Coordinate) -> str:
+    if best.period_deg is not None:
+        return f"with a period of {best.period_deg:.2g} degrees"
     unit = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}.get(
         best.name, ""
     )
-    return f"near {best.worst_at:.3g} {unit}".rstrip()
+    return f"most near {best.worst_at:.3g} {unit}".rstrip()
 
 
 def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
@@ -304,7 +309,7 @@ def verdict_of(
         warnings=_warnings(readings, prepared, finding, explanations),
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
-        variance_scale=level.bench.phi * level.phi,
+        variance_scale=_variance_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
         outliers=outliers,
         saturated=[int(i) for i in saturated],
@@ -313,13 +318,21 @@ def verdict_of(
     )
 
 
+def _variance_scale(prepared: Prepared, finding: Finding) -> float:
+    """Variance of the readings' errors over the quoted one."""
+    return prepared.excess * finding.level.bench.phi * finding.level.phi
+
+
 def _warnings(
     readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
 ) -> list[str]:
     out = [str(w) for w in readings.warnings]
-    scale = finding.level.bench.phi * finding.level.phi
-    if prepared.errors_stated and scale > 2.5:
-        out.append(f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say")
+    scale, nu = _variance_scale(prepared, finding), finding.level.adequacy.nu
+    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < 0.001:
+        out.append(
+            f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say: these are too "
+            "small, or something changes from reading to reading"
+        )
     if finding.levels[0].adequacy.scale_taken:
         stated = "stated" if prepared.errors_stated else "assumed"
         out.append(

@@ -10,12 +10,15 @@ import numpy as np
 from lightfield.diagnosis.layout import Layout
 from lightfield.diagnosis.noise import Whitener
 from lightfield.diagnosis.problem import Problem
-from lightfield.diagnosis.subspace import orthonormal
+from lightfield.diagnosis.subspace import beside, orthonormal
+from lightfield.diagnosis.templates import ripple_periods_rad, ripples
 from lightfield.fit import Array, Fit
 
 COORDINATES = ("x", "y", "angle", "plane", "time", "signal", "wavelength")
 _ITERATIONS = 10
 _MAX_LEVELS = 40
+#: Slow changes with the angle that may come with a ripple.
+_SLOW_TERMS = 4
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ class Coordinate:
         Part of the misfit of the base model (beyond noise) that it takes away.
     worst_at : float
         Where along the coordinate the factor departs most from one; NaN for a label.
+    period_deg : float, optional
+        Of a factor that is periodic in the angle.
     """
 
     name: str
@@ -37,6 +42,7 @@ class Coordinate:
     terms: int
     explained: float
     worst_at: float
+    period_deg: float | None = None
 
 
 def _levels(coordinate: Array, limit: int) -> Array | None:
@@ -78,6 +84,23 @@ def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array
     return out
 
 
+def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Array, Array, float]]:
+    """The best ripple of the angle, on top of slow changes: name, basis, coordinate and period, degrees."""
+    layout, factor = problem.layout, problem.keep * base.prediction
+    angle, best = np.degrees(layout.angle_rad), (0.0, 0.0)
+    slow = _cosines(angle, _SLOW_TERMS)
+    free = orthonormal(np.hstack([base.jacobian, whiten(factor[:, None] * slow)]))
+    residual = beside(free, base.residual[:, None])
+    for period in ripple_periods_rad(layout).tolist():
+        waves = whiten(factor[:, None] * np.stack(ripples(layout, period, 2), axis=1))
+        explained = float(((orthonormal(beside(free, waves)).T @ residual) ** 2).sum())
+        best = max(best, (explained, period))
+    if best[1] == 0:
+        return []
+    basis = np.hstack([slow, np.stack(ripples(layout, best[1], 2), axis=1)])
+    return [("angle", basis, angle, float(np.degrees(best[1])))]
+
+
 def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
     """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
     unit = orthonormal(basis - basis.mean(0), 1e-6)
@@ -117,9 +140,11 @@ def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> li
     """
     n = int(problem.keep.sum())
     noise = phi * (n - len(base.u))
+    families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
     out = []
-    for name, (basis, coordinate) in _spans(problem.layout, base.prediction).items():
+    for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
         chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
+        terms += period is not None
         departure = np.abs(factor - np.median(factor)) * (base.prediction > 0.05 * base.prediction.max())
         explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, 1e-12)
         out.append(
@@ -129,6 +154,7 @@ def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> li
                 terms,
                 float(explained),
                 float(coordinate[departure.argmax()]),
+                period,
             )
         )
     return sorted(out, key=lambda c: c.score)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from lightfield.fit import Fit, Parameter, Whiten
 Array = NDArray[np.float64]
 
 BUMP_WIDTH_M = 0.06
+#: Cycles over the angles that the readings span: effects change slower than this.
+SLOWEST_RIPPLE, MOST_RIPPLES = 4.0, 40
 #: As soon as there is a surface the lid is gone, and with it what it reflects: that is a step, not a slope.
 OPENS_THE_TOP = "tank.surface_reflectance"
 _TIME_TERMS = 6
@@ -123,15 +126,31 @@ def _bumps(layout: Layout) -> list[Array]:
     return out
 
 
+def ripple_periods_rad(layout: Layout) -> Array:
+    """Periods in the angle from the axis, shorter than any effect's, no shorter than readings show."""
+    levels, extent = len(np.unique(np.round(layout.angle_rad, 4))), float(np.ptp(layout.angle_rad))
+    cycles = np.arange(SLOWEST_RIPPLE, levels / 2, 0.5)
+    return np.asarray(extent / cycles[:: max(1, ceil(len(cycles) / MOST_RIPPLES))])
+
+
+def ripples(layout: Layout, period_rad: float, phases: int) -> list[Array]:
+    """Cosines of the angle from the axis at several phases of half a turn."""
+    return [np.cos(2 * np.pi * layout.angle_rad / period_rad + np.pi * k / phases) for k in range(phases)]
+
+
 def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[str, Array]:
     """Readings' changes by unknown causes, each an array of shape (n, k), before whitening.
 
-    "x", "plane", "time" are spans (any combination); "bump", "step", "one plane" scans (any single column).
+    "x", "plane", "time" are spans (any combination); "bump", "ripple", "step", "one plane" scans (any single
+    column).
     Transverse unknowns are measured in units of the noise; those of time and of single places act as factors.
     """
     factor = np.clip(prediction, 0, None)
     spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
-    scans: dict[str, list[Array]] = {"bump": _bumps(layout), "step": [], "one plane": []}
+    scans: dict[str, list[Array]] = {
+        "bump": _bumps(layout), "step": [], "one plane": [],
+        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, 4)],
+    }  # fmt: skip
     if layout.has_time:
         phase = layout.phase_of_scan
         spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= 80 else 2)

@@ -83,7 +83,7 @@ def sentence(
         apart = f" ({rival.separation_sigma:.1f} sigma apart)" if rival else ""
         return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
     about = (
-        f"; it depends on {coordinate} alone, most {where}"
+        f"; it depends on {coordinate} alone, {where}"
         if coordinate
         else "; it is not a function of one coordinate"
     )

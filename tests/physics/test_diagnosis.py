@@ -5,6 +5,7 @@ Numbers of sets are small here; benchmarks/hidden_effects has the large ones.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -131,12 +132,30 @@ def test_a_shadow_is_unexplained_and_located() -> None:
     assert verdict.next_measurement is not None
 
 
-def test_a_ripple_of_the_angle_is_unexplained() -> None:
-    def ripple(table: Any) -> np.ndarray:
-        return 1 + 0.06 * np.sin(2 * np.pi * np.degrees(np.arctan2(np.abs(table.x_m), table.z_m)) / 1.5)
+@pytest.mark.parametrize("period_deg", [1.1, 1.5, 2.0])
+def test_a_ripple_of_the_angle_is_unexplained(period_deg: float) -> None:
+    """Too fast for any smooth unknown, and not far above the noise of 1 %: it is not taken for noise."""
 
-    verdict = diagnose(*readings(seed=4, factor=ripple), diffuse=None, advise=False).verdict
+    def ripple(table: Any) -> np.ndarray:
+        angle = np.degrees(np.arctan2(np.abs(table.x_m), table.z_m))
+        return 1 + 0.03 * np.sin(2 * np.pi * angle / period_deg)
+
+    table, scene = readings(seed=4, noise=0.01, factor=ripple)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
     assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "angle")
+    (period,) = re.findall(r"period of ([0-9.]+) degrees", verdict.sentence)
+    assert float(period) == pytest.approx(period_deg, rel=0.1)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, False), (1.7, True)])
+def test_readings_that_scatter_more_than_stated_say_so(factor: float, said: bool) -> None:
+    """Noise of 0.5 % times the factor, stated as 0.5 %."""
+    table, scene = readings(seed=6, noise=0.005 * factor)
+    table = replace(table, stderr=np.asarray(table.stderr) / factor)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert verdict.verdict == "none"
+    assert np.sqrt(verdict.variance_scale) == pytest.approx(factor, rel=0.2)
+    assert any("times as much as their errors say" in w for w in verdict.warnings) == said
 
 
 def test_what_cannot_be_tested_says_why() -> None:
