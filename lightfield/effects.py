@@ -117,18 +117,45 @@ class Effect:
 
 def _from_entry_points() -> Iterable[Effect]:
     for entry in entry_points(group=ENTRY_POINT_GROUP):
-        found = entry.load()
-        found = found() if callable(found) and not isinstance(found, Effect) else found
-        for effect in [found] if isinstance(found, Effect) else list(found):
+        where = f"{entry.group}: {entry.name} = {entry.value}"
+        try:
+            found = entry.load()
+            found = found() if callable(found) and not isinstance(found, Effect) else found
+            listed = [found] if isinstance(found, Effect) else list(found)
+        except Exception as error:  # another package's code: whatever it raises is its defect
+            raise UsageError(
+                "effects of another package cannot be loaded",
+                where=where,
+                found=f"{type(error).__name__}: {error}",
+                remedy="fix or uninstall that package",
+            ) from error
+        for effect in listed:
             if not isinstance(effect, Effect):
                 raise UsageError(
                     "an entry point gives something that is not an effect",
-                    where=f"{entry.group}: {entry.name} = {entry.value}",
+                    where=where,
                     found=type(effect).__name__,
                     rule="an Effect, a sequence of Effects, or a function returning one of these",
                     remedy="fix or uninstall that package",
                 )
+            _check_paths(effect, where)
             yield effect
+
+
+def _check_paths(effect: Effect, where: str) -> None:
+    """Refuse what no scene has."""
+    from lightfield.scene import Scene
+
+    known = Scene.from_dict({"tank": {}}).parameters()
+    for path in effect.paths:
+        if path not in known:
+            near = difflib.get_close_matches(path, known, n=1)
+            raise UsageError(
+                f"the effect {effect.name} frees a parameter that no scene has",
+                where=where,
+                found=path,
+                remedy=f"did you mean {near[0]}?" if near else "`lightfield scene` lists the parameters",
+            )
 
 
 @lru_cache(maxsize=1)

@@ -46,15 +46,27 @@ def output_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def output_file(path: str | os.PathLike[str]) -> Path:
+def output_file(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -> Path:
     """Make sure, before any work, that a file can be written.
+
+    Parameters
+    ----------
+    inputs : path-like
+        Files that are read, or written as well: it must be none of them.
 
     Raises
     ------
     OutputError
-        It is a folder, or its folder cannot be made or written.
+        It is a folder, one of the `inputs`, or its folder cannot be made or written.
     """
     target = Path(path)
+    if target.resolve() in {Path(file).resolve() for file in inputs}:
+        raise OutputError(
+            "this file is in use by the same command",
+            where=str(path),
+            rule="what is read is not overwritten, and every output has a file of its own",
+            remedy="choose another name",
+        )
     if target.is_dir():
         raise OutputError("this is a folder", where=str(path), rule="a file", remedy="name a file in it")
     output_folder(target.parent)

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield import effects
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
 from lightfield.diagnosis.preparation import bench, prepare
@@ -182,7 +183,7 @@ def _correlations(fit: Fit) -> list[tuple[str, str, float]]:
 
 def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) -> Explanation:
     """One form per named effect; "effect:form" picks a form other than the first."""
-    out = []
+    out: list[Candidate] = []
     for name in names:
         effect, form = effects.get_form(name)
         if effect.name in untestable:
@@ -200,6 +201,15 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
                 "this form of the effect cannot be fitted here", where=f"--with {name}",
                 remedy="leave the form out, or measure what it needs",
             )  # fmt: skip
+        for other in out:
+            if not forms[0].effect.combines_with(other.effect):
+                raise UsageError(
+                    "these effects cannot be fitted together",
+                    where="--with",
+                    found=f"{other.name}, {effect.name}",
+                    rule="each effect once, and what is known for direct light alone not with diffuse light",
+                    remedy="leave one of them out",
+                )
         out.append(forms[0])
     return tuple(out)
 
@@ -270,7 +280,7 @@ def _fit_readings(
         dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
         if dense is None:
             break
-    notes = [f"assumed: {a}" for a in budget.assumed]
+    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in readings.warnings]
     for _ in range(2 if solver == "render" else 0):
         from lightfield.rendered import rendered_light  # loads the renderer
 

@@ -77,5 +77,6 @@ def as_data(report: FitReport) -> dict[str, Any]:
         "residual_percent": [float(v) for v in report.residual_percent],
         "residual_sigma": [float(v) for v in report.residual_sigma],
         "prediction": [float(v) for v in report.fit.prediction],
+        "notes": report.notes,
         "scene": report.scene.to_toml(),
     }

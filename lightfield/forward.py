@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 GAIN = "gain"
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
-_READOUT = ("detector.background", "detector.saturation", "detector.saturation_quadratic")
+READOUT = ("detector.background", "detector.saturation", "detector.saturation_quadratic")
 _TIME = ("lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s")
 _REMEMBERED = 24
 
@@ -54,7 +54,7 @@ def has_diffuse_light(scene: Scene) -> bool:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    later = (*_READOUT, *_TIME)
+    later = (*READOUT, *_TIME)
     return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in later}
 
 
@@ -126,6 +126,11 @@ class SceneForward:
     @property
     def size(self) -> int:
         return len(self._channel)
+
+    @property
+    def width_seen_deg(self) -> float:
+        """Half width of the beam as the readings show it, see `beam_width_deg`."""
+        return self._width
 
     @property
     def _colours(self) -> list[float | None]:
@@ -295,7 +300,7 @@ class SceneForward:
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, _READOUT), signal, self._full)
+        return analytic.readout(self._with(values, READOUT), signal, self._full)
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""

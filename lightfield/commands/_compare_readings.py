@@ -46,12 +46,13 @@ def run(args: argparse.Namespace) -> int:
             rule="these belong to --solver render",
             remedy="add --solver render, or leave them out",
         )
-    scene, readings = Scene.load(args.scene), Readings.load(args.what)
+    scene = Scene.load(args.scene)
+    readings = Readings.load(args.what, scene)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
     if args.output:
         output_folder(args.output)
     if args.fit_json:
-        output_file(args.fit_json)
+        output_file(args.fit_json, args.what, args.scene)
     if "seed" in options:
         options["seed"] += 1  # seed 0 is that of the response which the render is to check
     source = partial(response_for, cache=not args.no_cache)
@@ -61,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
         command = f"compare {args.what.name} --scene {args.scene.name}"
         if names:
             command += f" --with {','.join(names)}"
+        if args.solver != "analytic":
+            command += f" --solver {args.solver}"
         print(f"stored: {report.save(args.output, command)}")
     if args.fit_json:
         with atomic_path(args.fit_json) as temporary:

@@ -63,10 +63,11 @@ def run(args: argparse.Namespace) -> int:
         names = [name.strip() for name in args.effects.split(",") if name.strip()]
         if not names:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
-    readings, scene = Readings.load(args.data), Scene.load(args.scene)
-    for file in (args.json, args.report):
-        if file:
-            output_file(file)
+    scene = Scene.load(args.scene)
+    readings = Readings.load(args.data, scene)
+    outputs = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, args.data, args.scene, *outputs[:k])
     if args.output:
         output_folder(args.output)
     found = diagnose(

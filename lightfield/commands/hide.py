@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import output_folder
+from lightfield.files import output_file, output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scene, values = Scene.load(args.scene), dict(_assignment(text) for text in args.size)
     output_folder(args.output)
+    output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,
         args.effect,

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     if not args.output:
         raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")
-    output_file(args.output)
+    output_file(args.output, args.index)
     readings = import_index(
         args.index,
         quantity=args.quantity,

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
             "the picture is a PNG file", where="--output", found=str(args.output), remedy="end it in .png"
         )
     scene = Scene.load(args.scene)
-    output_file(args.output)
+    output_file(args.output, args.scene)
     from lightfield.render.picture import take_picture, tone_mapped
 
     taken = take_picture(

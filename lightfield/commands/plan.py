@@ -40,9 +40,10 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.diagnosis.plan import plan
     from lightfield.scene import Scene
 
-    layout, scene = load_layout(args.layout), Scene.load(args.scene)
+    scene = Scene.load(args.scene)
+    layout = load_layout(args.layout, scene)
     if args.json:
-        output_file(args.json)
+        output_file(args.json, args.layout, args.scene)
     diffuse = None
     if not args.no_trace:
         from lightfield.render.diffuse import response_for

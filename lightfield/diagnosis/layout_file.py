@@ -12,8 +12,8 @@ from lightfield.measurements.readings import Readings
 from lightfield.measurements.text import read_text
 
 
-def load_layout(path: str | Path) -> Any:
-    """Read a layout: a reading table that may lack the column "value".
+def load_layout(path: str | Path, scene: Any = None) -> Any:
+    """Read a layout: a reading table that may lack the column "value". With a scene, also check against it.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def load_layout(path: str | Path) -> Any:
     )
     names = [] if head is None else [name.strip().lower() for name in lines[head].split(",")]
     if head is None or "value" in names:
-        return Readings.load(path)
+        return Readings.load(path, scene)
     filled = [
         line if i < head or not line.strip() else f"{line},{'value' if i == head else '1'}"
         for i, line in enumerate(lines)
@@ -35,7 +35,7 @@ def load_layout(path: str | Path) -> Any:
         copy = Path(folder) / Path(path).name
         copy.write_text("\n".join(filled) + "\n", encoding="utf-8")
         try:
-            return replace(Readings.load(copy), source=str(path))
+            return replace(Readings.load(copy, scene), source=str(path))
         except MeasurementError as error:
             raise MeasurementError(
                 error.what, where=str(path), found=error.found, rule=error.rule, remedy=error.remedy,

@@ -15,14 +15,16 @@ from lightfield.diagnosis.repeats import plane_gain, repeats_of
 from lightfield.effects import Effect
 from lightfield.errors import FitError
 from lightfield.fit import Array, Parameter
-from lightfield.forward import Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.scene import AT, Scene
 from lightfield.water.iop import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
-#: The scene's half-width is a guess, good to this factor.
+#: Half widths are looked for within this factor of the guess.
 _WIDTH_FACTOR = 5.0
+#: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
+_WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
 _FEWEST_TO_SPARE = 1
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
@@ -57,8 +59,10 @@ def budget_of(readings: Any) -> Budget:
 
 
 def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
-    """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`). The scene's
-    values are guesses.
+    """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
+
+    The scene's values are guesses. Where they are far from what the readings show at once, the fit starts
+    from that: in the flank of a wrong beam, or behind a wall of absorption, it would not find its way.
 
     Parameters
     ----------
@@ -66,36 +70,56 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
     value : array, shape (n,)
     """
     scene, names = forward.scene, forward.gain_names
-    unit = forward.predict({})
+    start = dict.fromkeys(READOUT, 0.0)  # a gain is found from the light: a background would hide it
+    light = value - scene.detector.background
+    free = []
+    if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
+        hwhm, seen = scene.lamp.hwhm_deg, forward.width_seen_deg
+        begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
+        low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
+        begin = start["lamp.hwhm_deg"] = min(begin, high)
+        free.append(Parameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
+    if scene.water.absorption_at and scene.water.base == "none":
+        free += _spectrum(scene, layout, len(names) == 1)
+    elif layout.varies("z_m") and not layout.air.all():
+        now, least = scene.water.absorption_per_m, -_least_absorption(scene, layout)
+        more = _decay_per_m(layout, light) - _decay_per_m(layout, forward.predict(start))
+        if abs(more) * float(np.ptp(layout.z_m[~layout.air])) > _ABSORPTION_GUESS:
+            start["water.absorption_per_m"] = begin = max(now + more, least)
+        else:
+            begin = now
+        low, high = min(least, now), max(now, begin) + 3.0
+        free.append(Parameter("water.absorption_per_m", low, high, begin, 1e-4))
+    unit = forward.predict(start)
     least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
-    out = []
+    gains = []
     for k, name in enumerate(names):
         mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
         brightest = mine[np.argsort(unit[mine])[-max(3, len(mine) // 10) :]]
-        gain = float(np.median(np.maximum(value[brightest], least) / np.maximum(unit[brightest], 1e-300)))
+        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], 1e-300)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
-        out.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
-    if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
-        hwhm = scene.lamp.hwhm_deg
-        high = min(hwhm * _WIDTH_FACTOR, 80.0)
-        out.append(
-            Parameter(
-                "lamp.hwhm_deg",
-                np.log(hwhm / _WIDTH_FACTOR),
-                np.log(high),
-                np.log(min(hwhm, high)),
-                1e-4,
-                "log",
-            )
-        )
-    if scene.water.absorption_at and scene.water.base == "none":
-        out += _spectrum(scene, layout, len(names) == 1)
-    elif layout.varies("z_m") and not layout.air.all():
-        now = scene.water.absorption_per_m
-        low = -_least_absorption(scene, layout)
-        out.append(Parameter("water.absorption_per_m", min(low, now), now + 3.0, now, 1e-4))
-    return tuple(out)
+        gains.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
+    return (*gains, *free)
+
+
+def _decay_per_m(layout: Layout, light: Array) -> float:
+    """By how much the logarithm of light times r^2 falls with the distance in water, roughly; 0 if unknown.
+
+    From the brightest place of every distance and channel.
+    """
+    wet = np.flatnonzero(~layout.air)
+    squared = layout.x_m**2 + layout.y_m**2 + layout.z_m**2
+    above, below = 0.0, 0.0
+    for k in np.unique(layout.channel[wet]):
+        mine = wet[layout.channel[wet] == k]
+        top = [here[light[here].argmax()] for p in np.unique(layout.plane[mine])
+               if (here := mine[layout.plane[mine] == p]).size]  # fmt: skip
+        lit = np.array([i for i in top if light[i] > 0], int)
+        z = layout.z_m[lit] - layout.z_m[lit].mean() if len(lit) > 1 else np.zeros(len(lit))
+        above -= float(z @ np.log(light[lit] * squared[lit]))
+        below += float(z @ z)
+    return above / below if below > 0 else 0.0
 
 
 def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[Parameter]:
@@ -160,6 +184,7 @@ def problem_of(
             rule=f"more than its {len(base)} parameters ({', '.join(p.path for p in base)})",
             remedy="add readings",
         )
+    _check_reach(forward, readings, value, keep, base)
     low, high = forward.scene.detector.bands_nm[0]
     signal = float(np.max(np.abs(value[keep > 0])))
     if signal == 0:
@@ -173,6 +198,22 @@ def problem_of(
     setting = Setting(forward.scene, layout, signal, float(high - low))
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable
+
+
+def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
+    """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
+    light = forward.predict({p.path: p.value(p.start) for p in base})
+    bright = (keep > 0) & (value > 0.05 * value[keep > 0].max())
+    beyond = np.flatnonzero(bright & ~(light > 1e-60 * light.max()))
+    if len(beyond):
+        x, y, z = (float(getattr(readings, k)[beyond[0]]) for k in ("x_m", "y_m", "z_m"))
+        raise FitError(
+            "the lamp's light does not reach readings that are bright",
+            where=readings.source or None,
+            found=f"{len(beyond)} of them, the first at x = {x:g}, y = {y:g}, z = {z:g} m",
+            rule="a beam of about the scene's lamp.hwhm_deg along z, positions in metres",
+            remedy="correct the positions, or the scene's lamp",
+        )
 
 
 def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:

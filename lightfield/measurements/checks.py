@@ -12,6 +12,9 @@ from lightfield.measurements import units
 from lightfield.measurements.problems import Problems
 from lightfield.measurements.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
 
+#: No lamp is read from farther away: positions beyond were not given in metres.
+FARTHEST_M = 300.0
+
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
     """Refuse values that cannot be readings.
@@ -29,18 +32,23 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     """
     noted = problems if problems is not None else _problems(readings)
     lines = _places(readings)
+    unread = noted.unread()
     if len(readings) == 0 and not noted:
         noted.add("there is no reading", remedy="add rows below the column names")
 
     def refuse(bad: Any, name: str, what: str, rule: str, remedy: str | None = None) -> None:
         values = getattr(readings, name)
         for k in np.flatnonzero(bad).tolist():
-            noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
+            if not unread.get(name, set()) & {None, lines[k]}:
+                noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
 
     for name in ("x_m", "y_m", "z_m", "value"):
         refuse(~np.isfinite(getattr(readings, name)), name, "is not a finite number", "a finite number")
     for name in ("wavelength_nm", "stderr", "time_s", "integration_time_s", "repeat", "visit"):
         refuse(np.isinf(getattr(readings, name)), name, "is infinite", "a finite number, or nothing")
+    for name in ("x_m", "y_m", "z_m"):
+        far = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > FARTHEST_M)
+        refuse(far, name, "is farther than any lamp", f"at most {FARTHEST_M:g} m", "give positions in metres")
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
@@ -78,12 +86,15 @@ def _check_duplicates(readings: Readings, noted: Problems, lines: Sequence[int])
     first: dict[tuple[object, ...], int] = {}
     numbers = [getattr(readings, n) for n in ("x_m", "y_m", "z_m", "wavelength_nm", "time_s", "repeat")]
     for k in range(len(readings)):
+        if not np.isfinite([c[k] for c in numbers[:3]]).all():
+            continue
         # nan differs from itself, an unknown time does not differ from another unknown time
         key = (str(readings.medium[k]), *(None if np.isnan(c[k]) else float(c[k]) for c in numbers))
         if key in first:
             noted.add(
-                f"the same reading as {noted.noun} {lines[first[key]]}",
+                "this reading is there already",
                 place=lines[k],
+                found=f"{noted.noun} {lines[first[key]]}",
                 rule="medium, x_m, y_m, z_m, wavelength_nm and time_s together occur once",
                 remedy="give replicates their time_s, or number them in a column repeat",
             )
@@ -93,9 +104,12 @@ def _check_duplicates(readings: Readings, noted: Problems, lines: Sequence[int])
 
 def _check_head(readings: Readings, noted: Problems) -> None:
     if readings.quantity and readings.quantity not in QUANTITIES:
-        noted.add("unknown quantity", found=readings.quantity, rule=", ".join(QUANTITIES))
+        place = noted.head.get("quantity")
+        noted.add("unknown quantity", place=place, found=readings.quantity, rule=", ".join(QUANTITIES))
     if readings.scale not in SCALES:
-        noted.add("unknown scale", found=readings.scale, rule=" or ".join(SCALES))
+        noted.add(
+            "unknown scale", place=noted.head.get("scale"), found=readings.scale, rule=" or ".join(SCALES)
+        )
     elif readings.scale == "absolute":
         quantity = readings.quantity if readings.quantity in QUANTITIES else "irradiance"
         remedy = f'write units = "{units.SI[quantity]}" (or in uW/cm^2/nm ...), or scale = "relative"'
@@ -110,7 +124,8 @@ def _check_head(readings: Readings, noted: Problems) -> None:
         value = getattr(readings.budget, name)
         low_open = name == "saturation_level"
         if value is not None and not (np.isfinite(value) and (value > 0 if low_open else value >= 0)):
-            noted.add(f"{name} is impossible", found=value, rule=f"{name} {'>' if low_open else '>='} 0")
+            rule = f"{name} {'>' if low_open else '>='} 0"
+            noted.add(f"{name} is impossible", place=noted.head.get(name), found=value, rule=rule)
 
 
 def against_scene(readings: Readings, scene: Any, problems: Problems | None = None) -> Readings:
@@ -162,11 +177,12 @@ def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[
     for name, (low, high) in ends.items():
         values = getattr(readings, name)
         outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
+        outside &= np.abs(values) <= FARTHEST_M  # else that was said
         for k in np.flatnonzero(outside).tolist():
             noted.add(
                 f"{name} is outside the tank",
                 place=lines[k],
                 found=values[k].item(),
                 rule=f"{low:g} <= {name} <= {high:g}",
-                remedy="correct it, or the tank's size",
+                remedy="correct it (positions are in metres), or the tank's size",
             )

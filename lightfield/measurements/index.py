@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike, fspath
+from os.path import normpath
 from pathlib import Path
 
 from lightfield.measurements import text
 from lightfield.measurements.problems import Problems
 from lightfield.measurements.readings import MEDIA
-from lightfield.measurements.sheet import read_sheet
+from lightfield.measurements.sheet import UNITS, look_alike, read_sheet
 
 ROLES = ("signal", "dark", "reference", "ignore")
 NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
@@ -56,13 +57,16 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
     where = fspath(path)
     sheet = read_sheet(text.read_text(where), problems, COLUMNS, ("file",), NUMBERS)
     place = {name: c for c, name in enumerate(sheet.names)}
-    for name in ("x", "y", "z", "time"):
-        known = f"{name}_s" if name == "time" else f"{name}_m"
-        if name in place and known not in place:
+    unknown = [name for name in sheet.names if name not in COLUMNS]
+    for name in (n for n in COLUMNS if n not in place and n != "file"):
+        other = look_alike(name, unknown)
+        if other:
+            unit = UNITS.get(name.rsplit("_", 1)[-1])
             problems.add(
-                f"the column {name} has no unit",
+                f"the column {other} is not known",
                 place=sheet.name_line,
-                remedy=f"name it {known}, and give {'seconds' if name == 'time' else 'metres'}",
+                rule=", ".join(COLUMNS),
+                remedy=f"name it {name}" + (f", and give {unit}" if unit else ""),
             )
     if "file" not in place:
         return []
@@ -78,14 +82,14 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             problems.add("unknown medium", place=line, found=medium, rule=" or ".join(MEDIA))
         if not row["file"]:
             problems.add("no file is named", place=line, remedy="name the spectrum's file")
-        elif row["file"] in used:
+        elif (same := normpath(row["file"])) in used:
             problems.add(
-                f"the same file as line {used[row['file']]}",
+                f"the same file as line {used[same]}",
                 place=line,
                 found=row["file"],
                 rule="one line for each file",
             )
-        used.setdefault(row["file"], line)
+        used.setdefault(normpath(row["file"]), line)
         if role not in ("dark", "ignore"):
             z_m = values["z_m"]
             if z_m != z_m and row.get("z_m", "") == "":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -30,11 +31,14 @@ class Problems:
         File (or object) that is read.
     noun : str
         What a place is: "line" in a file, "reading" in a table made by a program.
+    head : mapping
+        Line of every entry of the file's head.
     """
 
     where: str
     noun: str = "line"
     found: list[_Problem] = field(default_factory=list)
+    head: dict[str, int] = field(default_factory=dict)
 
     def add(
         self,
@@ -47,6 +51,15 @@ class Problems:
     ) -> None:
         """Note one problem; `place` is a line number (from 1) or None for the whole file."""
         self.found.append(_Problem(place, what, None if found is None else shorten(found), rule, remedy))
+
+    def unread(self) -> dict[str, set[int | None]]:
+        """Where cells of a column could not be read, by column; None: the column is missing."""
+        out: dict[str, set[int | None]] = {}
+        for problem in self.found:
+            out.setdefault(problem.what.split(" ", 1)[0], set()).add(problem.place)
+            if match := re.fullmatch(r"the column (\w+) is missing", problem.what):
+                out.setdefault(match[1], set()).add(None)
+        return out
 
     def __bool__(self) -> bool:
         return bool(self.found)

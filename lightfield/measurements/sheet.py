@@ -92,7 +92,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
 
 
-_UNITS = {"m": "metres", "nm": "nanometres", "s": "seconds"}
+UNITS = {"m": "metres", "nm": "nanometres", "s": "seconds"}
 
 
 def _check_names(
@@ -101,7 +101,7 @@ def _check_names(
     for name in required:
         if name not in names:
             close = look_alike(name, [n for n in names if n not in known])
-            unit = _UNITS.get(name.rsplit("_", 1)[-1])
+            unit = UNITS.get(name.rsplit("_", 1)[-1])
             rename = f"rename {close!r} to {name}" + (f", in {unit}" if unit else "")
             problems.add(
                 f"the column {name} is missing",

@@ -59,8 +59,6 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
     columns, extra, lines = _read_columns(sheet, problems)
     budget = ErrorBudget(**{name: head.pop(name) for name in TERMS if name in head})
     words = {name: head.pop(name) for name in WORDS if name in head}
-    if not all(name in sheet.names for name in REQUIRED):
-        problems.raise_any()
     readings = Readings(
         **columns,
         budget=budget,
@@ -94,8 +92,9 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
             rule='lines like `# scale = "relative"`',
             remedy="begin free comments with ##",
         )
-        return {}
+        found = _lines_that_read(head)
     places = {m[1]: line for line, content in reversed(head) if (m := re.match(r"\s*(\w+)\s*=", content))}
+    problems.head = places
     for name in (*WORDS, *TERMS):
         if name not in found:
             continue
@@ -112,6 +111,17 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
             del found[name]
         elif name in TERMS:
             found[name] = float(value)
+    return found
+
+
+def _lines_that_read(head: list[tuple[int, str]]) -> dict[str, Any]:
+    """Entries of a head that is broken elsewhere."""
+    found: dict[str, Any] = {}
+    for _, content in head:
+        try:
+            found |= tomllib.loads(content)
+        except (ValueError, RecursionError):
+            continue
     return found
 
 
@@ -145,8 +155,10 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
             except ValueError as error:
                 if name in place:  # else the whole column is missing, which is one problem
                     problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
-        if len(row) == len(COLUMNS):
-            good.append((line, cells, row))
+                row[name] = (
+                    np.nan if name in NUMBER_COLUMNS else DEFAULTS[name]
+                )  # the others are still checked
+        good.append((line, cells, row))
     kinds: dict[str, Any] = {name: np.float64 for name in COLUMNS}
     kinds.update({name: np.str_ for name in TEXT_COLUMNS}, saturated=np.bool_)
     columns = {name: np.array([row[name] for *_, row in good], dtype=kinds[name]) for name in COLUMNS}

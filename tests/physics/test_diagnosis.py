@@ -92,6 +92,30 @@ def test_one_effect_is_named_and_measured(name: str) -> None:
     assert verdict.nearest_rival is not None and verdict.nearest_rival.separation_sigma > 3
 
 
+@pytest.mark.parametrize(
+    "guess",
+    [{"lamp.hwhm_deg": 30.0}, {"lamp.hwhm_deg": 0.6}, {"water.absorption_per_m": 3.0},
+     {"lamp.hwhm_deg": 20.0, "water.absorption_per_m": 2.0}],
+)  # fmt: skip
+def test_a_wrong_guess_of_beam_and_water_finds_the_same(guess: dict[str, float]) -> None:
+    table, scene = readings({"lamp.offset_x_m": 0.02}, seed=7)
+    right = diagnose(table, scene, diffuse=None, advise=False).verdict
+    far = diagnose(table, scene.with_values(guess), diffuse=None, advise=False).verdict
+    assert far.effects == right.effects == ["beam_offset"]
+    for path, estimate in right.explanations[0].parameters.items():
+        assert far.explanations[0].parameters[path].value == pytest.approx(estimate.value, rel=2e-3), path
+
+
+@pytest.mark.parametrize("background", [-0.08, 0.05, 0.9])
+def test_a_scene_may_have_a_background_of_its_own(background: float) -> None:
+    """As a stored rung has: it is larger than most readings here, and the gain is found all the same."""
+    table, scene = readings({"detector.background": background}, seed=3)
+    known = scene.with_values({"detector.background": background})
+    verdict = diagnose(table, known, diffuse=None, advise=False).verdict
+    assert verdict.verdict == "none"
+    assert verdict.ladder[0].error_percent < 2 * verdict.noise_floor_percent
+
+
 def test_two_effects_are_both_named() -> None:
     table, scene = readings({**SINGLE["beam_tilt"], **SINGLE["background"]}, seed=3)
     found = diagnose(table, scene, diffuse=None)

@@ -115,3 +115,42 @@ def test_wrong_input_ends_with_2(folder: Path, wrong: str, capsys) -> None:
     assert cli.main(wrong.format(f=folder).split()) == 2
     assert capsys.readouterr().err.startswith("lightfield: ")
     assert not list((folder / "never").glob("*")), "a wrong input left a file"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --no-trace --json {f}/mine.csv",
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --no-trace --report {f}/x/../mine.toml",
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --no-trace --json {f}/one --report {f}/one",
+        "compare {f}/mine.csv --scene {f}/mine.toml --fit-json {f}/mine.toml",
+        "plan {f}/mine.csv --scene {f}/mine.toml --no-trace --json {f}/mine.csv",
+        "hide {f}/scene.toml -o {f}",
+    ],
+)
+def test_what_is_read_is_never_overwritten(folder: Path, wrong: str, capsys) -> None:
+    for name, source in (("mine.csv", "set/data.csv"), ("mine.toml", "scene.toml")):
+        (folder / name).write_bytes((folder / source).read_bytes())
+    assert cli.main(wrong.format(f=folder).split()) == 2
+    assert "in use by the same command" in capsys.readouterr().err
+    assert (folder / "mine.csv").read_bytes() == (folder / "set/data.csv").read_bytes()
+    assert (folder / "mine.toml").read_text() == (folder / "scene.toml").read_text() == SCENE
+
+
+@pytest.mark.parametrize("twice", ["beam_tilt,beam_tilt", "lamp_drift,lamp_drift:warm-up"])
+def test_an_effect_is_not_fitted_twice(folder: Path, twice: str, capsys) -> None:
+    assert (
+        cli.main(["compare", f"{folder}/set/data.csv", "--scene", f"{folder}/scene.toml", "--with", twice])
+        == 2
+    )
+    assert "cannot be fitted together" in capsys.readouterr().err
+
+
+def test_compare_repeats_the_warnings_of_the_table(folder: Path, capsys) -> None:
+    data = _fit(folder, capsys, "--scene", f"{folder}/scene.toml")
+    assert any("no integration times" in note for note in data["notes"])
+    table = folder / "renamed.csv"
+    table.write_text((folder / "set/data.csv").read_text().replace("x_m", "x_mm"))
+    assert cli.main(["compare", str(table), "--scene", f"{folder}/scene.toml"]) in (0, 2)
+    out = capsys.readouterr()
+    assert "x_mm" in out.out + out.err

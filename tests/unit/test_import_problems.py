@@ -82,6 +82,24 @@ def test_coordinates_need_their_unit(campaign):
     assert "name it z_m" in found[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [("x_mm", "x_m"), ("X_m", "x_m"), ("x (m)", "x_m"), ("time_min", "time_s"), ("Role", "role"),
+     ("integration_time_ms", "integration_time_s")],
+)  # fmt: skip
+def test_a_column_that_only_looks_known_is_not_passed_over(campaign, name, known):
+    """Two places 20 mm apart would else be replicates of one."""
+    found = problems(campaign, ["a.txt,4.5,20", "b.txt,4.5,40"], f"file,z_m,{name}")
+    assert any(f"line 1: the column {name} is not known" in f and f"name it {known}" in f for f in found), (
+        found
+    )
+
+
+def test_one_file_under_two_spellings_is_one_file(campaign):
+    found = problems(campaign, ["a.txt,4.5,0,0,signal", "./a.txt,5.5,0,60,signal"])
+    assert any("the same file as line 2" in text for text in found), found
+
+
 def test_a_band_beyond_the_spectrum(campaign):
     assert "not within 450" in problems(campaign, ROWS, bands_nm=[(590, 640)])[0]
 

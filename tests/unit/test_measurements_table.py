@@ -147,8 +147,8 @@ BAD = {
     "zero exposure": ("z_m,value,integration_time_s\n1,2,0\n", "line 2", "integration_time_s > 0"),
     "behind the lamp": ("z_m,value\n-1,2\n", "line 2", "z_m > 0"),
     "at the lamp": ("z_m,value\n0,2\n", "line 2", "z_m > 0"),
-    "duplicate": ("z_m,x_m,value,time_s\n1,0,2,5\n1,-0.0,2,5\n", "line 3", "same reading as line 2"),
-    "duplicate without time": ("z_m,value\n1,2\n1,2.1\n", "line 3", "same reading as line 2"),
+    "duplicate": ("z_m,x_m,value,time_s\n1,0,2,5\n1,-0.0,2,5\n", "line 3", "there already; found 'line 2'"),
+    "duplicate without time": ("z_m,value\n1,2\n1,2.1\n", "line 3", "there already; found 'line 2'"),
     "medium": ("z_m,value,medium\n1,2,oil\n", "line 2", "water or air"),
     "dark role": ("z_m,value,role\n1,2,dark\n", "line 2", "lightfield import"),
     "repeat": ("z_m,value,repeat\n1,2,1.5\n", "line 2", "0, 1, 2"),
@@ -204,6 +204,32 @@ def test_missing_file_and_folder(tmp_path):
             Readings.load(path)
 
 
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (
+            "z_m,value,x_m,stderr\n-4,1,abc,-1\n",
+            ["x_m is not", "z_m is an impossible", "stderr is not positive"],
+        ),
+        (
+            "z_m,stderr\n-4,-1\n",
+            ["column value is missing", "z_m is an impossible", "stderr is not positive"],
+        ),
+        (
+            '# scale = "relative"\n# scale = "relative"\n# plane_gain_percent = -1\nz_m,value\n1,2\n',
+            ["the head is not TOML", "line 3: plane_gain_percent is impossible"],
+        ),
+        ("z_m,value\nx,1\nx,1\n", ["line 2: z_m is not", "line 3: z_m is not"]),
+        ("z_m,value\n4500,1\n", ["z_m is farther than any lamp"]),
+    ],
+)
+def test_one_problem_hides_no_other_and_is_told_once(load, content, expected):
+    found = problems(load, content)
+    assert len(found) == len(expected), found
+    for words in expected:
+        assert any(words in text for text in found), found
+
+
 def test_all_problems_come_at_once_with_their_lines(load):
     found = problems(load, "# scale = 1\nz_m,value,stderr\n-1,2,-3\n1,nan,1\n1\n")
     assert len(found) == 5
@@ -250,6 +276,7 @@ def test_readings_cannot_be_changed():
 # --- exactness
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
+place = st.floats(-300, 300)
 positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False)
 line_text = st.text(st.characters(exclude_categories=("Cs", "Cc")), max_size=8)
 names = line_text.filter(lambda s: s and s == s.strip() and s not in (*COLUMNS, "quantity", "scale", "units"))
@@ -276,10 +303,10 @@ def tables(draw) -> Readings:
         return draw(st.lists(values | st.just(math.nan) if blank else values, min_size=n, max_size=n))
 
     return Readings.from_arrays(
-        z_m=column(positive),
+        z_m=column(st.floats(5e-324, 300)),
         value=column(finite),
-        x_m=column(finite),
-        y_m=column(finite),
+        x_m=column(place),
+        y_m=column(place),
         medium=column(st.sampled_from(["water", "air"])),
         role=column(st.sampled_from(["signal", "reference"])),
         wavelength_nm=column(positive, True),

@@ -110,6 +110,22 @@ def test_a_package_that_gives_something_else_is_named(
         effects.table()
 
 
+def test_a_package_that_fails_or_mistypes_a_path_is_named(
+    monkeypatch: pytest.MonkeyPatch, fresh_table: None
+) -> None:
+    def broken() -> None:
+        raise ModuleNotFoundError("No module named 'gone'")
+
+    third_party(monkeypatch, broken)
+    with pytest.raises(UsageError, match=r"mine:EFFECT.*No module named"):
+        effects.table()
+    third_party(
+        monkeypatch, Effect("odd", "source", (Form("f", (Free("lamp.hwhm_dge", 1.0, 9.0, 1.0),)),), *"PSL")
+    )
+    with pytest.raises(UsageError, match=r"odd frees a parameter.*did you mean lamp\.hwhm_deg"):
+        effects.table()
+
+
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match="beam_tilt"):
         effects.get("beam_tlit")
