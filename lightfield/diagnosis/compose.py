@@ -36,7 +36,7 @@ _SHOWN = 8
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
 _CREDIBLE = 2.0
 #: From this factor on it is said, if it is no chance.
-_NOTED_SCALE = 1.5
+_NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25
 
 
 def estimates(
@@ -327,11 +327,21 @@ def _warnings(
     readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
 ) -> list[str]:
     out = [str(w) for w in readings.warnings]
+    if prepared.doubted:
+        out.append(
+            "the stated errors do not go with the scatter of dark and of bright readings: errors with a dark "
+            "floor and a part in proportion were estimated from the readings instead"
+        )
     scale, nu = _variance_scale(prepared, finding), finding.level.adequacy.nu
     if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < 0.001:
         out.append(
             f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say: these are too "
             "small, or something changes from reading to reading"
+        )
+    elif prepared.errors_stated and scale < _NOTED_SMALL:
+        out.append(
+            f"the readings scatter {1 / np.sqrt(scale):.1f} times less than their errors say: "
+            "are these standard errors, in the unit of the readings?"
         )
     if finding.levels[0].adequacy.scale_taken:
         stated = "stated" if prepared.errors_stated else "assumed"

@@ -25,6 +25,7 @@ from lightfield.diagnosis.robust import (
     noise_scale,
     outliers,
     rich_basis,
+    scatter_law,
     scattered,
     serial_correlation,
     unstated_error,
@@ -58,6 +59,7 @@ class Prepared:
     excess: float = 1.0
     known: tuple[Fitted, ...] = ()
     to_trace_per_m: float | None = None
+    doubted: bool = False
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,9 @@ def _prepared(
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
     problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
+    law = _law(problem, whiten, base) if stated and by_effects else None
+    if law is not None:
+        return replace(_prepared(replace(problem, keep=usable), law, budget, True, known), doubted=True)
     described = Description((), base)
     if by_effects:
         # The light of another trace moves the fits by it too far to begin from there.
@@ -189,6 +194,12 @@ def _prepared(
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
     fitted, missing = described.known, described.to_trace_per_m
     return Prepared(problem, noise, serial, reference, explanation, stated, excess, fitted, missing)
+
+
+def _law(problem: Problem, whiten: Whitener, fit: Fit) -> Array | None:
+    """Standard errors in place of stated ones that the scatter contradicts, see `scatter_law`."""
+    rich, noise = _rich(problem, whiten, fit), whiten.noise
+    return scatter_law(fit.residual, rich, problem.keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
 
 
 def whitened_test(

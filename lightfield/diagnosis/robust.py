@@ -32,6 +32,10 @@ RHO_GRID = np.linspace(0.0, 0.95, 20)
 SCALE_SPREAD = 0.5
 #: An overstated part of the error budget must not make the readings look better than they can be.
 _SMALLEST_SCALE = 0.5
+#: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
+#: reading; by how much its log likelihood must be larger; beside how many readings to spare.
+_FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
+_OVERWHELMING, _ENOUGH = 6.0, 20
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,59 @@ def _log_evidence(white: Array, stated: float | None) -> float:
     nu = len(white) - r.shape[1]
     log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
     return float(special.logsumexp(log_likelihood) - np.log(np.abs(np.diag(r))).sum())
+
+
+def scatter_law(
+    residual: Array, rich: Array, keep: Array, sigma: Array, prediction: Array, most: float
+) -> Array | None:
+    """Standard errors from the scatter itself, shape (n,), where the stated ones have another shape.
+
+    Stated errors may be too small or too large by a factor. But one error for bright and dark readings alike,
+    or one in per cent without a dark floor, weighs the readings wrongly, and no factor mends that. The law
+    tried instead is s^2 = c0 + c2 f^2; its likelihood is the restricted one of the residual beside the rich
+    model (Patterson and Thompson 1971, Biometrika 58, 545).
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened by the stated errors.
+    rich : array, shape (n, k)
+        Whitened likewise.
+    sigma, prediction : array, shape (n,)
+        Stated errors and model.
+    most : float
+        Largest factor on a stated variance that is believed beside a dark floor.
+
+    Returns
+    -------
+    array or None
+        None: the stated errors are as good as any, or too small for more than a wrong shape.
+    """
+    kept = keep > 0
+    level = np.clip(prediction, 0, None)[kept]
+    top, stated = float(level.max()), sigma[kept]
+    rows = np.column_stack([rich, residual])[kept]
+    if top <= 0 or len(rows) - rich.shape[1] < _ENOUGH:
+        return None
+    best, _ = _profile(rows)
+    law = None
+    for floor in _FLOORS:
+        shape = np.hypot(floor * top, level)
+        evidence, variance = _profile(rows * (stated / shape)[:, None])
+        evidence -= float(np.log(shape / stated).sum())
+        limit = most * stated**2 + (_DARK * top) ** 2
+        if evidence > best + (_OVERWHELMING if law is None else 0.0) and (variance * shape**2 < limit).all():
+            best, law = evidence, np.sqrt(variance) * np.hypot(floor * top, np.clip(prediction, 0, None))
+    return law
+
+
+def _profile(white: Array) -> tuple[float, float]:
+    """Restricted log likelihood of a residual (last column) beside the others at its best scale, and that."""
+    q, r = np.linalg.qr(white[:, :-1])
+    rest = white[:, -1] - q @ (q.T @ white[:, -1])
+    nu = len(white) - r.shape[1]
+    variance = max(float(rest @ rest) / nu, 1e-300)
+    return -0.5 * nu * float(np.log(variance)) - float(np.log(np.abs(np.diag(r))).sum()), variance
 
 
 def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, most: float) -> Array:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from lightfield.diagnosis.layout import layout_of
 from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
 from lightfield.diagnosis.robust import (
     noise_scale,
     outliers,
+    scatter_law,
     scattered,
     serial_correlation,
     unstated_error,
@@ -125,6 +127,32 @@ def test_an_error_that_was_not_stated_is_seen_where_it_is_bright() -> None:
         mistaken += unstated_error(noise, rich, np.ones(lay.size), 100 * relative, 4.0).max() > 1
     assert 1.5 < np.mean(seen) <= 2.0
     assert mistaken <= 6
+
+
+@pytest.mark.parametrize(
+    ("stated", "doubted"),
+    [("right", False), ("twice", False), ("half", False), ("one for all", True), ("no dark floor", True)],
+)
+def test_errors_of_another_shape_than_the_scatter_are_replaced(stated: str, doubted: bool) -> None:
+    """Noise of 0.5 % and a dark floor of 0.1 % of the brightest, beside 40 free terms, 40 sets. What replaces
+    the stated errors has the size of the noise; right shapes are left alone but for one set in ten."""
+    lay = layout()
+    light = np.exp(-5 * np.abs(lay.x_m))
+    true = np.hypot(0.005 * light, 0.001)
+    errors = {
+        "right": true, "twice": 2 * true, "half": 0.6 * true,
+        "one for all": np.full(lay.size, 0.005), "no dark floor": 0.005 * light,
+    }[stated]  # fmt: skip
+    rich = np.linalg.qr(np.random.default_rng(0).standard_normal((lay.size, 40)))[0]
+    laws = []
+    for seed in range(40):
+        noise = true * np.random.default_rng(seed).standard_normal(lay.size)
+        laws.append(scatter_law(noise / errors, rich, np.ones(lay.size), errors, light, 4.0))
+    found = [law for law in laws if law is not None]
+    assert len(found) >= 36 if doubted else len(found) <= 4
+    if doubted:
+        typical = np.exp(np.mean(np.log(np.array(found) / true), axis=0))
+        assert typical.min() > 0.7 and typical.max() < 1.4
 
 
 def test_outliers_do_not_drag_their_neighbours_along() -> None:
