@@ -83,6 +83,8 @@ class Adequacy:
         Probability of so large a scatter, were the errors quoted up to a factor 2 too small.
     scale_taken : bool
         Too few readings to estimate the scale of the noise: the stated errors are taken as they are.
+    critical_p : float
+        Nominal p of the worst test that is undercut with probability ALPHA where nothing is missing.
     """
 
     p: float
@@ -93,6 +95,7 @@ class Adequacy:
     amplitudes: tuple[Array, ...]
     excess_p: float
     scale_taken: bool = False
+    critical_p: float = ALPHA
 
     @property
     def worst(self) -> object:
@@ -196,6 +199,7 @@ class AdequacyTest:
             tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
             float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
             taken,
+            float(np.quantile(null_p.min(0), ALPHA)),
         )
 
     def _means(

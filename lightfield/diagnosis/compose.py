@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from scipy import special
 
 from lightfield.diagnosis import words
 from lightfield.diagnosis.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.cascade import Finding
+from lightfield.diagnosis.cautions import cautions, variance_scale
 from lightfield.diagnosis.families import Coordinate, coordinates
 from lightfield.diagnosis.ladder import Step, bright
 from lightfield.diagnosis.noise import Whitener
@@ -35,8 +35,6 @@ _NAMED = 0.35
 _SHOWN = 8
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
 _CREDIBLE = 2.0
-#: From this factor on it is said, if it is no chance.
-_NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25
 
 
 def estimates(
@@ -80,9 +78,12 @@ def units_of(scene: Any) -> dict[str, str]:
 def _rungs(
     steps: list[Step], forward: Any, scale: float, units: dict[str, str], best: Tried | None
 ) -> list[Rung]:
-    def least(step: Step) -> Mapping[str, float] | None:
-        same = best is not None and {c.key for c in step.explanation} == {c.key for c in best.explanation}
-        return best.errors if best is not None and same else None
+    def values(step: Step) -> dict[str, Estimate]:
+        # The last rung is the best explanation: its errors are stated once, not in two ways.
+        if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
+            return estimates(step.fit, scale, units)
+        assert best.adequacy is not None
+        return estimates(step.fit, best.adequacy.phi, units, best.errors)
 
     return [
         Rung(
@@ -91,7 +92,7 @@ def _rungs(
             error_percent=s.error_percent,
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
-            parameters=estimates(s.fit, scale, units, least(s)),
+            parameters=values(s),
             scene=forward.scene_at(s.fit.values).to_toml(),
         )
         for s in steps
@@ -110,7 +111,7 @@ def _explanations(
         assert tried.adequacy is not None
         if k == 0:
             left_out = steps[-1].held_out_percent
-        elif hold_out and k < 3:
+        elif hold_out:
             left_out = held_out(
                 problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
             )
@@ -306,64 +307,16 @@ def verdict_of(
         noise_floor_percent=floor,
         next_measurement=advice,
         assumed=list(prepared.noise.budget.assumed),
-        warnings=_warnings(readings, prepared, finding, explanations),
+        warnings=cautions(readings, prepared, finding, explanations),
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
-        variance_scale=_variance_scale(prepared, finding),
+        variance_scale=variance_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
         outliers=outliers,
         saturated=[int(i) for i in saturated],
         readings=problem.layout.size,
         seed=seed,
     )
-
-
-def _variance_scale(prepared: Prepared, finding: Finding) -> float:
-    """Variance of the readings' errors over the quoted one."""
-    return prepared.excess * finding.level.bench.phi * finding.level.phi
-
-
-def _warnings(
-    readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
-) -> list[str]:
-    out = [str(w) for w in readings.warnings]
-    if prepared.doubted:
-        out.append(
-            "the stated errors do not go with the scatter of dark and of bright readings: errors with a dark "
-            "floor and a part in proportion were estimated from the readings instead"
-        )
-    scale, nu = _variance_scale(prepared, finding), finding.level.adequacy.nu
-    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < 0.001:
-        out.append(
-            f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say: these are too "
-            "small, or something changes from reading to reading"
-        )
-    elif prepared.errors_stated and scale < _NOTED_SMALL:
-        out.append(
-            f"the readings scatter {1 / np.sqrt(scale):.1f} times less than their errors say: "
-            "are these standard errors, in the unit of the readings?"
-        )
-    if finding.levels[0].adequacy.scale_taken:
-        stated = "stated" if prepared.errors_stated else "assumed"
-        out.append(
-            f"too few readings to estimate the noise from them: the {stated} errors are taken as they are, "
-            "and the verdict is no better than they are"
-        )
-    if finding.size == 0 and finding.level.tolerance > 0:
-        out.append("a significant misfit is smaller than the tolerance and was ignored")
-    for explanation in explanations[:1]:
-        for path, estimate in explanation.parameters.items():
-            if estimate.reason == "at boundary":
-                out.append(
-                    f"{path} lies at the edge of its plausible range ({estimate.value:g}): not a finding"
-                )
-        if "water.phase.g" in explanation.parameters:
-            out.append(
-                "b and g are those of a Henyey-Greenstein phase function; where the water's own is more "
-                "peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up "
-                "to four times after Fournier and Forand): put it into the scene if b itself matters"
-            )
-    return out
 
 
 def summary(verdict: Verdict) -> str:

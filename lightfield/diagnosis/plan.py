@@ -114,7 +114,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     noise = Noise(problem.layout, layout_table.stderr, base.prediction, budget, slope)
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])
-    adequacy = whitened_test(problem, whiten, np.random.default_rng(0), 20)(base)
+    adequacy = whitened_test(problem, whiten, np.random.default_rng(0))(base)
     seen = {s.template.candidate.name for s in adequacy.scores if s.testable}
     for score in adequacy.scores:
         if score.template.candidate.name not in seen:

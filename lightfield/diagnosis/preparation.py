@@ -202,11 +202,9 @@ def _law(problem: Problem, whiten: Whitener, fit: Fit) -> Array | None:
     return scatter_law(fit.residual, rich, problem.keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
 
 
-def whitened_test(
-    problem: Problem, whiten: Whitener, rng: np.random.Generator, replicates: int = REPLICATES
-) -> AdequacyTest:
+def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
     """The adequacy test under a given noise, for readings that are planned rather than measured."""
-    noise = whiten.replicates(rng, replicates)
+    noise = whiten.replicates(rng, REPLICATES)
     return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: noise, False)
 
 

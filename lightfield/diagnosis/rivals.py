@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri
+from scipy import special
 
 from lightfield.diagnosis.adequacy import ALPHA, Adequacy, Score
 from lightfield.diagnosis.problem import Problem
@@ -18,7 +18,7 @@ from lightfield.diagnosis.search import Tried
 from lightfield.fit import Array, Fit, Whiten
 
 #: Projected size, in sigma, that is found with 95 % probability at the family-wise level of about 25 tests.
-DETECTABLE_SIGMA = float(-ndtri(ALPHA / (2 * 25)) - ndtri(0.05))
+DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * 25)) - special.ndtri(0.05))
 #: Explanations nearer than this belong to one class: naming one of them is little better than a guess.
 SAME_CLASS_SIGMA = 3.0
 
@@ -65,6 +65,9 @@ class Limit:
 def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
     """Detection limit of every effect that is not in the fit, from its projected template.
 
+    The size at which its own test alone falls below the level that the worst of all tests must reach, with
+    a probability of 95 %.
+
     Parameters
     ----------
     scale : float
@@ -74,7 +77,9 @@ def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
     for score in adequacy.scores:
         if score.testable and score.template.candidate.name not in out:
             parameter = score.template.candidate.amplitudes[0]
-            size = DETECTABLE_SIGMA * np.sqrt(scale) / score.length
+            level = adequacy.critical_p / (1 if score.template.candidate.one_sided else 2)
+            sigmas = -special.stdtrit(adequacy.nu, level) - special.ndtri(0.05)
+            size = float(sigmas) * np.sqrt(scale) / score.length
             room = max(parameter.high - parameter.start, parameter.start - parameter.low)
             at = min(size, room)
             toward = parameter.start + at if parameter.start + at <= parameter.high else parameter.start - at

@@ -22,11 +22,6 @@ def join(names: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
-def _limit(limit: DetectionLimit) -> str:
-    unit = "" if limit.unit == "1" else f" {limit.unit}"
-    return f"{limit.parameter} = {limit.value:.2g}{unit}"
-
-
 def sentence(
     kind: str,
     explanations: Sequence[Explanation],
@@ -49,11 +44,14 @@ def sentence(
         There are more readings than the best explanation has parameters.
     """
     if kind == "none":
-        visible = [limit for limit in limits.values() if limit.within_range]
-        example = next(
-            (limit for name in ("scattering", "background") if (limit := limits.get(name)) in visible), None
-        )
-        seen = f" One of {_limit(example)} would have been seen." if example else ""
+        visible = [
+            name for name in ("scattering", "background") if name in limits and limits[name].within_range
+        ]
+        seen = ""
+        if visible:
+            limit = limits[visible[0]]
+            unit = "" if limit.unit == "1" else f" {limit.unit}"
+            seen = f" {_sentence(_plain(visible[0]))} above {limit.value:.2g}{unit} would have been seen."
         return f"No missing effect detectable{within}.{seen}"
     if kind == "identified":
         names = explanations[0].effects
