@@ -72,7 +72,10 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
             [str(m) for m in readings.medium],
             problem.keep == 0,
         ),
-        [Prediction(step.label, step.fit.prediction) for step in found.steps],
+        [
+            Prediction(" + ".join(["base", *(c.name for c in step.explanation)]), step.fit.prediction)
+            for step in found.steps
+        ],
         [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),
         box,

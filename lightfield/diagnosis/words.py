@@ -78,7 +78,10 @@ def sentence(
         listed = " or ".join(join(e.effects) for e in explanations[:4])
         others = len(explanations) - 4
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
-        apart = f" ({rival.separation_sigma:.1f} sigma apart)" if rival else ""
+        apart = ""
+        if rival:
+            both = f"{join(explanations[0].effects)} and {join(rival.effects)}"
+            apart = f" ({both} are {rival.separation_sigma:.1f} sigma apart)"
         return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
     about = (
         f"; it depends on {coordinate} alone, {where}"
