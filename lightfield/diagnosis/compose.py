@@ -281,6 +281,8 @@ def verdict_of(
     tolerance = prepared.noise.budget.tolerance
     within_tolerance = level.tolerance > 0
     within = f" within {100 * tolerance:g} %" if within_tolerance else ""
+    if finding.levels[0].adequacy.scale_taken:
+        within += " with the errors taken on trust"
     explanations = _explanations(finding, prepared, steps, units, advise)
     limits = _limits(finding, best, units)
     counted = bright(problem)

@@ -50,6 +50,14 @@ def read_sheet(
             if not names:  # later comments are comments
                 head.append((k, line.lstrip()[1:].removeprefix(" ")))
         elif line.strip():
+            if not names and re.fullmatch(r"\[[\w.]+\]|\w+\s*=.*", line.strip()):
+                problems.add(
+                    "this is TOML, not a table",
+                    place=k,
+                    found=line.strip(),
+                    remedy="were the scene and the readings taken for each other?",
+                )
+                return Sheet(head, [], k, [], ".", lines.encoding)
             if not names:
                 delimiter = max(",;\t", key=lambda d: (len({*_cells(line, d)} & {*known}), line.count(d)))
                 names, name_line = _cells(line, delimiter), k
@@ -119,10 +127,21 @@ def _check_names(
             )
 
 
+#: What others call the columns.
+_ALSO_CALLED = {
+    "z_m": ("distance", "range"),
+    "wavelength_nm": ("lambda",),
+    "value": ("irradiance", "radiance", "intensity", "reading", "signal"),
+    "stderr": ("sigma", "error", "uncertainty"),
+    "integration_time_s": ("exposure",),
+}
+
+
 def look_alike(name: str, others: Sequence[str]) -> str | None:
-    stem = name.split("_")[0]
+    """Which of other columns seems to mean the one called `name`."""
+    stems = (name.split("_")[0], *_ALSO_CALLED.get(name, ()))
     for other in others:
-        if other.lower() == name or re.split(r"[_ (\[]", other.lower())[0] == stem:
+        if other.lower() == name or re.split(r"[_ (\[]", other.lower())[0] in stems:
             return other
     near = difflib.get_close_matches(name, others, n=1, cutoff=0.85)
     return near[0] if near else None
