@@ -27,6 +27,8 @@ from lightfield.scene import Scene
 
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
+#: A fresh render whose error is larger than this many times what is expected contradicts the fit.
+CONFIRMED = 1.15
 
 
 @dataclass(frozen=True)
@@ -77,21 +79,24 @@ class Diagnosis:
         """
         from lightfield.rendered import rendered_light  # loads the renderer
 
-        step, problem = self.steps[-1], self.prepared.problem
+        step, problem, verdict = self.steps[-1], self.prepared.problem, self.verdict
         light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
         model = self.forward.read(light, step.fit.values)
         up = self.forward.read(light + error, step.fit.values)
         counted = bright(problem)
-        last = self.verdict.ladder[-1].model_copy(
-            update={
-                "rendered_error_percent": percent(problem, model, counted),
-                "rendered_stderr_percent": float(
-                    100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2))
-                ),
-            }
+        fresh = percent(problem, model, counted)
+        stderr = float(100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2)))
+        last = verdict.ladder[-1].model_copy(
+            update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        ladder = [*self.verdict.ladder[:-1], last]
-        return replace(self, verdict=self.verdict.model_copy(update={"ladder": ladder}))
+        warnings = list(verdict.warnings)
+        if fresh > CONFIRMED * np.hypot(last.error_percent, stderr):
+            warnings.append(
+                f"the fresh render does not confirm the fit ({fresh:.2g} % against "
+                f"{last.error_percent:.2g} %): the explanation is no better than the former"
+            )
+        ladder = [*verdict.ladder[:-1], last]
+        return replace(self, verdict=verdict.model_copy(update={"ladder": ladder, "warnings": warnings}))
 
     def summary(self) -> str:
         """The verdict for people, several lines."""

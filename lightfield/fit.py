@@ -62,6 +62,10 @@ class Parameter:
             return float(10.0 / np.sqrt(u)) if u > 0 else 0.0
         return float(u)
 
+    def width(self, u: float) -> float:
+        """Width of the allowed range as a scene value, by the slope at `u`."""
+        return abs(self.high - self.low) * abs(self.slope(u))
+
     def coordinate_of(self, value: float) -> float:
         """Coordinate of the fit at the scene value."""
         if self.coordinate == "log":

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield import analytic
-from lightfield.render.diffuse_response import CLEAR_PER_M, dense_water, trace_for
+from lightfield.render.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.water.iop import scattering_per_m
 

@@ -15,7 +15,7 @@ from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.setup import problem_of
 from lightfield.fit import Fit
 from lightfield.forward import DiffuseSource, SceneForward
-from lightfield.render.diffuse_response import trace_for
+from lightfield.render.dense_water import trace_for
 from lightfield.scene import Scene
 
 Array = np.ndarray

@@ -60,9 +60,7 @@ def estimates(
             reason = "did not move the model"
         elif not np.isfinite(error):
             reason = "undetermined"
-        elif error > abs(fit.model.parameters[i].high - fit.model.parameters[i].low) * abs(
-            fit.model.parameters[i].slope(fit.u[i])
-        ):
+        elif error > fit.model.parameters[i].width(fit.u[i]):
             reason = "undetermined: error wider than the allowed range"
         out[path] = Estimate(
             value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason

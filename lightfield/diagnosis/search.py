@@ -59,6 +59,17 @@ class Tried:
         pairs = zip(self.fit.paths, self.fit.at_bound(), strict=True)
         return any(bound and path in amplitudes for path, bound in pairs)
 
+    @property
+    def undetermined(self) -> bool:
+        """Is the error of an amplitude wider than what is plausible of it?"""
+        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        errors = self.fit.stderr(self.adequacy.phi if self.adequacy else 1.0)
+        return any(
+            not errors[p.path] <= p.width(u)
+            for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
+            if p.path in amplitudes
+        )
+
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)

@@ -68,7 +68,10 @@ def sentence(
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
-            if any(e.reason == "at boundary" for e in explanations[0].parameters.values()):
+            reasons = [e.reason or "" for e in explanations[0].parameters.values()]
+            if any(reason.startswith("undetermined") for reason in reasons):
+                doubt = "these readings do not determine its size"
+            elif "at boundary" in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"
             elif not determined:
                 doubt = "with as many parameters as there are readings anything can"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.render.beamnodes import BeamNodes, is_round
-from lightfield.render.response import CLASSES, Array, light_classes
+from lightfield.render.response import CLASSES, NEVER_SCATTERED, Array, light_classes
 from lightfield.scene import Lamp
 
 Cells = NDArray[np.integer[Any]] | slice
@@ -95,6 +95,18 @@ class BeamTallies:
                 flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
                 contracted[:, cells] = flat.reshape(tally.shape[1:])
             self._beams[key] = contracted
+        return np.asarray(self._beams[key])
+
+    def at_all(self, kind: int, lamp: Lamp) -> Array:
+        """`contracted` at every g node, shape (n_g, n_rows, n_cells); at one for light that knows no g."""
+        key = (kind, BEAM(lamp))
+        if key not in self._beams:
+            nodes = range(1 if kind in NEVER_SCATTERED else len(self.tallies))
+            # Worked out before room is made for it: that may drop one of them.
+            stacked = np.array([self.contracted(i, kind, lamp) for i in nodes])
+            while len(self._beams) >= KEPT_BEAMS:
+                self._beams.pop(next(iter(self._beams)))
+            self._beams[key] = stacked
         return np.asarray(self._beams[key])
 
     def _coefficients(self, lamp: Lamp) -> Array:

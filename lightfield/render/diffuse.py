@@ -15,7 +15,8 @@ from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beam_tallies import BeamTallies, Sent
 from lightfield.render.beamnodes import BeamNodes
-from lightfield.render.diffuse_response import CLEAR_PER_M, DiffuseResponse, Traced
+from lightfield.render.dense_water import CLEAR_PER_M
+from lightfield.render.diffuse_response import DiffuseResponse, Traced
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.reflected import ReflectedLight, applies
 from lightfield.render.rendering import transport_key
@@ -28,7 +29,7 @@ from lightfield.render.response import (
     TransportResponse,
     light_classes,
 )
-from lightfield.render.shift import Shift, smoother
+from lightfield.render.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.symmetry import mirror_images
 from lightfield.scene import Scene
 
@@ -136,7 +137,8 @@ def _response(
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
-    images, smooth, shift = mirror_images(traced, grid), smoother(grid), Shift(grid, *places)
+    images, shift = mirror_images(traced, grid), Shift(grid, *places)
+    smooth, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
     straight = straight_path(traced, grid)
 
     def tell() -> Traced:
@@ -168,10 +170,10 @@ def _response(
             tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
         sent = Sent(np.asarray(stored["density"], float), traced.lamp)
         beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
-        return Traced(beams, stored["relative_stderr"] * images.error, rows)
+        return Traced(beams, stored["relative_stderr"] * images.error, rows, sent_to / sent_to.sum())
 
     return DiffuseResponse(
-        functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth
+        functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth, ratios
     )
 
 

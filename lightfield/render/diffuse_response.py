@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from lightfield.errors import RenderError
 from lightfield.render.beam_tallies import BeamTallies
+from lightfield.render.dense_water import CLEAR_TO_PER_M
 from lightfield.render.reflected import ReflectedLight, lagrange
 from lightfield.render.response import (
     CLASSES,
@@ -43,48 +43,10 @@ from lightfield.render.straight import from_behind, inhomogeneous
 from lightfield.scene import Scene
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-#: Scattering of the water of the first trace. Waters that scatter less than the second number are answered by
-#: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
-CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.43, 1.7
-#: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
-#: fall short at least (0.06 to 0.1 where the farthest reading is 5 m away, 0.2 to 0.4 at 8.5 m).
-REACH, FALLS_SHORT = 1.05, 0.12
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
-
-
-def dense_water(scattering_per_m: Array) -> float | None:
-    """The largest of several scattering coefficients, m^-1; None where the first trace will do.
-
-    Parameters
-    ----------
-    scattering_per_m : array, shape (n_wavelengths,)
-    """
-    most = float(scattering_per_m.max())
-    return most if most > CLEAR_TO_PER_M else None
-
-
-def trace_for(scattering_per_m: float, traced_per_m: float | None = None) -> float:
-    """Scattering coefficient of the trace that dense water asks for, m^-1.
-
-    Rather that of denser water than of clearer: photons that scattered too often weigh little there, while
-    here they would be missing.
-
-    Parameters
-    ----------
-    scattering_per_m : float
-        Of the water.
-    traced_per_m : float, optional
-        Set when the water was found by a fit with the trace of another one. In denser water the rare photons
-        that should carry the light are mostly missed, and a fit stops short of the truth.
-    """
-    b = scattering_per_m
-    if traced_per_m is not None:
-        b *= max(b / traced_per_m, 1.0) ** FALLS_SHORT
-    steps = np.ceil(np.log(b / (REACH * DENSE_FROM_PER_M)) / np.log(DENSE_STEP))
-    return float(DENSE_FROM_PER_M * DENSE_STEP ** max(steps, 0))
 
 
 class Traced(NamedTuple):
@@ -98,11 +60,14 @@ class Traced(NamedTuple):
         Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
     rows : TransportResponse
         Histories of the rows, with an empty tally.
+    part : array, shape (n_g,)
+        Of the photons that each node was traced with.
     """
 
     beams: BeamTallies
     relative_stderr: Array
     rows: TransportResponse
+    part: Array
 
 
 @dataclass(frozen=True)
@@ -127,6 +92,8 @@ class DiffuseResponse:
         Which cells are mirror images of each other and share their photons.
     wall_smoother : array, shape (n_cells, n_cells)
         By which the tallies of light from walls were smoothed.
+    ratio_smoother : array, shape (n_cells, n_cells)
+        For ratios of the light at one g and another.
     under_surface : DiffuseResponse, optional
         The same tank with a water surface in place of its lid; for light that was reflected.
     reflected : ReflectedLight, optional
@@ -143,6 +110,7 @@ class DiffuseResponse:
     shift: Shift
     images: Array
     wall_smoother: Array
+    ratio_smoother: Array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
     denser: DiffuseResponse | None = None
@@ -248,7 +216,7 @@ class DiffuseResponse:
         return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 
     def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, Array]]:
-        """Light of every class in every cell, and its covariance, in uniform waters."""
+        """Light of every class in every cell, and its errors, in uniform waters; see `_classes`."""
         if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
             return self._classes(scene, a, b, range(CLASSES), errors)
         # Light that was only scattered is the same under either top, and known for every g here.
@@ -264,21 +232,20 @@ class DiffuseResponse:
         if not parts:
             return np.zeros((len(channel), 0))
         total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.straight_m)), 1e-300))
-        variance = sum(np.einsum("wwh->wh", covariance) for _, covariance in parts.values())
+        variance = sum((errors**2).sum(axis=2) for _, errors in parts.values())
         total = np.maximum(total, np.sqrt(variance))
         open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
         modes = []
-        for kind, (_, covariance) in parts.items():
-            traced = self.under_surface if open_top and kind > 0 and self.under_surface else self
-            roots = _roots(covariance) / total[:, None]
-            found = np.zeros((len(channel), len(a), traced.images.shape[1]))
+        for kind, (_, errors) in parts.items():
+            if kind in FROM_WALLS:
+                traced = self.under_surface if open_top and self.under_surface else self
+                errors = traced.wall_smoother @ errors
+            relative = errors / total[:, :, None]
+            found = np.zeros((len(channel), relative.shape[2]))
             for water in np.unique(channel):
-                error = roots[water][..., None] * traced.images  # (n_waters, n_cells, n_sets)
-                if kind in FROM_WALLS:
-                    error = traced.wall_smoother @ (error * total[water][:, None]) / total[water][:, None]
                 mine = channel == water
-                found[mine] = np.moveaxis(self.shift.spread(error), 0, 1)[mine]
-            modes.append(found.reshape(len(channel), -1))
+                found[mine] = self.shift.spread(relative[water])[mine]
+            modes.append(found)
         return np.hstack(modes)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
@@ -302,9 +269,10 @@ class DiffuseResponse:
     def _classes(
         self, scene: Scene, a: Array, b: Array, kinds: range, errors: bool
     ) -> dict[int, tuple[Array, Array]]:
-        """Light of some classes in every cell, and its covariance before any smoothing, in uniform waters.
+        """Light of some classes in every cell, and its errors before any smoothing, in uniform waters.
 
-        Of shapes (n_waters, n_cells) and (n_waters, n_waters, n_cells); no covariance unless asked for.
+        Of shapes (n_waters, n_cells) and (n_waters, n_cells, k), k independent contributions; none of these
+        unless asked for.
         """
         tank = scene.tank
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
@@ -321,7 +289,7 @@ class DiffuseResponse:
         ]
         if not lit:
             return out
-        beams, relative_stderr, rows = self.trace()
+        beams, relative_stderr, rows, part = self.trace()
         ones, reference = np.ones_like(spread), self.reference
         change = spread + b - reference.absorption_per_m - reference.scattering_per_m
         along = np.exp(-change[:, None] * self.straight_m)
@@ -330,25 +298,57 @@ class DiffuseResponse:
             if kind not in beams.rows_of:
                 continue
             weights = rows.row_weights(spread, b, rho * ones, surface * ones, beams.rows_of[kind])
-            # Light that was never scattered knows no g: its tally is the same at every node.
-            value = np.zeros((len(a), len(self.straight_m)))
-            covariance = np.zeros((len(a), *(value.shape if errors else (0, 0))))
-            for share, index in [(1.0, shares[0][1])] if kind in NEVER_SCATTERED else shares:
-                beam = beams.contracted(index, kind, scene.lamp)
-                found = ((weights @ beam) * along).reshape(len(a), len(within), -1)
-                part = share * np.einsum("whc,h->wc", found, average)
-                value += part
-                if errors:
-                    mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                    error = part * relative_stderr[index, kind]
-                    covariance += error[:, None] * error * beams.thinning(index, kind, scene.lamp, mixed)
-            out[kind] = value, covariance
+            light = weights @ beams.at_all(kind, scene.lamp) * along
+            found = average @ light.reshape(len(light), len(a), len(within), -1)
+            value, passed_on = self._at_g(found, shares, part, errors)
+            modes = []
+            for i in range(len(found)) if errors else ():
+                mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
+                thinning = beams.thinning(i, kind, scene.lamp, mixed)
+                roots = relative_stderr[i, kind] * _roots(thinning)
+                of_cells = np.einsum("wcd,wud,ds->wcus", passed_on[i], roots, self.images, optimize=True)
+                modes.append(of_cells.reshape(*value.shape, -1))
+            out[kind] = value, np.concatenate(modes, axis=2) if modes else np.zeros((*value.shape, 0))
         return out
 
-    def _g_shares(self, scene: Scene) -> list[tuple[float, int]]:
-        """Lagrange interpolation in log(1 - g) over the traced nodes."""
+    def _at_g(self, found: Array, shares: Array, part: Array, errors: bool) -> tuple[Array, Array]:
+        """Light at one g from that at the nodes.
+
+        The nodes are traced apart, and a fit would take the difference of their noise for that of g. But the
+        light at one g over that at another varies slowly from cell to cell: smoothed ratios, times the mean
+        of all nodes, have a noise that hardly depends on g, and less of it.
+
+        Parameters
+        ----------
+        found : array, shape (n_nodes, n_waters, n_cells)
+
+        Returns
+        -------
+        value : array, shape (n_waters, n_cells)
+        passed_on : array, shape (n_nodes, n_waters, n_cells, n_cells)
+            Change of the value in one cell with the relative error of a node's light in another; empty unless
+            asked for.
+        """
+        cells = np.eye(found.shape[2]) if errors else np.zeros(0)
+        if len(found) < 2:
+            return found[0], found[..., None] * cells if errors else cells
+        flat = found.reshape(len(found), -1)
+        mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (part, shares))
+        lit = mean > 0
+        ratio = np.divide(wanted, mean, out=np.ones_like(mean), where=lit)
+        value = mean * (ratio @ self.ratio_smoother.T)
+        if not errors:
+            return value, cells
+        ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
+        common = part[:, None, None] * ratios
+        apart = shares[:, None, None] * ratios - common * ratio
+        smoothed = mean[..., None] * self.ratio_smoother * apart[..., None, :]
+        return value, (common * value)[..., None] * cells + smoothed
+
+    def _g_shares(self, scene: Scene) -> Array:
+        """Lagrange interpolation in log(1 - g) over the traced nodes, shape (n_nodes,)."""
         if len(self.g_nodes) < 2:
-            return [(1.0, 0)]
+            return np.ones(1)
         g = float(scene.get("water.phase.g"))
         if not self.g_nodes[0] - 0.1 <= g <= 0.99:
             raise RenderError(
@@ -357,14 +357,7 @@ class DiffuseResponse:
                 found=g,
                 rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
             )
-        return _shares(self.g_nodes, g)
-
-
-@lru_cache(maxsize=64)
-def _shares(g_nodes: tuple[float, ...], g: float) -> list[tuple[float, int]]:
-    """Shares of the nodes that take part, and their numbers."""
-    shares = lagrange(np.log1p(-np.array(g_nodes)).tolist(), float(np.log1p(-g))).tolist()
-    return [(share, i) for i, share in enumerate(shares) if abs(share) > 1e-9]
+        return lagrange(np.log1p(-np.array(self.g_nodes)).tolist(), float(np.log1p(-g)))
 
 
 def _roots(covariance: Array) -> Array:

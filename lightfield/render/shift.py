@@ -8,7 +8,10 @@ from scipy import sparse
 from lightfield.render.grid import Grid, cell_of, nearness
 
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
-WIDE_1D, WIDE_2D = 11, 21
+#: Light from walls varies over the distance to them, not over the width of the beam.
+SMOOTH_WALLS = 11, 21
+#: And so, nearly, does the light at one g over that at another.
+SMOOTH_RATIOS = 7, 21
 #: Cells this near to each other are smoothed together, far from the lamp.
 SMOOTHED_M = 0.11
 
@@ -94,15 +97,18 @@ class Shift:
         return np.asarray(field[self.cell])
 
 
-def smoother(grid: Grid) -> np.ndarray:
+def smoother(grid: Grid, most_1d: int, most_2d: int) -> np.ndarray:
     """Weights that replace every cell by a local quadratic through its neighbours on the plane, (n, n).
 
-    For light that varies over the distance to the walls, not over the width of the beam.
+    Parameters
+    ----------
+    most_1d, most_2d : int
+        So many neighbours, itself included, on planes that are read along a line or all over.
     """
     cx, cy, cz = (v.ravel() for v in grid.centres())
     weights = np.zeros((len(cx), len(cx)))
     for i in range(len(cx)):
-        near, _, rows = _expansion(cx, cy, cz, i, WIDE_1D, WIDE_2D)
+        near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d)
         weights[i, near] = rows[0]
     return weights
 

@@ -9,8 +9,8 @@ import pytest
 from montecarlo import chi_square_p
 from scipy import stats
 
+from lightfield.render.dense_water import dense_water, trace_for
 from lightfield.render.diffuse import DiffuseResponse, response_for
-from lightfield.render.diffuse_response import dense_water, trace_for
 from lightfield.render.grid import cell_of
 from lightfield.render.rendering import render_scene
 from lightfield.scene import Scene
