@@ -69,12 +69,12 @@ def sentence(
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
             reasons = [e.reason or "" for e in explanations[0].parameters.values()]
-            if any(reason.startswith("undetermined") for reason in reasons):
-                doubt = "these readings do not determine its size"
-            elif "at boundary" in reasons:
+            if "at boundary" in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"
             elif not determined:
                 doubt = "with as many parameters as there are readings anything can"
+            elif any(reason.startswith("undetermined") for reason in reasons):
+                doubt = "these readings do not determine its size"
             return (
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )

@@ -10,8 +10,8 @@ from lightfield.render.grid import Grid, cell_of, nearness
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
 #: Light from walls varies over the distance to them, not over the width of the beam.
 SMOOTH_WALLS = 11, 21
-#: And so, nearly, does the light at one g over that at another.
-SMOOTH_RATIOS = 7, 21
+#: The light at one g over that at another varies over more than the width of a beam, which is an angle.
+SMOOTH_RATIOS = 7, 21, 0.095
 #: Cells this near to each other are smoothed together, far from the lamp.
 SMOOTHED_M = 0.11
 
@@ -97,24 +97,32 @@ class Shift:
         return np.asarray(field[self.cell])
 
 
-def smoother(grid: Grid, most_1d: int, most_2d: int) -> np.ndarray:
+def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) -> np.ndarray:
     """Weights that replace every cell by a local quadratic through its neighbours on the plane, (n, n).
 
     Parameters
     ----------
     most_1d, most_2d : int
         So many neighbours, itself included, on planes that are read along a line or all over.
+    reach_rad : float
+        And none farther away, as seen from the lamp.
     """
     cx, cy, cz = (v.ravel() for v in grid.centres())
     weights = np.zeros((len(cx), len(cx)))
     for i in range(len(cx)):
-        near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d)
+        near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d, reach_rad * cz[i])
         weights[i, near] = rows[0]
     return weights
 
 
 def _expansion(
-    x: np.ndarray, y: np.ndarray, z: np.ndarray, i: int, most_1d: int, most_2d: int
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    i: int,
+    most_1d: int,
+    most_2d: int,
+    reach: float = np.inf,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Least-squares quadratic about cell i: neighbours, terms (of 1, x, y, xx/2, xy, yy/2), weights.
 
@@ -122,7 +130,8 @@ def _expansion(
     """
     same = np.flatnonzero(z == z[i])
     most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
-    near = same[np.argsort(np.hypot(x[same] - x[i], y[same] - y[i]), kind="stable")[:most]]
+    away = np.hypot(x[same] - x[i], y[same] - y[i])
+    near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]
     dx, dy = x[near] - x[i], y[near] - y[i]
     terms = np.stack([np.ones_like(dx), dx, dy, 0.5 * dx * dx, dx * dy, 0.5 * dy * dy], axis=1)
     usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
