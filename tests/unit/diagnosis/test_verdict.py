@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
+from lightfield.analytic import direct_field
 from lightfield.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.plan import plan
@@ -57,6 +58,29 @@ def test_a_stored_rung_gives_the_rung_again(found: Diagnosis, tmp_path) -> None:
         again = fit_readings(found.readings, scene)
         assert again.error_percent == pytest.approx(rung.error_percent, rel=2e-3)
     assert scene.get("detector.background") == pytest.approx(0.01, abs=0.002)
+
+
+def test_a_size_that_is_not_determined_is_no_finding(found: Diagnosis) -> None:
+    """With errors ten thousand times as large the same fit explains as much and says nothing."""
+    best = found.finding.accepted[0]
+    assert not best.undetermined and found.finding.identified
+    assert best.adequacy is not None
+    vague = replace(best, adequacy=replace(best.adequacy, phi=1e8 * best.adequacy.phi))
+    assert vague.undetermined
+    assert not replace(found.finding, accepted=[vague]).identified
+
+
+def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch) -> None:
+    """The same light, and light that is 5 % brighter off the axis."""
+    r = found.readings
+    light = direct_field(found.scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
+    for more, said in ((0.0, False), (0.05, True)):
+        fresh = light * (1 + more * (np.abs(r.x_m) > 0.3))
+        monkeypatch.setattr("lightfield.rendered.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f))
+        verdict = found.rendered().verdict
+        assert verdict.ladder[-1].rendered_error_percent is not None
+        assert any("does not confirm the fit" in w for w in verdict.warnings) == said
+    assert not any("does not confirm" in w for w in found.verdict.warnings)
 
 
 def test_an_effect_that_the_scene_has_is_not_found_again(found: Diagnosis) -> None:
