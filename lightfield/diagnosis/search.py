@@ -54,10 +54,10 @@ class Tried:
 
     @property
     def at_edge(self) -> bool:
-        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?"""
-        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        """Does a parameter lie at a bound: no effect at all, or one beyond what is plausible?"""
+        own = {p.path for c in self.explanation for p in c.parameters}
         pairs = zip(self.fit.paths, self.fit.at_bound(), strict=True)
-        return any(bound and path in amplitudes for path, bound in pairs)
+        return any(bound and path in own for path, bound in pairs)
 
     @property
     def undetermined(self) -> bool:
