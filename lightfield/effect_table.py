@@ -105,8 +105,8 @@ EFFECTS: tuple[Effect, ...] = (
             Form(
                 "Henyey-Greenstein",
                 (Free("water.scattering_per_m", 0.0, 2.0, 0.02),),
-                # Beyond the traced 0.75 to 0.97 the light is extrapolated, by 3 % at 0.98.
-                (Free("water.phase.g", 0.7, 0.975, 0.02, grid=(0.924, 0.8, 0.97)),),
+                # Traced from 0.75 to 0.97; extrapolated light is 3 % off at 0.98.
+                (Free("water.phase.g", 0.7, 0.98, 0.02, grid=(0.924, 0.8, 0.97)),),
             ),
         ),
         "Particles turn light out of the beam and some of it back onto the detector.",

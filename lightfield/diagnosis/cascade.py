@@ -97,7 +97,7 @@ class Finding:
         """Is there one answer?"""
         if not self.determined or self.weights[0] <= CONVINCING:
             return False
-        return not (self.accepted[0].at_edge or self.accepted[0].undetermined)
+        return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
 
 
 def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:

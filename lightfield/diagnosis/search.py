@@ -54,10 +54,17 @@ class Tried:
 
     @property
     def at_edge(self) -> bool:
-        """Does a parameter lie at a bound: no effect at all, or one beyond what is plausible?"""
-        own = {p.path for c in self.explanation for p in c.parameters}
-        pairs = zip(self.fit.paths, self.fit.at_bound(), strict=True)
-        return any(bound and path in own for path, bound in pairs)
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?"""
+        return self._bounded(p.path for c in self.explanation for p in c.amplitudes)
+
+    @property
+    def at_bound(self) -> bool:
+        """Does any parameter of the effects lie at a bound, a shape included?"""
+        return self._bounded(p.path for c in self.explanation for p in c.parameters)
+
+    def _bounded(self, paths: Iterable[str]) -> bool:
+        bounded = {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+        return not bounded.isdisjoint(paths)
 
     @property
     def undetermined(self) -> bool:
