@@ -10,6 +10,9 @@ from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
 from lightfield.files import atomic_path, output_file, output_folder
 
+#: Of a ladder: the base model and two effects.
+MOST_RUNGS = 3
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
@@ -70,6 +73,8 @@ def run(args: argparse.Namespace) -> int:
         output_file(file, args.data, args.scene, *outputs[:k])
     if args.output:
         output_folder(args.output)
+        for k in range(MOST_RUNGS):
+            output_file(args.output / f"rung{k}.toml", args.scene)
     found = diagnose(
         readings,
         scene,

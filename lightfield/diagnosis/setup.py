@@ -82,13 +82,13 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
     if scene.water.absorption_at and scene.water.base == "none":
         free += _spectrum(scene, layout, len(names) == 1)
     elif layout.varies("z_m") and not layout.air.all():
-        now, least = scene.water.absorption_per_m, -_least_absorption(scene, layout)
+        now, clearest = scene.water.absorption_per_m, -_least_absorption(scene, layout)
         more = _decay_per_m(layout, light) - _decay_per_m(layout, forward.predict(start))
         if abs(more) * float(np.ptp(layout.z_m[~layout.air])) > _ABSORPTION_GUESS:
-            start["water.absorption_per_m"] = begin = max(now + more, least)
+            start["water.absorption_per_m"] = begin = max(now + more, clearest)
         else:
             begin = now
-        low, high = min(least, now), max(now, begin) + 3.0
+        low, high = min(clearest, now), max(now, begin) + 3.0
         free.append(Parameter("water.absorption_per_m", low, high, begin, 1e-4))
     unit = forward.predict(start)
     least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read

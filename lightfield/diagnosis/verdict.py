@@ -108,7 +108,9 @@ class Verdict(_Part):
     warnings: list[str] = Field(default_factory=list)
     base_p: float = Field(description="adequacy of the base model")
     within_tolerance: bool = Field(description="holds only within the tolerated smooth model error")
-    variance_scale: float = Field(description="pure-error variance over the quoted variance")
+    variance_scale: float = Field(
+        description="pure-error variance over the quoted one, or over what a warning says replaced it"
+    )
     serial_correlation: float = Field(description="lag-one correlation of the noise in scan order")
     outliers: list[int] = Field(description="rows (from 0) left out as gross outliers")
     saturated: list[int] = Field(description="rows (from 0) left out as saturated")

@@ -83,8 +83,7 @@ def sentence(
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
         apart = ""
         if rival:
-            both = f"{join(explanations[0].effects)} and {join(rival.effects)}"
-            apart = f" ({both} are {rival.separation_sigma:.1f} sigma apart)"
+            apart = f" (the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)})"
         return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
     about = (
         f"; it depends on {coordinate} alone, {where}"

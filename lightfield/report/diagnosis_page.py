@@ -123,7 +123,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
 
 def _headline(sentence: str) -> tuple[str, list[str]]:
     """What was found, and apart from it how sure that is: the first is read from across the room."""
-    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>[^()]+ sigma apart)\)(?P<within>.*)\.", sentence)
+    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>the first lies [^()]+)\)(?P<within>.*)\.", sentence)
     if apart:
         return f"{apart['what']}{apart['within']}.", [f"{apart['far'][:1].upper()}{apart['far'][1:]}."]
     found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)

@@ -126,6 +126,7 @@ def test_wrong_input_ends_with_2(folder: Path, wrong: str, capsys) -> None:
         "compare {f}/mine.csv --scene {f}/mine.toml --fit-json {f}/mine.toml",
         "plan {f}/mine.csv --scene {f}/mine.toml --no-trace --json {f}/mine.csv",
         "hide {f}/scene.toml -o {f}",
+        "diagnose {f}/mine.csv --scene {f}/found/rung1.toml --no-trace -o {f}/found",
     ],
 )
 def test_what_is_read_is_never_overwritten(folder: Path, wrong: str, capsys) -> None:

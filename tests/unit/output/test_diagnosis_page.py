@@ -1,8 +1,12 @@
 """The diagnosis page says each kind of verdict first, and shows what it rests on."""
 
+import dataclasses
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from lightfield.diagnosis import words
 from lightfield.report.diagnosis_page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis_view import (
     DiagnosisView,
@@ -171,3 +175,16 @@ def test_groups_name_only_what_differs():
     both = DiagnosisView(view.verdict, mixed, view.predictions)
     assert next(g.label for g in both.groups()) == "z = 4.5 m, air"
     np.testing.assert_array_equal(np.sort(np.concatenate([g.rows for g in both.groups()])), np.arange(6))
+
+
+def test_the_distance_of_rivals_stands_below_the_headline():
+    view = example("ambiguous")
+    said = words.sentence(
+        "ambiguous",
+        [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
+        SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
+        {}, None, "", "", True,
+    )  # fmt: skip
+    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, "sentence": said}))
+    assert ">Scattering or beam skirt: these readings cannot tell.<" in html
+    assert ">The first lies 1.8 sigma from beam skirt.<" in html
