@@ -76,38 +76,38 @@ class BeamTallies:
         kinds = light_classes(self.histories)
         return {kind: np.flatnonzero(kinds == kind) for kind in range(CLASSES) if (kinds == kind).any()}
 
-    def contracted(self, index: int, kind: int, lamp: Lamp, squares: bool = False) -> Array:
-        """Tally of one g node and class of light, contracted with a beam, (n_rows, n_cells).
+    def contracted(self, kind: int, lamp: Lamp, squares: bool = False) -> Array:
+        """Tallies of one class of light, contracted with a beam, shape (n_g, n_rows, n_cells).
 
-        With `squares` the sum over photons of squared contributions, up to a constant.
+        Of one g for light that knows none. With `squares` the sum over photons of squared contributions, up
+        to a constant.
         """
-        key = (index, kind, squares, BEAM(lamp))
+        key = (kind, squares, BEAM(lamp))
         if key not in self._beams:
             while len(self._beams) >= KEPT_BEAMS:
                 self._beams.pop(next(iter(self._beams)))
-            contracted = np.empty((len(self.rows_of[kind]), len(self.cell_z_m)), np.float32)
+            shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
+            contracted = np.empty(shape, np.float32)
             for stretch, plane in self._stretches(lamp.apparent_distance_m):
                 values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
                 if squares:
                     per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                     values = (per_ring**2 / self.sent.density[:, None]).ravel()
-                tally, cells = self._tally(index, kind, is_round(lamp), plane)
+                tally, cells = self._tally(kind, is_round(lamp), plane)
                 flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
-                contracted[:, cells] = flat.reshape(tally.shape[1:])
+                contracted[:, :, cells] = flat.reshape(tally.shape[1:])
             self._beams[key] = contracted
         return np.asarray(self._beams[key])
 
-    def at_all(self, kind: int, lamp: Lamp) -> Array:
-        """`contracted` at every g node, shape (n_g, n_rows, n_cells); at one for light that knows no g."""
-        key = (kind, BEAM(lamp))
-        if key not in self._beams:
-            nodes = range(1 if kind in NEVER_SCATTERED else len(self.tallies))
-            # Worked out before room is made for it: that may drop one of them.
-            stacked = np.array([self.contracted(i, kind, lamp) for i in nodes])
-            while len(self._beams) >= KEPT_BEAMS:
-                self._beams.pop(next(iter(self._beams)))
-            self._beams[key] = stacked
-        return np.asarray(self._beams[key])
+    def _known_g(self, kind: int) -> int:
+        """How many values of g a class of light tells apart."""
+        return 1 if kind in NEVER_SCATTERED else len(self.tallies)
+
+    @cached_property
+    def _of_rings(self) -> list[Array]:
+        """The tallies with the sectors of every ring of emission added up."""
+        nodes = self.beam_nodes.nodes
+        return [t.reshape(nodes.n_theta, nodes.n_phi, *t.shape[1:]).sum(axis=1) for t in self.tallies]
 
     def _coefficients(self, lamp: Lamp) -> Array:
         """`BeamNodes.values` of the last few lamps: they are the same for every trace and class of light."""
@@ -144,25 +144,23 @@ class BeamTallies:
 
     def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Sum of products over the product of the sums of what single photons bring, up to a constant."""
-        total = weights @ self.contracted(index, kind, lamp)
-        squares = np.maximum(self.contracted(index, kind, lamp, squares=True), 0)
+        total = weights @ self.contracted(kind, lamp)[index]
+        squares = np.maximum(self.contracted(kind, lamp, squares=True)[index], 0)
         products = (weights[:, None] * weights) @ squares
         sums = total[:, None] * total
         return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
 
-    def _tally(self, index: int, kind: int, rings: bool, plane: float | None) -> tuple[Array, Cells]:
+    def _tally(self, kind: int, rings: bool, plane: float | None) -> tuple[Array, Cells]:
         """Rows of one class at the cells of a plane or at all, and which cells they are.
 
-        Of shape (n_nodes, n_rows, n_cells); for a round beam its sectors are added up.
+        Of shape (n_nodes, n_g, n_rows, n_cells); for a round beam its sectors are added up.
         """
-        key = (index, kind, rings, plane)
+        key = (kind, rings, plane)
         if key not in self._tallies:
             cells: Cells = slice(None) if plane is None else np.flatnonzero(self.cell_z_m == plane)
-            tally = self.tallies[index][:, self.rows_of[kind]][:, :, cells]
-            if rings:
-                nodes = self.beam_nodes.nodes
-                tally = tally.reshape(nodes.n_theta, nodes.n_phi, *tally.shape[1:]).sum(axis=1)
-            self._tallies[key] = np.ascontiguousarray(tally), cells
+            rows, every = self.rows_of[kind], self._of_rings if rings else self.tallies
+            one_each = [tally[:, rows][:, :, cells] for tally in every[: self._known_g(kind)]]
+            self._tallies[key] = np.ascontiguousarray(np.stack(one_each, axis=1)), cells
         tally, cells = self._tallies[key]
         return tally, cells
 

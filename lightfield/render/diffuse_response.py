@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -298,7 +299,7 @@ class DiffuseResponse:
             if kind not in beams.rows_of:
                 continue
             weights = rows.row_weights(spread, b, rho * ones, surface * ones, beams.rows_of[kind])
-            light = weights @ beams.at_all(kind, scene.lamp) * along
+            light = weights @ beams.contracted(kind, scene.lamp) * along
             found = average @ light.reshape(len(light), len(a), len(within), -1)
             value, passed_on = self._at_g(found, shares, part, errors)
             modes = []
@@ -357,7 +358,12 @@ class DiffuseResponse:
                 found=g,
                 rule=f"{self.g_nodes[0] - 0.1:.2f} to 0.99",
             )
-        return lagrange(np.log1p(-np.array(self.g_nodes)).tolist(), float(np.log1p(-g)))
+        return _interpolation(self.g_nodes, g)
+
+
+@lru_cache(maxsize=64)
+def _interpolation(g_nodes: tuple[float, ...], g: float) -> Array:
+    return lagrange(np.log1p(-np.array(g_nodes)).tolist(), float(np.log1p(-g)))
 
 
 def _roots(covariance: Array) -> Array:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import product
 from math import floor, log, prod, radians, sqrt
 from typing import Any, NamedTuple
 
@@ -31,8 +32,8 @@ FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
 #: Reflections followed one by one; the rest is a geometric series.
 REFLECTIONS = 7
-C_STEP, SURFACE_NODES = 0.1, (0.0, 0.5, 1.0)
-KEPT, KEPT_ANSWERS = 40, 100  # operators in memory, and answers
+C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
+KEPT, KEPT_LAMPS = 40, 200  # operators in memory, and lamps with their answers
 
 
 class ReflectedLight:
@@ -82,7 +83,8 @@ class ReflectedLight:
         """Light mirrored by the water surface alone, for unit reflectance multiplier."""
         tank = self.scene.tank
         assert tank is not None
-        arriving, light = image_of_lamp(lamp, tank.lamp_depth_m, self.places, attenuation_per_m)
+        arriving, light, in_water = image_of_lamp(lamp, tank.lamp_depth_m, self.places)
+        light *= np.exp(-attenuation_per_m * in_water)
         return np.asarray(light * _response(self.scene, list(arriving.T)))
 
 
@@ -91,40 +93,51 @@ class Operators(NamedTuple):
 
     Parameters
     ----------
-    first : array, shape (n, k)
-        From the fine patches that the readings see.
-    seen : array of int, shape (k,)
-        Their numbers.
+    first : array, shape (n, k * n_terms)
+        From the patches before the readings, by terms of their light (see `terms_of_light`).
     more : array, shape (REFLECTIONS - 1, n, n_patches)
         After 2, 3 and more reflections, from the patches.
     """
 
     first: np.ndarray
-    seen: np.ndarray
     more: np.ndarray
 
     @classmethod
-    def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, parts: int) -> Operators:
+    def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, terms: np.ndarray) -> Operators:
         """Products of the exchange between patches (n_patches, n_patches) and with the readings (n, k)."""
+        parts = reading.reshape(-1, len(terms))
         onward = np.zeros((len(reading), len(among)), np.float32)
-        onward[:, before] = reading.reshape(len(reading), len(before), parts).sum(axis=2)
+        onward[:, before] = parts.sum(axis=1).reshape(len(reading), -1)
         more = []
         for _ in range(REFLECTIONS - 1):
             onward = onward @ among
             more.append(onward)
-        return cls(reading, (before[:, None] * parts + np.arange(parts)).ravel(), np.array(more))
+        return cls((parts @ terms).reshape(len(reading), -1), np.array(more))
 
-    def apply(self, lit: np.ndarray, patches: np.ndarray) -> np.ndarray:
+    def apply(self, terms: np.ndarray, patches: np.ndarray) -> np.ndarray:
         """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
 
         Parameters
         ----------
-        lit : array, shape (k,)
-            Irradiance of the fine patches `seen`.
+        terms : array, shape (k, n_terms)
+            Of the light on the patches before the readings.
         patches : array, shape (n_patches,)
-            That of all patches.
+            Mean irradiance of all patches.
         """
-        return np.vstack([self.first @ lit, self.more @ patches])
+        return np.vstack([self.first @ terms.ravel(), self.more @ patches]).astype(float)
+
+
+def terms_of_light(parts: int) -> np.ndarray:
+    """Orthonormal biquadratic polynomials over parts x parts, the constant first, shape (parts^2, n_terms).
+
+    Light varies within a patch, but smoothly: up to 3 x 3 parts are told without loss, 16 by nine numbers.
+    """
+    at = (2 * np.arange(parts) + 1) / parts - 1
+    u, v = (g.ravel() for g in np.meshgrid(at, at, indexing="ij"))
+    few = range(min(parts, 3))
+    powers = [u**i * v**j for i, j in product(few, few)]
+    terms = np.linalg.qr(np.stack(powers, axis=1))[0]
+    return np.asarray(terms * np.sign(terms[0]), np.float32)
 
 
 def _added_up(orders: np.ndarray, albedo: float) -> np.ndarray:
@@ -152,54 +165,61 @@ class Room:
         parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
+        self._terms = terms_of_light(self.parts)
         self._operators: dict[tuple[float, float], Operators] = {}
         self._ways: dict[tuple[Any, ...], Ways] = {}
         self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._answers: dict[tuple[Lamp, float, float], np.ndarray] = {}
+        self._last_image: tuple[Lamp, np.ndarray, np.ndarray] | None = None
+        self._answers: dict[Lamp, dict[tuple[float, float], np.ndarray]] = {}
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
 
-        How the light travels between walls and readings is worked out at a few attenuations and reflectances
-        and interpolated: its logarithm is nearly linear in the first (cubic between four nodes, which leaves
-        0.2 % and no jump), itself a low polynomial in the second.
+        Worked out at a few attenuations and reflectances, and interpolated: its logarithm is nearly linear in
+        the first (cubic between four nodes, which leaves 0.1 % and no jump), itself a low polynomial in the
+        second. A fit that moves the water, the walls or the surface then costs nothing new.
         """
         first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
-        nodes = [C_STEP * (first + i) for i in range(4)]
+        nodes = [round(C_STEP * (first + i), 6) for i in range(4)]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
-        found = _added_up(self._reached(lamp, attenuation_per_m, surface, mirrors, nodes), albedo)
+        known = self._known(lamp)
+        for m in mirrors:
+            missing = [c for c in nodes if (c, m) not in known]
+            known.update(zip(product(missing, [m]), self._reached(lamp, missing, m), strict=True))
+        found = _added_up(np.array([[known[c, m] for c in nodes] for m in mirrors]), albedo)
         along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return np.asarray(lagrange(mirrors, surface) @ along_c)
 
-    def _reached(
-        self,
-        lamp: Lamp,
-        attenuation_per_m: float,
-        surface: float,
-        mirrors: Sequence[float],
-        nodes: Sequence[float],
-    ) -> np.ndarray:
-        """Light at the readings for unit albedo, shape (n_mirrors, n_nodes, REFLECTIONS, n)."""
-        key = lamp, attenuation_per_m, surface
-        if key not in self._answers:
-            while len(self._answers) >= KEPT_ANSWERS:
+    def _known(self, lamp: Lamp) -> dict[tuple[float, float], np.ndarray]:
+        """What is known of a lamp: its light at the readings by attenuation and surface reflectance."""
+        if lamp not in self._answers:
+            while len(self._answers) >= KEPT_LAMPS:
                 self._answers.pop(next(iter(self._answers)))
-            fine = self.lit(lamp, attenuation_per_m, surface).astype(np.float32)
-            patches = fine.reshape(len(self.patches.centre), -1).mean(axis=1)
-            operators = [[self._operator(round(c, 6), m) for c in nodes] for m in mirrors]
-            seen = fine[operators[0][0].seen]
-            reached = [[operator.apply(seen, patches) for operator in row] for row in operators]
-            self._answers[key] = np.array(reached, float)
-        return self._answers[key]
+            self._answers[lamp] = {}
+        return self._answers[lamp]
 
-    def lit(self, lamp: Lamp, attenuation_per_m: float, surface: float) -> np.ndarray:
-        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (k,)."""
+    def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[np.ndarray]:
+        """Light at the readings for unit albedo by number of reflections: (REFLECTIONS, n) for each water."""
+        if not attenuation_per_m:
+            return []
+        lit = self.lit(lamp, attenuation_per_m, surface).reshape(len(attenuation_per_m), -1, self.parts**2)
+        terms = lit @ self._terms
+        whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
+        operators = [self._operator(c, surface) for c in attenuation_per_m]
+        return [o.apply(t[self.before], w) for o, t, w in zip(operators, terms, whole, strict=True)]
+
+    def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (m, k).
+
+        In each of m waters.
+        """
+        rate = np.array(attenuation_per_m, np.float32)[:, None]
         unattenuated, in_water = self._remember(lamp)
-        lit = unattenuated * np.exp(-attenuation_per_m * in_water)
+        lit = unattenuated * np.exp(-rate * in_water)
         if surface:
-            arriving, light = image_of_lamp(lamp, self.top, self.fine.centre, attenuation_per_m)
-            lit += surface * light * np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
-        return lit
+            mirrored, in_water = self._remember_image(lamp)
+            lit += np.float32(surface) * mirrored * np.exp(-rate * in_water)
+        return np.asarray(lit)
 
     def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
         """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,)."""
@@ -213,6 +233,14 @@ class Room:
             self._last = (lamp, ways.lit(lamp), ways.in_water)
         return self._last[1:]
 
+    def _remember_image(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+        """The same by way of the water surface, for unit reflectance multiplier."""
+        if self._last_image is None or self._last_image[0] != lamp:
+            arriving, light, in_water = image_of_lamp(lamp, self.top, self.fine.centre)
+            light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
+            self._last_image = lamp, light.astype(np.float32), in_water.astype(np.float32)
+        return self._last_image[1:]
+
     def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
         key = (attenuation_per_m, surface)
         if key not in self._operators:
@@ -222,7 +250,7 @@ class Room:
             if surface:
                 among += np.float32(surface) * self.among_image.through(attenuation_per_m)
                 reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
-            self._operators[key] = Operators.of(among, reading, self.before, self.parts**2)
+            self._operators[key] = Operators.of(among, reading, self.before, self._terms)
         return self._operators[key]
 
     @cached_property
@@ -290,21 +318,29 @@ class Ways(NamedTuple):
         facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
         in_water = np.zeros(len(ahead))
         in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
-        return cls(ahead, *_angles(direction), facing, in_water)
+        return cls(ahead, *_angles(direction), facing, in_water.astype(np.float32))
 
     def lit(self, lamp: Lamp) -> np.ndarray:
         """Irradiance by a lamp there, without attenuation."""
-        light = np.zeros(len(self.ahead))
+        light = np.zeros(len(self.ahead), np.float32)
         # A round beam needs no azimuths, which cost more than all the rest.
         angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, self.theta, self.phi)
         light[self.ahead] = relative_intensity(lamp, *angles) * self.facing
         return light
 
 
-def image_of_lamp(
-    lamp: Lamp, top_m: float, places: np.ndarray, attenuation_per_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Light by way of the surface y = top: direction of arrival (n, 3), normal irradiance (n,), m^-2."""
+def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light by way of the surface y = top, without attenuation.
+
+    Returns
+    -------
+    arriving : array, shape (n, 3)
+        Direction of arrival.
+    light : array, shape (n,), m^-2
+        Normal irradiance.
+    in_water : array, shape (n,), m
+        Way in water; 0 where no light comes.
+    """
     image = np.array([lamp.offset_x_m, 2 * top_m - lamp.offset_y_m, -lamp.apparent_distance_m])
     way = places - image
     r = np.linalg.norm(way, axis=1)
@@ -313,11 +349,10 @@ def image_of_lamp(
     met = image[2] + way[:, 2] * (top_m - image[1]) / np.where(way[:, 1] < 0, way[:, 1], -1e-9)
     ahead = _before_lamp(lamp, places[:, 2]) & _before_lamp(lamp, met)
     leaving = arriving * np.array([1.0, -1.0, 1.0])
-    light = np.zeros(len(places))
-    in_water = _in_water(lamp, r[ahead], places[ahead, 2])
+    light, in_water = np.zeros((2, len(places)))
     light[ahead] = _intensity(lamp, leaving[ahead]) * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
-    light[ahead] *= np.exp(-attenuation_per_m * in_water)
-    return arriving, light
+    in_water[ahead] = _in_water(lamp, r[ahead], places[ahead, 2])
+    return arriving, light, in_water
 
 
 def _before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:

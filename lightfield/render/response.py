@@ -10,7 +10,7 @@ No NumPy array here depends on Mitsuba, so a response read from disk is evaluate
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -92,6 +92,8 @@ class TransportResponse:
     reference: Reference
     photons: int
     merged: NDArray[np.integer[Any]] | None = None
+    #: Factors of the rows that depend on the histories alone, as last asked for: a fit changes them rarely.
+    _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -202,10 +204,12 @@ class TransportResponse:
                 remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
             )
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
-        walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-        return np.asarray(
-            self._scattering(b, rows) * walls * surface[:, None] ** k * np.exp(-change * self.excess_m[rows])
-        )
+        key = tuple(v.tobytes() for v in (b, rho, surface))
+        name = rows.tobytes() if isinstance(rows, np.ndarray) else b""
+        if name not in self._last or self._last[name][0] != key:
+            walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
+            self._last[name] = key, self._scattering(b, rows) * walls * surface[:, None] ** k
+        return np.asarray(self._last[name][1] * np.exp(-change * self.excess_m[rows]))
 
     def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import sparse
 
@@ -36,7 +38,12 @@ class Shift:
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(len(cx))
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
         self.cell_z_m = cz
-        self.dx, self.dy = x_m - cx[self.cell], y_m - cy[self.cell]
+        # Readings of several colours at one place are moved alike.
+        places = np.stack([x_m, y_m, z_m], axis=1)
+        _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        self._which = which.ravel()
+        self._cell = self.cell[one_each]
+        self.dx, self.dy = x_m[one_each] - cx[self._cell], y_m[one_each] - cy[self._cell]
         self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
         n = len(cx)
         # Of d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell: weights of all cells.
@@ -53,14 +60,14 @@ class Shift:
                 self.smooth[i] = 0.0
                 self.smooth[i, near] = weights[0]
         # Straight to the readings, from the few cells around each.
-        self._expansion = sparse.csr_array(np.vstack([d[self.cell] for d in (*derivatives, self.smooth)]))
+        self._expansion = sparse.csr_array(np.vstack([d[self._cell] for d in (*derivatives, self.smooth)]))
         # Readings along one line through the axis do not show the curvature across it: that of a round field.
         self.across: int | None = None
         if np.ptp(cy) == 0 and np.abs(cy).max() < 1e-6:
             self.across = 1
         elif np.ptp(cx) == 0 and np.abs(cx).max() < 1e-6:
             self.across = 0
-        self.radius_m = (cx if self.across == 1 else cy)[self.cell]
+        self.radius_m = (cx if self.across == 1 else cy)[self._cell]
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
@@ -68,12 +75,12 @@ class Shift:
         log = np.log(np.maximum(field, 1e-6 * top))
         expanded = (self._expansion @ log.reshape(-1, log.shape[-1]).T).T
         *slopes, smooth = np.moveaxis(expanded.reshape(*log.shape[:-1], 6, -1), -2, 0)
-        here = field[..., self.cell]
+        here = field[..., self._cell]
         middle = np.where(here > 1e-6 * top, np.exp(smooth), here) / self._mean_over_middle(slopes)
         gx, gy, gxx, gxy, gyy = slopes
         dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
         change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
-        return np.asarray(middle * np.exp(np.clip(change, -3, 3)))
+        return np.asarray((middle * np.exp(np.clip(change, -3, 3)))[..., self._which])
 
     def _mean_over_middle(self, slopes: list[np.ndarray]) -> np.ndarray:
         """Mean of the field over each reading's cell, relative to its middle: 1 + h^2/24 f''/f along both
@@ -132,9 +139,16 @@ def _expansion(
     most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
     away = np.hypot(x[same] - x[i], y[same] - y[i])
     near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]
-    dx, dy = x[near] - x[i], y[near] - y[i]
-    terms = np.stack([np.ones_like(dx), dx, dy, 0.5 * dx * dx, dx * dy, 0.5 * dy * dy], axis=1)
-    usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
+    usable, weights = _quadratic(tuple(np.round(x[near] - x[i], 9)), tuple(np.round(y[near] - y[i], 9)))
     if len(near) < len(usable):
         return np.array([i]), usable[:1], np.ones((1, 1))
-    return near, usable, np.linalg.pinv(terms[:, usable])
+    return near, usable, weights
+
+
+@lru_cache(maxsize=1024)
+def _quadratic(dx: tuple[float, ...], dy: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Terms that neighbours at these places tell, and their weights; cells lie alike over most of a plane."""
+    x, y = np.array(dx), np.array(dy)
+    terms = np.stack([np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=1)
+    usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
+    return usable, np.linalg.pinv(terms[:, usable])

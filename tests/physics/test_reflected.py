@@ -78,7 +78,7 @@ def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str
     scene = Scene.from_toml(SCENE).with_values(values)
     light = ReflectedLight(scene, *(np.array([v]) for v in (0.0, 0.0, 6.0)))
     room = light.room(lid=True)
-    lit = room.lit(scene.lamp, 0.0, 0.0).reshape(len(room.patches.centre), -1).mean(axis=1)
+    lit = room.lit(scene.lamp, [0.0], 0.0).reshape(len(room.patches.centre), -1).mean(axis=1)
     among = room.among.through(0.0)
     irradiance = np.linalg.solve(np.eye(len(lit)) - albedo * among, lit)
     power = float(((1 - albedo) * irradiance * room.patches.area).sum())
@@ -90,7 +90,7 @@ def test_light_from_behind_the_window_meets_the_surface_beyond_it() -> None:
     (z - 1.5 m) / 2: beyond the window only from z = 1.5 m on."""
     lamp = Scene.from_toml(SCENE).lamp.model_copy(update={"apparent_distance_m": 1.5, "hwhm_deg": 40.0})
     places = np.array([[0.0, 0.0, z] for z in (0.5, 1.4, 1.6, 4.5)])
-    _, light = image_of_lamp(lamp, 0.6, places, 0.1)
+    _, light, _ = image_of_lamp(lamp, 0.6, places)
     assert (light[:2] == 0).all()
     assert (light[2:] > 0).all()
 
@@ -105,7 +105,7 @@ def test_light_is_smooth_in_the_attenuation() -> None:
     for attenuation in (0.05, 0.1, 0.15, 0.2, 0.35, 0.7):
         before, after = (light.evaluate(scene, attenuation + by) for by in (-1e-7, 1e-7))
         assert after == pytest.approx(before, rel=1e-5)
-        lit = room.lit(scene.lamp, attenuation, 0.0)
+        lit = room.lit(scene.lamp, [attenuation], 0.0)[0]
         patches = lit.reshape(len(room.patches.centre), -1).mean(axis=1)
         among, reading = (t.through(attenuation) for t in (room.among, room.reading))
         every = 0.3 * np.linalg.solve(np.eye(len(patches)) - 0.3 * among, patches)
