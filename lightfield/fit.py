@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -128,6 +128,8 @@ class Model:
 
 #: Dampings tried from one point; steps between true derivatives, and how good those steps must be.
 _TRIALS, _OLDEST, _GOOD = 9, 2, 0.5
+#: Damping that leaves a Newton step, but for directions that are not determined at all.
+_NEWTON = 1e-9
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,15 @@ class Fit:
         return (self.u <= self.model.low + width) | (self.u >= self.model.high - width)
 
 
+def _step(hessian: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
+    """Damped step of the free coordinates, in a metric that their scales do not matter to; 0 for the rest."""
+    step = np.zeros(len(free))
+    scale = np.sqrt(np.diag(hessian))
+    scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
+    step[free] = np.linalg.solve(scaled, gradient / scale) / scale
+    return step
+
+
 def least_squares(
     model: Model,
     value: Array,
@@ -218,7 +229,8 @@ def least_squares(
     keep : array of 0 and 1, shape (n_readings,), optional
         Readings left out carry 0.
     tolerance : float
-        Stop when a step lowers the sum of squares by less than this (in sigma^2).
+        Stop when a step would lower the sum of squares by less than this, in sigma^2, or in the scatter that
+        the model leaves where that is larger.
     """
     weight = np.ones(len(value)) if keep is None else keep
     low, high = model.low, model.high
@@ -236,15 +248,12 @@ def least_squares(
         gradient, hessian = slopes.T @ residual, slopes.T @ slopes
         diagonal = np.diag(hessian) + 1e-300
         free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0))) & (diagonal > 1e-290)
-        better = False
-        for _ in range(_TRIALS if age == 0 else 1):
-            if not free.any():
-                break
-            step = np.zeros_like(u)
-            scale = np.sqrt(diagonal[free])
-            scaled = hessian[np.ix_(free, free)] / np.outer(scale, scale) + damping * np.eye(int(free.sum()))
-            step[free] = np.linalg.solve(scaled, gradient[free] / scale) / scale
-            trial = np.clip(u + step, low, high)
+        little, better = tolerance * max(1.0, chi2 / len(value)), False
+        step = partial(_step, hessian[np.ix_(free, free)], gradient[free], free)
+        # What is to be gained without bounds and damping: no trial for what would not be felt.
+        trials = 0 if gradient @ step(_NEWTON) < little else _TRIALS if age == 0 else 1
+        for _ in range(trials):
+            trial = np.clip(u + step(damping), low, high)
             trial_prediction = model.predict(trial)
             evaluations += 1
             trial_residual = whiten(weight * (value - trial_prediction))
@@ -252,8 +261,8 @@ def least_squares(
             if np.isfinite(trial_chi2) and trial_chi2 < chi2:
                 better = True
                 break
-            damping = max(damping, 1e-9) * 7
-        little = tolerance * max(1.0, 0.01 * chi2 / len(value))
+            if age == 0:
+                damping = max(damping, 1e-9) * 7
         if age == 0 and (not better or chi2 - trial_chi2 < little):
             converged = True
         if better:
@@ -261,7 +270,8 @@ def least_squares(
             promised = float(moved @ (2 * gradient - hessian @ moved))
             change = residual - trial_residual - slopes @ moved
             u, prediction, residual, chi2 = trial, trial_prediction, trial_residual, trial_chi2
-            damping = max(damping / 8, 1e-9)
+            # Nielsen (1999): less after a step that did as promised, more after one that did not.
+            damping *= min(max(1 / 8, 1 - (2 * gain / promised - 1) ** 3), 2.0) if promised > 0 else 1.0
         if converged:
             break
         if better and age < _OLDEST and gain > max(little, _GOOD * promised):

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from lightfield.diagnosis.noisy_slopes import NoisySlopes
 from lightfield.diagnosis.problem import Problem
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.diagnosis.templates import Template, bank
@@ -36,8 +35,6 @@ VARIANCE_EXCESS = 4.0
 #: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
 FEWEST_SPARE = 4
 _CERTAIN = 1000
-#: Scores between these nominal p-values are freed of what noisy slopes pretend: others stay what they are.
-DOUBTED = (1e-9, 0.03)
 
 
 @dataclass(frozen=True)
@@ -131,9 +128,6 @@ class AdequacyTest:
         Gives whitened noise, shape (n, n_bootstrap), when a fit is tested.
     errors_stated : bool
         The table quotes standard errors, so that their scale can be doubted.
-    noisy : bool
-        The whitening holds errors of the diffuse light, and it is known how its derivatives share them; see
-        `noisy_slopes`.
     """
 
     def __init__(
@@ -144,10 +138,9 @@ class AdequacyTest:
         noise: Callable[[], Array],
         errors_stated: bool,
         scale: float = 1.0,
-        noisy: bool = False,
     ) -> None:
         self.problem, self.whiten, self.unknowns = problem, whiten, unknowns
-        self.noise, self.errors_stated, self.scale, self.noisy = noise, errors_stated, scale, noisy
+        self.noise, self.errors_stated, self.scale = noise, errors_stated, scale
 
     @cached_property
     def replicates(self) -> Array:
@@ -156,9 +149,7 @@ class AdequacyTest:
 
     def on(self, problem: Problem) -> AdequacyTest:
         """The same test of a problem whose forward model has changed a little."""
-        return AdequacyTest(
-            problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale, self.noisy
-        )
+        return AdequacyTest(problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale)
 
     def __call__(self, fit: Fit) -> Adequacy:
         """Test one fit."""
@@ -182,11 +173,6 @@ class AdequacyTest:
         null_p, labels, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
         observed = beside(free, fit.residual[:, None])
         seen_p, _, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
-        if self.noisy and seen_p.min() < DOUBTED[1]:
-            means = self._means(fit, ~bound, testable, dict(zip(labels, seen_p[:, 0], strict=True)))
-            if any(m.any() for m in means):
-                limits = None if taken else reach
-                seen_p, _, phi = self._p_values(observed, testable, spans, scans, limits, nu, means)
         worst = float(seen_p.min())
         p = (1 + int((null_p.min(0) <= worst).sum())) / (1 + null_p.shape[1])
         excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
@@ -201,29 +187,6 @@ class AdequacyTest:
             taken,
             float(np.quantile(null_p.min(0), ALPHA)),
         )
-
-    def _means(
-        self,
-        fit: Fit,
-        free: NDArray[np.bool_],
-        scores: list[Score],
-        nominal: Mapping[object, float],
-    ) -> list[Array]:
-        """What the doubted scores are on average where nothing is missing, in units of their directions."""
-        means = [np.zeros(s.direction.shape[1]) for s in scores]
-        doubted = [
-            i
-            for i, s in enumerate(scores)
-            if s.direction.shape[1] == s.template.columns.shape[1] == 1
-            and DOUBTED[0] < nominal[s.key] < DOUBTED[1]
-        ]
-        if not doubted:
-            return means
-        slopes = NoisySlopes(self.problem, self.whiten, fit, free)
-        for i in doubted:
-            sign = np.sign(scores[i].to_amplitude[0, 0])
-            means[i] = np.array([sign * slopes.of(scores[i].template)])
-        return means
 
     @staticmethod
     def _unit(free: Array, columns: Array) -> Array:
@@ -241,17 +204,14 @@ class AdequacyTest:
         scans: Mapping[str, Array],
         reach: Array | None,
         nu: int,
-        means: list[Array] | None = None,
     ) -> tuple[Array, list[object], Array]:
         total = (residuals**2).sum(0)
         phi = np.ones_like(total)
         if reach is not None:
             phi = np.maximum(total - ((reach.T @ residuals) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
         best: dict[object, Array] = {}
-        for i, score in enumerate(scores):
+        for score in scores:
             projected = score.direction.T @ residuals
-            if means is not None:
-                projected = projected - means[i][:, None]
             q = len(projected)
             if q == 1:
                 z = projected[0] / np.sqrt(phi)

@@ -226,10 +226,7 @@ def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Be
     # Drawn now, worked out when tested: what is drawn must not depend on what was tested before.
     white = whiten.replicates(rng, REPLICATES)
     noise, scale = partial(_with_serial, whiten, prepared.serial, white), whiten.phi * prepared.excess
-    modes = whiten.noise.photon_modes
-    # Of several colours it is not known well enough how their errors part when the water changes.
-    noisy = modes is not None and bool(modes.any()) and problem.layout.channel.max() == 0
-    test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale, noisy)
+    test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale)
     return Bench(whiten, test, unknowns, whiten.phi)
 
 
