@@ -54,6 +54,10 @@ class Histories:
         self.max_scatterings, self.max_walls, self.max_surfaces = max_scatterings, max_walls, max_surfaces
         self.longest_excess_m, self.path_nodes = longest_excess_m, path_nodes
         self.emission_nodes, self.n_phi = emission_nodes, n_phi
+        # In variables, not literals: another water needs no new kernel.
+        self._most = [dr.opaque(mi.UInt32, most) for most in (max_scatterings, max_walls, max_surfaces)]
+        self._last, self._directions = (dr.opaque(mi.UInt32, n) for n in (path_nodes - 1, emission_nodes))
+        self._longest = dr.opaque(mi.Float, longest_excess_m)
         self.excess_m = longest_excess_m * (np.arange(path_nodes) / (path_nodes - 1)) ** 3
         rows: dict[tuple[int, int, int], int] = {}
         lookup = []
@@ -77,10 +81,10 @@ class Histories:
 
     def channel(self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32) -> mi.UInt32:
         """Channel number of a history."""
-        n = dr.minimum(scatterings, self.max_scatterings)
-        m = dr.minimum(walls, self.max_walls)
-        k = dr.minimum(surfaces, self.max_surfaces)
-        return dr.gather(mi.UInt32, self.lookup, (n * (self.max_walls + 1) + m) * (self.max_surfaces + 1) + k)
+        counted = zip((scatterings, walls, surfaces), self._most, strict=True)
+        n, m, k = (dr.minimum(number, most) for number, most in counted)
+        _, most_m, most_k = self._most
+        return dr.gather(mi.UInt32, self.lookup, (n * (most_m + 1) + m) * (most_k + 1) + k)
 
     def mirrored(self, node: mi.UInt32) -> mi.UInt32:
         """Emission node of the mirror image at -x: phi -> pi - phi."""
@@ -98,26 +102,26 @@ class Histories:
         excess: mi.Float,
         node: mi.UInt32,
         cell: mi.UInt32,
-        cells: int,
+        cells: mi.UInt32,
         value: mi.Float,
         active: mi.Bool,
     ) -> None:
         """Add `value` to the two path nodes around `excess`."""
-        last = self.path_nodes - 1
+        last = mi.Float(self._last)
         # The cube root; its rounding may choose the next node over, which the clipping below forgives.
-        u = dr.exp2(dr.log2(dr.clip(excess / self.longest_excess_m, 1e-30, 1)) / 3) * last
-        low = dr.minimum(mi.UInt32(u), last - 1)
-        scale = self.longest_excess_m / last**3
+        u = dr.exp2(dr.log2(dr.clip(excess / self._longest, 1e-30, 1)) / 3) * last
+        low = dr.minimum(mi.UInt32(u), self._last - 1)
+        scale = self._longest / (last * last * last)
         a = mi.Float(low)
         below = a * a * a * scale
         above = (a + 1) * (a + 1) * (a + 1) * scale
         share = dr.clip((excess - below) / (above - below), 0, 1)
-        base = (channel * self.path_nodes + low) * self.emission_nodes + node
+        base = (channel * (self._last + 1) + low) * self._directions + node
         dr.scatter_add(tally, value * (1 - share), base * cells + cell, active, mode=dr.ReduceMode.Direct)
         dr.scatter_add(
             tally,
             value * share,
-            (base + self.emission_nodes) * cells + cell,
+            (base + self._directions) * cells + cell,
             active,
             mode=dr.ReduceMode.Direct,
         )

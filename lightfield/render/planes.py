@@ -72,7 +72,7 @@ class Planes:
         lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         apparent_distance_m: float = 0.0,
     ) -> None:
-        self.receiver, self.shape = receiver, grid.shape
+        self.receiver = receiver
         every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
         self.cells = int(every.sum())
         number = np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells)
@@ -81,7 +81,11 @@ class Planes:
             number, self.images = grid.merged, np.bincount(grid.merged.ravel())
             self.cells = len(self.images)
         self.lookup = mi.UInt32(number.ravel())
-        self.count, self.z = dr.opaque(mi.UInt32, len(grid.z_m)), mi.Float(grid.z_m)
+        # In variables, not literals: another layout needs no new kernel.
+        self.count, self._n_y, self._n_x, self._n_cells = (
+            dr.opaque(mi.UInt32, n) for n in (*grid.shape, self.cells)
+        )
+        self.z = mi.Float(grid.z_m)
         self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
         self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
@@ -91,6 +95,7 @@ class Planes:
         self.reach = _opaque(OPEN_WATER_REACH * max(grid.z_m.max(), widest))
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
+        self.acceptance_hwhm = _opaque(radians(receiver.acceptance_hwhm_deg))
         tilt = radians(receiver.tilt_x_deg)
         self.axis = mi.Vector3f(_opaque(np.sin(tilt)), 0.0, _opaque(-cos(tilt)))
         # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
@@ -119,12 +124,13 @@ class Planes:
         return self._response(direction, to_lamp) * self.per_area, full * z / (z + self.apparent)
 
     def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
-        ny, nx = self.shape[1:]
+        ny, nx = mi.Float(self._n_y), mi.Float(self._n_x)
         column, row = dr.floor((x - self.first_x) * self.per_x), dr.floor((y - self.first_y) * self.per_y)
         on_grid = meets & (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
-        at = (plane * ny + mi.UInt32(dr.clip(row, 0, ny - 1))) * nx + mi.UInt32(dr.clip(column, 0, nx - 1))
+        in_row, in_column = mi.UInt32(dr.clip(row, 0, ny - 1)), mi.UInt32(dr.clip(column, 0, nx - 1))
+        at = (plane * self._n_y + in_row) * self._n_x + in_column
         cell = dr.gather(mi.UInt32, self.lookup, at, on_grid)
-        return on_grid & (cell < self.cells), cell
+        return on_grid & (cell < self._n_cells), cell
 
     def _response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
         """Weight of a crossing: power through the plane into what the receiver reads."""
@@ -144,7 +150,7 @@ class Planes:
         response = mi.Float(1) if plain else across * dr.maximum(facing, 0)
         if receiver.acceptance_hwhm_deg > 0:
             psi = 2 * dr.asin(dr.minimum(0.5 * dr.norm(direction + axis), 1))
-            ratio = psi / radians(receiver.acceptance_hwhm_deg)
+            ratio = psi / self.acceptance_hwhm
             response *= dr.exp(-log(2) * ratio * ratio)
         return response
 

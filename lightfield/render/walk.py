@@ -14,7 +14,10 @@ numbers of scatterings n, wall hits m, surface reflections k, the excess path ov
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -32,6 +35,8 @@ FORCED = 0.9  # share of the first flights that scatter before the last plane, w
 MAX_FLIGHTS = 4000
 FAR = 1e7  # m, where nothing is hit
 PHOTONS_PER_LANE = 64
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,25 @@ def first_or_free_flight(
     return free, dr.select(steered, bias, 1)
 
 
+def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
+    """Interrupts come out of a loop as such: Dr.Jit turns whatever stops one into an error of its own."""
+
+    @wraps(walk)
+    def walked(*args: Given.args, **settings: Given.kwargs) -> Result:
+        try:
+            return walk(*args, **settings)
+        except RuntimeError as error:
+            cause: BaseException | None = error
+            while isinstance(cause, RuntimeError):
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt | SystemExit):
+                raise cause from None
+            raise
+
+    return walked
+
+
+@_as_raised
 @dr.syntax
 def trace(
     scene: mi.Scene,
@@ -149,7 +173,9 @@ def trace(
     lanes = -(-photons // each)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
     lane = dr.arange(mi.UInt32, lanes)
+    # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
     number = lane + dr.opaque(mi.UInt32, first)
+    stride, cells = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, planes.cells)
     # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
     low, high = mi.sample_tea_32(
         dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
@@ -183,7 +209,7 @@ def trace(
     while alive | (started < each):
         # ---------------------------------------------------------- a new photon
         if ~alive:
-            start = emission.sample(started * lanes + number, points, rng)
+            start = emission.sample(started * stride + number, points, rng)
             position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
             weight, node = mi.Float(start.weight), mi.UInt32(start.node)
             survival, length = mi.Float(1), mi.Float(0)
@@ -223,9 +249,7 @@ def trace(
                 depth = absorption.depth(position.z, direction.z, crossing.distance)
                 value = weight * response * dr.exp(-depth - b0 * crossing.distance)
                 excess = dr.maximum(length + crossing.distance - straight, 0)
-                histories.deposit(
-                    tally, channel, excess, node, crossing.cell, planes.cells, value, crossing.hits
-                )
+                histories.deposit(tally, channel, excess, node, crossing.cell, cells, value, crossing.hits)
                 if dr.hint(mirror_x, mode="scalar"):
                     image = histories.mirrored(node)
                     histories.deposit(
@@ -234,7 +258,7 @@ def trace(
                         excess,
                         image,
                         crossing.mirror_cell,
-                        planes.cells,
+                        cells,
                         value,
                         crossing.mirror_hits,
                     )

@@ -9,6 +9,7 @@ import pytest
 from montecarlo import chi_square_p
 from scipy import stats
 
+from lightfield.render.backend import use_backend
 from lightfield.render.dense_water import dense_water, trace_for
 from lightfield.render.diffuse import DiffuseResponse, response_for
 from lightfield.render.grid import cell_of
@@ -192,3 +193,20 @@ def test_errors_stay_finite_where_interpolation_in_g_leaves_nothing(response: Di
     modes, smooth = response.errors(edge, [None], np.zeros(len(PLACES), int))
     assert np.isfinite(value).all() and np.isfinite(modes).all() and np.isfinite(smooth).all()
     assert (error <= value * (1 + 1e-9)).all()
+
+
+def test_another_layout_and_another_water_need_no_new_kernel() -> None:
+    """Compiling takes as long as a third of a trace: the second measurement must not pay for it again."""
+    use_backend()
+    import drjit as dr
+
+    def kernels(places: np.ndarray, photons: int, dense_per_m: float | None = None) -> set[int]:
+        dr.kernel_history_clear()
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            response_for(SCENE, *places.T, photons=photons, dense_per_m=dense_per_m, cache=False).trace()
+        return {kernel["hash"] for kernel in dr.kernel_history([dr.KernelType.JIT])}
+
+    first = kernels(PLACES, 40_000)
+    other = kernels(PLACES[1:] * [1.5, 1.0, 0.9], 60_000, dense_per_m=0.75)
+    assert first
+    assert other <= first

@@ -20,6 +20,9 @@ import xarray as xr
 
 from lightfield import cli
 from lightfield.dataset import read_netcdf
+from lightfield.render.backend import use_backend
+from lightfield.render.rendering import render_scene
+from lightfield.scene import Scene
 
 SCENE = """
 [water]
@@ -118,7 +121,7 @@ def test_nothing_half_written_is_left_and_the_next_run_works(place, monkeypatch,
     if number == signal.SIGKILL:
         assert code == -signal.SIGKILL
     else:
-        assert code == 130
+        assert code == 130, message
         assert len(message.splitlines()) == 1 and "Traceback" not in message
         assert not [name for name in files_in(place / "out") if name.startswith(".") or "/" in name]
     # What stands under a final name is complete: it opens, and every pixel has its value and error.
@@ -208,3 +211,17 @@ def test_an_entry_under_a_wrong_name_is_not_taken(place, monkeypatch, capsys):
     (place / "scene.toml").write_text(SCENE)
     render(place, monkeypatch)
     same(read_netcdf(place / "out" / "maps.nc"), first)
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_a_stop_while_the_walk_is_recorded_is_still_a_stop(monkeypatch, stop) -> None:
+    """Dr.Jit reports whatever ends its loop as a RuntimeError, even Ctrl-C."""
+    use_backend()
+    from lightfield.render.planes import Planes
+
+    def stopped(*_: object) -> None:
+        raise stop
+
+    monkeypatch.setattr(Planes, "reading", stopped)
+    with pytest.raises(stop):
+        render_scene(Scene.from_toml(SCENE), max_photons=3e4, cache=False)
