@@ -4,6 +4,7 @@ it."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,9 +131,13 @@ class Noise:
             one_channel = lay.channel[:, None] == lay.channel[None]
             for relative, part, alike in smooth:
                 out += relative**2 * np.outer(part, part) * lay.alike * np.where(one_channel, 1.0, alike)
-        if self.photon_modes is not None:
-            out += self.photon_modes @ self.photon_modes.T
-        return out
+        return out if self.photon_modes is None else out + self._of_photons
+
+    @cached_property
+    def _of_photons(self) -> Array:
+        """Covariance of the Monte Carlo errors, shape (n, n)."""
+        assert self.photon_modes is not None
+        return np.asarray(self.photon_modes @ self.photon_modes.T)
 
     def serial(self, rho: float) -> Array:
         """Correlation of the readings' own noise in scan order, shape (n, n)."""

@@ -245,7 +245,7 @@ class DiffuseResponse:
             found = np.zeros((len(channel), relative.shape[2]))
             for water in np.unique(channel):
                 mine = channel == water
-                found[mine] = self.shift.spread(relative[water])[mine]
+                found[mine] = self.shift.spread(relative[water], mine)
             modes.append(found)
         return np.hstack(modes)
 

@@ -30,7 +30,7 @@ WATER_INDEX = 1.34
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
-#: Reflections followed one by one; the rest is a geometric series.
+#: Reflections followed one by one; the rest is what a recurrence makes of the last four.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
 KEPT, KEPT_LAMPS = 40, 200  # operators in memory, and lamps with their answers
@@ -140,12 +140,40 @@ def terms_of_light(parts: int) -> np.ndarray:
     return np.asarray(terms * np.sign(terms[0]), np.float32)
 
 
-def _added_up(orders: np.ndarray, albedo: float) -> np.ndarray:
-    """All reflections, beyond the last known as a geometric series; (..., REFLECTIONS, n) to (..., n)."""
-    light = albedo ** np.arange(1, REFLECTIONS + 1)[:, None] * orders
-    last, before = light[..., -1, :].sum(axis=-1), light[..., -2, :].sum(axis=-1)
-    ratio = np.minimum(np.divide(last, before, out=np.zeros_like(last), where=before > 0), 0.99)
-    return np.asarray(light.sum(axis=-2) + light[..., -1, :] * (ratio / (1 - ratio))[..., None])
+class Orders(NamedTuple):
+    """Light at the readings for unit albedo, by number of reflections.
+
+    Parameters
+    ----------
+    light : array, shape (REFLECTIONS, n)
+    one, two : float
+        What comes next: one times the last and two times the last but one, at all readings.
+    """
+
+    light: np.ndarray
+    one: float
+    two: float
+
+    @classmethod
+    def of(cls, light: np.ndarray) -> Orders:
+        """With the recurrence that the last four tell of, by least squares over the readings.
+
+        Two terms: light runs along the tank, and one ratio does not tell how.
+        """
+        lit = light[-4:, light[-1] > 0] / light[-1, light[-1] > 0]
+        products = lit @ lit.T
+        normal = products[1:3, 1:3] + products[:2, :2]
+        normal += 1e-9 * np.trace(normal) * np.eye(2) + 1e-300 * np.eye(2)
+        two, one = np.linalg.solve(normal, products[1:3, 3] + products[:2, 2]).tolist()
+        return cls(light, one, two)
+
+    def for_albedo(self, albedo: float) -> np.ndarray:
+        """Light of all reflections, shape (n,)."""
+        shares = albedo ** np.arange(1.0, REFLECTIONS + 1)
+        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 0.01)
+        shares[-1] += beyond * (self.one + self.two * albedo)
+        shares[-2] += beyond * self.two
+        return np.asarray(shares @ self.light)
 
 
 class Room:
@@ -170,7 +198,7 @@ class Room:
         self._ways: dict[tuple[Any, ...], Ways] = {}
         self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
         self._last_image: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._answers: dict[Lamp, dict[tuple[float, float], np.ndarray]] = {}
+        self._answers: dict[Lamp, dict[tuple[float, float], Orders]] = {}
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -186,11 +214,11 @@ class Room:
         for m in mirrors:
             missing = [c for c in nodes if (c, m) not in known]
             known.update(zip(product(missing, [m]), self._reached(lamp, missing, m), strict=True))
-        found = _added_up(np.array([[known[c, m] for c in nodes] for m in mirrors]), albedo)
+        found = np.array([[known[c, m].for_albedo(albedo) for c in nodes] for m in mirrors])
         along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return np.asarray(lagrange(mirrors, surface) @ along_c)
 
-    def _known(self, lamp: Lamp) -> dict[tuple[float, float], np.ndarray]:
+    def _known(self, lamp: Lamp) -> dict[tuple[float, float], Orders]:
         """What is known of a lamp: its light at the readings by attenuation and surface reflectance."""
         if lamp not in self._answers:
             while len(self._answers) >= KEPT_LAMPS:
@@ -198,15 +226,16 @@ class Room:
             self._answers[lamp] = {}
         return self._answers[lamp]
 
-    def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[np.ndarray]:
-        """Light at the readings for unit albedo by number of reflections: (REFLECTIONS, n) for each water."""
+    def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[Orders]:
+        """Light at the readings in each of some waters."""
         if not attenuation_per_m:
             return []
         lit = self.lit(lamp, attenuation_per_m, surface).reshape(len(attenuation_per_m), -1, self.parts**2)
         terms = lit @ self._terms
         whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
         operators = [self._operator(c, surface) for c in attenuation_per_m]
-        return [o.apply(t[self.before], w) for o, t, w in zip(operators, terms, whole, strict=True)]
+        found = zip(operators, terms, whole, strict=True)
+        return [Orders.of(operator.apply(t[self.before], w)) for operator, t, w in found]
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (m, k).

@@ -95,9 +95,9 @@ class Shift:
         mean = 1 + (hx * hx * (gxx + gx * gx) + hy * hy * (gyy + gy * gy)) / 24
         return np.asarray(np.clip(mean, 0.8, 1.25))
 
-    def spread(self, relative: np.ndarray) -> np.ndarray:
-        """Relative errors of the readings from those of the cells, (..., n_cells, k) to (..., n, k)."""
-        return np.asarray((self.smooth @ relative)[..., self.cell, :])
+    def spread(self, relative: np.ndarray, which: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Relative errors of the readings, or of some, from those of the cells, (n_cells, k) to (n, k)."""
+        return np.asarray((self.smooth @ relative)[self.cell[which]])
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""
