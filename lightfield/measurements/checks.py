@@ -14,6 +14,8 @@ from lightfield.measurements.readings import MEDIA, QUANTITIES, ROLES, SCALES, T
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
+#: No unit makes light so large a number; squares of much larger ones overflow.
+LARGEST = 1e30
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -49,6 +51,9 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("x_m", "y_m", "z_m"):
         far = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > FARTHEST_M)
         refuse(far, name, "is farther than any lamp", f"at most {FARTHEST_M:g} m", "give positions in metres")
+    for name in ("value", "stderr"):
+        large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
+        refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"

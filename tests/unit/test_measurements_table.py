@@ -137,6 +137,8 @@ BAD = {
     "NA value": ("z_m,value\n1,2\n2,NA\n", "line 3", "not a finite number"),
     "infinite": ("z_m,value\n1,2\n2,-inf\n", "line 3", "not a finite number"),
     "huge": ("z_m,value\n1,2\n2,1e999\n", "line 3", "too large"),
+    "no light is so large": ("z_m,value\n1,2\n2,1e31\n", "line 3", "too large for light"),
+    "nor is its error": ("z_m,value,stderr\n1,2,1e300\n", "line 2", "too large for light"),
     "nan stderr": ("z_m,value,stderr\n1,2,nan\n", "line 2", "leave it blank"),
     "blank value": ("z_m,value,x_m\n1,,3\n", "line 2", "value is missing"),
     "text": ("z_m,value\n1,two\n", "line 2", "not a number"),
@@ -280,6 +282,7 @@ def test_readings_cannot_be_changed():
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 place = st.floats(-300, 300)
+light = st.floats(-1e30, 1e30)
 positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False)
 line_text = st.text(st.characters(exclude_categories=("Cs", "Cc")), max_size=8)
 names = line_text.filter(lambda s: s and s == s.strip() and s not in (*COLUMNS, "quantity", "scale", "units"))
@@ -307,13 +310,13 @@ def tables(draw) -> Readings:
 
     return Readings.from_arrays(
         z_m=column(st.floats(5e-324, 300)),
-        value=column(finite),
+        value=column(light),
         x_m=column(place),
         y_m=column(place),
         medium=column(st.sampled_from(["water", "air"])),
         role=column(st.sampled_from(["signal", "reference"])),
         wavelength_nm=column(positive, True),
-        stderr=column(positive, True),
+        stderr=column(st.floats(5e-324, 1e30), True),
         time_s=column(finite, True),
         integration_time_s=column(positive, True),
         repeat=np.arange(n),
