@@ -129,7 +129,7 @@ class Model:
 #: Dampings tried from one point; steps between true derivatives, and how good those steps must be.
 _TRIALS, _OLDEST, _GOOD = 9, 2, 0.5
 #: Damping that leaves a Newton step, but for directions that are not determined at all.
-_NEWTON = 1e-9
+_NEWTON, _UNDAMPED = 1e-9, 1e-8
 
 
 @dataclass(frozen=True)
@@ -217,8 +217,9 @@ def least_squares(
 ) -> Fit:
     """Minimise |whiten(value - prediction)|^2 by Levenberg-Marquardt steps projected onto the bounds.
 
-    After a step that did as promised the derivatives are corrected along it (Broyden 1965, Math. Comp. 19,
-    577); the last step is always taken with true ones.
+    The damping follows what steps brought of what they promised (Nielsen 1999, report IMM-REP-1999-05). After
+    a step that did as promised the derivatives are corrected along it (Broyden 1965, Math. Comp. 19, 577);
+    the last step is always taken with true ones.
 
     Parameters
     ----------
@@ -262,16 +263,18 @@ def least_squares(
                 better = True
                 break
             if age == 0:
-                damping = max(damping, 1e-9) * 7
-        if age == 0 and (not better or chi2 - trial_chi2 < little):
+                damping *= 7
+        # A damped step may gain little where there is much to gain, along what the readings hardly determine.
+        if age == 0 and (not better or (chi2 - trial_chi2 < little and damping <= _UNDAMPED)):
             converged = True
         if better:
             gain, moved = chi2 - trial_chi2, trial - u
             promised = float(moved @ (2 * gradient - hessian @ moved))
             change = residual - trial_residual - slopes @ moved
             u, prediction, residual, chi2 = trial, trial_prediction, trial_residual, trial_chi2
-            # Nielsen (1999): less after a step that did as promised, more after one that did not.
-            damping *= min(max(1 / 8, 1 - (2 * gain / promised - 1) ** 3), 2.0) if promised > 0 else 1.0
+            # Less after a step that did as promised, more after one that did not.
+            kept = min(gain / promised, 1.0) if promised > 0 else 0.5
+            damping = max(damping * max(1 / 8, 1 - (2 * kept - 1) ** 3), _NEWTON)
         if converged:
             break
         if better and age < _OLDEST and gain > max(little, _GOOD * promised):

@@ -33,7 +33,7 @@ DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpol
 #: Reflections followed one by one; the rest is what a recurrence makes of the last four.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
-KEPT, KEPT_LAMPS = 40, 200  # operators in memory, and lamps with their answers
+KEPT, KEPT_BYTES, KEPT_LAMPS = 40, 400e6, 60  # operators in memory, or as many as that; lamps with answers
 
 
 class ReflectedLight:
@@ -170,7 +170,7 @@ class Orders(NamedTuple):
     def for_albedo(self, albedo: float) -> np.ndarray:
         """Light of all reflections, shape (n,)."""
         shares = albedo ** np.arange(1.0, REFLECTIONS + 1)
-        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 0.01)
+        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 1e-4)
         shares[-1] += beyond * (self.one + self.two * albedo)
         shares[-2] += beyond * self.two
         return np.asarray(shares @ self.light)
@@ -204,7 +204,7 @@ class Room:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
 
         Worked out at a few attenuations and reflectances, and interpolated: its logarithm is nearly linear in
-        the first (cubic between four nodes, which leaves 0.1 % and no jump), itself a low polynomial in the
+        the first (cubic between four nodes, which adds 0.1 % and no jump), itself a low polynomial in the
         second. A fit that moves the water, the walls or the surface then costs nothing new.
         """
         first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
@@ -238,9 +238,9 @@ class Room:
         return [Orders.of(operator.apply(t[self.before], w)) for operator, t, w in found]
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
-        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, (m, k).
+        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
 
-        In each of m waters.
+        In each of m waters, shape (m, k).
         """
         rate = np.array(attenuation_per_m, np.float32)[:, None]
         unattenuated, in_water = self._remember(lamp)
@@ -273,7 +273,8 @@ class Room:
     def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
         key = (attenuation_per_m, surface)
         if key not in self._operators:
-            while len(self._operators) >= KEPT:
+            size = 4 * len(self.places) * (self._terms.shape[1] + REFLECTIONS) * len(self.patches.centre)
+            while len(self._operators) >= max(KEPT, KEPT_BYTES / size):
                 self._operators.pop(next(iter(self._operators)))
             among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
             if surface:

@@ -205,11 +205,13 @@ class TransportResponse:
             )
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
         key = tuple(v.tobytes() for v in (b, rho, surface))
-        name = rows.tobytes() if isinstance(rows, np.ndarray) else b""
-        if name not in self._last or self._last[name][0] != key:
+        name = rows.tobytes() if isinstance(rows, np.ndarray) else repr(rows).encode()
+        known, factor = self._last.get(name, (None, np.zeros(0)))
+        if known != key:
             walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-            self._last[name] = key, self._scattering(b, rows) * walls * surface[:, None] ** k
-        return np.asarray(self._last[name][1] * np.exp(-change * self.excess_m[rows]))
+            factor = self._scattering(b, rows) * walls * surface[:, None] ** k
+            self._last[name] = key, factor
+        return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
 
     def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).

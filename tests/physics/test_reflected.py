@@ -122,7 +122,11 @@ def test_what_is_remembered_is_not_mistaken() -> None:
     kept = ReflectedLight(scene, *places)
     narrow, surface = {"lamp.hwhm_deg": 9.0}, {"tank.surface_reflectance": 1.0}
     bright = {"tank.wall_albedo": 0.6}
-    changes: tuple[dict[str, float], ...] = ({}, narrow, bright, narrow | bright, surface, {})
+    rippled = {"tank.surface_reflectance": 0.4}
+    changes: tuple[dict[str, float], ...] = (
+        *({}, narrow, bright, narrow | bright, surface, surface | narrow, rippled),
+        *(rippled | bright, rippled | narrow, {}),
+    )
     for change in changes:
         asked = scene.with_values(change)
         for attenuation in (0.1, 0.33, 0.1):

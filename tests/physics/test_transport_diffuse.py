@@ -208,5 +208,5 @@ def test_another_layout_and_another_water_need_no_new_kernel() -> None:
 
     first = kernels(PLACES, 40_000)
     other = kernels(PLACES[1:] * [1.5, 1.0, 0.9], 60_000, dense_per_m=0.75)
-    assert first
+    assert first and other
     assert other <= first

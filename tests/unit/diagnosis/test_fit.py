@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
+import pytest
 
 from lightfield import fit as fit_module
 from lightfield.fit import Model, Parameter, least_squares
@@ -94,3 +95,50 @@ def test_an_infinite_width_is_zero_in_the_scene() -> None:
     width = Parameter("w", 0.0, 25.0, 0.0, 1e-3, "inverse-square")
     assert width.value(0.0) == 0.0
     assert width.value(width.coordinate_of(8.0)) == 8.0
+
+
+class Given:
+    """Any prediction of u and v."""
+
+    def __init__(self, predict: Callable[[float, float], np.ndarray]) -> None:
+        self._predict = predict
+
+    size = 50
+
+    def predict(self, values: Mapping[str, float]) -> np.ndarray:
+        return self._predict(values["u"], values["v"])
+
+    def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros((self.size, 0)), np.zeros(self.size)
+
+    def position_slope(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.zeros(self.size)
+
+    def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
+        return None
+
+    def factor_to_traced(self, values: Mapping[str, float]) -> float:
+        return 1.0
+
+    def model(self, step: float) -> Model:
+        return Model(self, tuple(Parameter(name, -1e6, 1e6, 0.0, step) for name in "uv"))
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-3, 3e-4])
+def test_what_is_hardly_determined_is_found_all_the_same(apart: float) -> None:
+    """Two columns that are nearly one: 30 in chi-square are to be gained along their difference, beside
+    scatter ten times as large as stated."""
+    one, other, noise = np.linalg.qr(np.random.default_rng(2).standard_normal((50, 3)))[0].T
+    data = 0.05 * one + np.sqrt(30) * other + np.sqrt(470) * noise
+    given = Given(lambda u, v: (u + v) * one + v * apart * other)
+    fit = least_squares(given.model(1.0), data, lambda a: a, np.zeros(2), tolerance=1e-3)
+    assert fit.converged
+    assert fit.chi2 < 470.05
+
+
+def test_a_step_far_better_than_promised_is_taken() -> None:
+    """Light of e^-300 at the start: the first step gains 1e200 times what its derivatives promise."""
+    given = Given(lambda u, v: np.full(50, np.exp(-300 * (1 - min(u, 1.0)))))
+    model = Model(given, (Parameter("u", 0.0, 1.0, 0.0, 1e-6), Parameter("v", 0.0, 0.0, 0.0, 1.0)))
+    fit = least_squares(model, np.ones(50), lambda a: a, np.zeros(2))
+    assert fit.u[0] == pytest.approx(1.0)
