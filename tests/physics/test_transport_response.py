@@ -11,7 +11,7 @@ from montecarlo import same_light_p
 from lightfield.render.backend import use_backend
 from lightfield.render.grid import scene_grid
 from lightfield.render.rendering import Rendering, render_scene
-from lightfield.render.response import Reference
+from lightfield.render.response import Reference, TransportResponse
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict(
@@ -150,3 +150,14 @@ def test_stated_error_is_the_observed_scatter() -> None:
         mean, stderr = (np.array(v) for v in zip(*maps, strict=True))
         ratio = np.sqrt((stderr**2).mean(axis=0)) / mean.std(axis=0, ddof=1)
         assert 0.9 < ratio.mean() < 1.1
+
+
+def test_what_is_kept_between_waters_is_that_of_the_walls_asked_for() -> None:
+    """Albedo and surface move in turn while the water stays: one row of each kind, its factor by hand."""
+    histories = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    straight, reference = np.ones((1, 1, 1)), Reference(0.1, 0.2, 0.5)
+    response = TransportResponse(np.ones((1, 3, 1)), histories, np.zeros(3), straight, reference, 1)
+    for rho, surface in ((0.5, 1.0), (0.25, 1.0), (0.25, 0.4), (0.5, 1.0)):
+        asked = (np.array([v]) for v in (0.1, 0.2, rho, surface))
+        weights = response.row_weights(*asked, np.arange(3))
+        np.testing.assert_allclose(weights[0], [1.0, rho / 0.5, surface])
