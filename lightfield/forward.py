@@ -22,7 +22,7 @@ GAIN = "gain"
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = ("detector.background", "detector.saturation", "detector.saturation_quadratic")
 _TIME = ("lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s")
-_REMEMBERED = 24
+_REMEMBERED = 120
 
 
 class Diffuse(Protocol):
@@ -221,14 +221,13 @@ class SceneForward:
         modes: Array = np.zeros((self.size, 0))
         smooth: Array = np.zeros(self.size)
         if has_diffuse_light(scene) and self._source is not None:
-            found, slow = self._traced().errors(scene, self._colours, self._channel)
-            modes, smooth = np.where(self._air[:, None], 0.0, found), np.where(self._air, 0.0, slow)
-        correction = np.broadcast_to(self._correction, (self.size,))
-        modes, smooth = modes * correction[:, None], smooth * correction
-        if np.any(self._more_error):
-            modes = np.hstack([modes, np.diag(np.broadcast_to(self._more_error, (self.size,)))])
+            modes, smooth = self._traced().errors(scene, self._colours, self._channel)
         factor = self._gain(values) * self.power(values)
-        return np.asarray(factor[:, None] * modes), np.asarray(factor * smooth)
+        in_water = np.where(self._air, 0.0, factor * self._correction)
+        modes, smooth = in_water[:, None] * modes, in_water * smooth
+        if np.any(self._more_error):
+            modes = np.hstack([modes, np.diag(factor * self._more_error)])
+        return np.asarray(modes), np.asarray(smooth)
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
