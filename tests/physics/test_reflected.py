@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lightfield.lamps.profile import solid_angle_sr
-from lightfield.render.reflected import ReflectedLight, fresnel, image_of_lamp
+from lightfield.render.from_lamp import fresnel, image_of_lamp
+from lightfield.render.reflected import ReflectedLight
 from lightfield.scene import Scene
 
 SCENE = """

@@ -281,8 +281,7 @@ def test_readings_cannot_be_changed():
 # --- exactness
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
-place = st.floats(-300, 300)
-light = st.floats(-1e30, 1e30)
+place, light = st.floats(-300, 300), st.floats(-1e30, 1e30)
 positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False)
 line_text = st.text(st.characters(exclude_categories=("Cs", "Cc")), max_size=8)
 names = line_text.filter(lambda s: s and s == s.strip() and s not in (*COLUMNS, "quantity", "scale", "units"))
