@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 TESTS ?=
 
 .DEFAULT_GOAL := setup
-.PHONY: setup llvm lint format types pytest test demo bench clean
+.PHONY: setup llvm lint format types pytest test slow demo bench clean
 
 setup: $(STAMP) llvm
 
@@ -35,6 +35,10 @@ test: setup
 	$(MAKE) --no-print-directory lint
 	$(MAKE) --no-print-directory types
 	$(MAKE) --no-print-directory pytest
+
+# What takes minutes: fuzzing, kills at random moments, statistics over many seeds.
+slow: setup
+	$(BIN)/python -m pytest -m slow --timeout 3600 $(TESTS)
 
 demo: setup
 	@$(BIN)/python -m lightfield.cli demo

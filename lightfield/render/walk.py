@@ -331,9 +331,10 @@ def trace(
         alive = active & (flights < MAX_FLIGHTS)
 
     traced = lanes * each
-    books = [dr.sum(v) for v in (emitted, absorbed, at_walls, escaped, unfinished, invented)]
-    dr.eval(tally, *books)
-    sums = [float(v[0]) / traced for v in books]
+    # All outputs in one kernel: a sum asked for alone would walk every photon again.
+    outputs = (emitted, absorbed, at_walls, escaped, unfinished, invented)
+    dr.eval(tally, *outputs)
+    sums = [float(dr.sum(v)[0]) / traced for v in outputs]
     counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
     counts /= traced if planes.images is None else traced * planes.images.astype(np.float32)
     if mirror_x:
