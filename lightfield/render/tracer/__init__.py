@@ -1,0 +1,1 @@
+"""The photon walk and what drives it."""
