@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.commands._options import seed_number
 from lightfield.render.maps import Rendering, render_scene
-from lightfield.render.tracer.settings import Progress, Settings
+from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 
 

@@ -14,7 +14,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.response import store
 from lightfield.render.response.grid import Grid, band_wavelengths, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
-from lightfield.render.tracer.settings import Progress, Settings
+from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power

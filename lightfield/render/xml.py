@@ -87,7 +87,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
 
 
 def write_xml(scene: Scene, path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Path:
-    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.choice.use_backend()`.
+    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.use_backend()`.
 
     Parameters
     ----------

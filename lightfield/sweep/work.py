@@ -20,7 +20,7 @@ from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
-from lightfield.render.tracer.settings import Progress
+from lightfield.render.settings import Progress
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.files import atomic_path

@@ -172,7 +172,7 @@ def _threads() -> int:
 def prepare() -> None:
     """Name the right LLVM to Dr.Jit, which loads one as soon as Mitsuba is imported; nothing is started.
 
-    The package `lightfield.render` calls it before its modules import Mitsuba. Where no library is usable,
+    Packages whose modules import Mitsuba call it first. Where no library is usable,
     Dr.Jit is given a name that does not exist, so that it loads none; `use_backend` then says what is wrong.
     """
     global _refusal
@@ -216,7 +216,7 @@ def _start(backend: Backend) -> Backend:
             "another LLVM was loaded before lightfield chose one",
             found=version,
             rule=f"LLVM {llvm.OLDEST} or newer",
-            remedy="import lightfield.render before mitsuba or drjit",
+            remedy="import lightfield.render.tracer before mitsuba or drjit",
         )
     if version.startswith(backend.llvm_version or ""):
         return backend
@@ -228,4 +228,4 @@ def _set_variant(variant: str) -> None:
 
     mi.set_variant(variant)
     # Mitsuba forgets Python plugins with every change of variant.
-    importlib.import_module("lightfield.render.plugins").register()
+    importlib.import_module("lightfield.render.plugins.registration").register()
