@@ -17,7 +17,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.tracer.emission import Emission
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
-from lightfield.scene.water.phase.functions import parse_phase
+from lightfield.scene.water.phase.of_scene import parse_phase
 
 SAMPLES = 1 << 20
 PHASES: dict[str, dict[str, Any]] = {

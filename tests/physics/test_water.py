@@ -21,8 +21,8 @@ from lightfield.scene.water.constituents import (
 )
 from lightfield.scene.water.library import columns_of, list_presets
 from lightfield.scene.water.molecular import molecular_scattering_per_m, refractive_index
-from lightfield.scene.water.phase.functions import HenyeyGreenstein, TwoTermHenyeyGreenstein
-from lightfield.scene.water.phase.tables import FournierForand, TabulatedPhase, petzold
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
+from lightfield.scene.water.phase.tabulated import FournierForand, TabulatedPhase, petzold
 
 NAMES = ("jerlov-II", "jerlov-measured-II")
 

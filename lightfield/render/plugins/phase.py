@@ -13,7 +13,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from lightfield.scene.water.phase.functions import PhaseFunction, parse_phase
+from lightfield.scene.water.phase.function import PhaseFunction
+from lightfield.scene.water.phase.of_scene import parse_phase
 
 
 class LightfieldPhase(mi.PhaseFunction):

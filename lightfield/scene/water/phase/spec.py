@@ -1,4 +1,4 @@
-"""What a scene file may say about the phase function; the functions themselves are in `phase.py`."""
+"""What a scene file may say about the phase function; the functions themselves stand beside it."""
 
 from __future__ import annotations
 

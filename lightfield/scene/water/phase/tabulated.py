@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.water.library import columns_of
-from lightfield.scene.water.phase.functions import FOUR_PI, GAUSS_W, GAUSS_X, PhaseFunction, angle_grid
+from lightfield.scene.water.phase.function import FOUR_PI, GAUSS_W, GAUSS_X, PhaseFunction, angle_grid
 from lightfield.storage.tables import read_columns
 
 PETZOLD_COLUMNS = {
