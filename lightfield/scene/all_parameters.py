@@ -7,10 +7,12 @@ from functools import cache
 from pydantic import BaseModel
 
 from lightfield.scene.acts import Acts
+from lightfield.scene.detector import Detector
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import acts_of, fields_on, switched_off
-from lightfield.scene.parts import Lamp, Water
 from lightfield.scene.scene import Scene
-from lightfield.scene.tank_and_detector import Detector, Tank
+from lightfield.scene.tank import Tank
+from lightfield.scene.water.water import Water
 
 PARTS: dict[str, type[BaseModel]] = {"lamp": Lamp, "water": Water, "tank": Tank, "detector": Detector}
 

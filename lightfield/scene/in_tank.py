@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.scene.detector import Detector
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import told
-from lightfield.scene.parts import Lamp
-from lightfield.scene.tank_and_detector import Detector, Tank
+from lightfield.scene.tank import Tank
 
 WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
 ROUNDING_M = 1e-9

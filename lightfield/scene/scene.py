@@ -16,12 +16,14 @@ import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from lightfield.errors import SceneError
+from lightfield.scene.detector import Detector
 from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.messages import scene_error, unknown_key
 from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
-from lightfield.scene.parts import Lamp, Water
-from lightfield.scene.tank_and_detector import Detector, Tank
+from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
+from lightfield.scene.water.water import Water
 from lightfield.storage.files import atomic_path
 
 if sys.version_info >= (3, 11):

@@ -24,7 +24,7 @@ from lightfield.scene.water.molecular import molecular_scattering_per_m
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
-    from lightfield.scene.parts import Water
+    from lightfield.scene.water.water import Water
 
 
 def is_grey(water: Water) -> bool:

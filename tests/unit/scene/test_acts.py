@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lightfield.scene.water.phase.functions import phase_function
 
 from lightfield.fitting.forward import has_diffuse_light
 from lightfield.formula.field import receiver, source, window_points
@@ -28,6 +27,7 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.phase.of_scene import phase_function
 
 X, Y, Z = np.meshgrid([-0.6, 0.1, 0.9], [-0.4, 0.2], [2.0, 6.6])
 WAVELENGTHS = np.array([450.0, 520.0, 650.0])
