@@ -43,7 +43,6 @@ def run(args: argparse.Namespace) -> int:
     """Sweep over the grid (or what is left of it), write map, table and figure, print the table."""
     scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
     folder = output_folder(args.output)
-    import xarray as xr
     from rich.console import Console
     from rich.table import Table
 
@@ -53,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.report.style import save_png
     from lightfield.sweep.plan import SweepSettings
     from lightfield.sweep.regime import regime_of, regime_plan
+    from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
     plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(plan) as report:
         done = run_sweep(plan, store, workers=args.workers, report=report)
     print("\n".join(summary(plan, done, store)))
-    dataset = regime_of(xr.open_zarr(store))
+    dataset = regime_of(open_store(store))
     dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
