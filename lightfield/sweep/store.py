@@ -162,11 +162,11 @@ class SweepStore:
         zarrfile.remove_leftovers(self.path)
         bad = set(journal.damaged_files(self.path, self.journal))
         self._check_plan(journal.PLAN in bad)
-        if lost or bad:
+        if lost or bad or not self._plans():
             # The lines of traces may be among the lost ones.
             known = self.traced().keys() if lost else range(len(self.plan.traces))
             self.journal = [entry for entry in self.journal if self._stands(entry, bad, set(known))]
-            self.repaired = sorted(bad) + [f"{lost} lines of {journal.NAME}"] * bool(lost)
+            self.repaired = sorted(bad) if self._plans() and not lost else [journal.NAME, *sorted(bad)]
         journal.rewrite(self.path, self.journal)  # without a last line that was cut off
         if self.repaired:
             self._lay_out()
@@ -217,13 +217,19 @@ class SweepStore:
         return files
 
     def _write(self, files: Mapping[str, bytes], **entry: Any) -> None:
-        """Write what is not there yet; the digests come first, so that a kill in between is no damage."""
-        new = {name: content for name, content in files.items() if not _holds(self.path / name, content)}
-        if new:
-            self.record(**entry, files={name: journal.digest(content) for name, content in new.items()})
-        for name, content in new.items():
-            with atomic_path(self.path / name) as temporary:
-                temporary.write_bytes(content)
+        """Write what is not there, or not noted; the digests come first: a kill in between is no damage."""
+        noted = {pair for known in self.journal for pair in known.get("files", {}).items()}
+        digests = {name: journal.digest(content) for name, content in files.items()}
+        there = {
+            name for name in files if (name, digests[name]) in noted and _holds(self.path / name, files[name])
+        }
+        if len(there) == len(files):
+            return
+        self.record(**entry, files={name: told for name, told in digests.items() if name not in there})
+        for name, content in files.items():
+            if name not in there:
+                with atomic_path(self.path / name) as temporary:
+                    temporary.write_bytes(content)
 
 
 def trace_file(store: Path, number: int) -> Path:
