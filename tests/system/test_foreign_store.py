@@ -1,9 +1,9 @@
 """A store from somebody else never runs code: what it declares is read before any library opens it.
 
 Rationale: the metadata of the zarr format name the codecs and filters that decode a chunk, and the codec
-`pickle` runs whatever stands in the chunk. Set-up: a small store, turned into hostile ones whose journals have
-the right digests. Expected: one line and exit code 2, and the zarr library has not been called; which version
-is installed does not matter then. That the attack is real is shown on zarr 2 (slow tier: it is installed first).
+`pickle` runs whatever stands in the chunk. Set-up: a small store, turned into hostile ones whose journals
+have the right digests. Expected: one line and exit code 2, and the zarr library has not been called; which
+version is installed does not matter then. That the attack is real is shown on zarr 2 (slow tier).
 """
 
 from __future__ import annotations
