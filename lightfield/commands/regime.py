@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import seed_number
-from lightfield.files import atomic_path, output_folder
+from lightfield.files import locked_folder
 from lightfield.scene import Scene
 
 
@@ -42,12 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Sweep over the grid (or what is left of it), write map, table and figure, print the table."""
     scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
-    folder = output_folder(args.output)
+    with locked_folder(args.output) as folder:
+        return _regime(scene, folder, args)
+
+
+def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
     from lightfield import regime
     from lightfield.commands.sweep import progress_bar, summary
+    from lightfield.dataset import write_netcdf
     from lightfield.report.regime_figure import regime_figure
     from lightfield.report.style import save_png
     from lightfield.sweep.plan import SweepSettings
@@ -70,8 +75,9 @@ def run(args: argparse.Namespace) -> int:
     console = Console()
     console.print(table)
     console.print(regime.verdict(dataset), highlight=False)
-    with atomic_path(folder / "regime.nc") as temporary:
-        dataset.to_netcdf(temporary, engine="netcdf4")
-    for path in (folder / "regime.nc", save_png(regime_figure(dataset), folder / "regime.png")):
+    for path in (
+        write_netcdf(dataset, folder / "regime.nc"),
+        save_png(regime_figure(dataset), folder / "regime.png"),
+    ):
         print(path)
     return 0

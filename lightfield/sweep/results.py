@@ -19,7 +19,6 @@ from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 
 GIVE = "give what `lightfield sweep -o` wrote"
-MOST_SHOWN = 10
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def verify(path: str | Path) -> Soundness:
     Raises
     ------
     OutputError
-        Not a store of a sweep, or a damaged one: the first files of all that are.
+        Not a store of a sweep, or a damaged one, with all files that are.
     """
     store = Path(path)
     if not (store / CONSOLIDATED).is_file() and not (store / journal.NAME).is_file():
@@ -72,15 +71,12 @@ def verify(path: str | Path) -> Soundness:
         if not problems:
             files = {name for entry in entries for name in entry.get("files", {})}
             return Soundness(len(files), len(blocks), bool(expected))
-    shown = problems[:MOST_SHOWN]
-    if len(problems) > len(shown):
-        shown.append(f"and {len(problems) - len(shown)} more")
     raise OutputError(
         f"{len(problems)} files of this store are damaged or missing",
         where=str(path),
         rule="every file has the digest that the journal noted",
         remedy="give the same `lightfield sweep` command again: it makes the damage good",
-        problems=shown,
+        problems=problems,
     )
 
 
