@@ -1,7 +1,7 @@
 """What a run leaves in a folder: of one run alone, and the same bytes whenever the same run is repeated.
 
 Rationale: two renders into one folder would leave the maps of one beside the images of the other, and a file
-that differs at every run cannot be compared by its hash. Set-up: a small tank. Expected: the second command is
+that differs at every run cannot be compared by its hash. Set-up: a small tank. Expected: the second is
 refused before it traces anything; two equal runs on one thread (several sum in another order each time, and
 agree to single precision) leave equal files, down to the last bit.
 """
