@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._tracing import given
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path, locked_folder, output_file
+from lightfield.storage.files import atomic_path, locked_folder, output_file
 
 if TYPE_CHECKING:
-    from lightfield.measurements.readings import Readings
+    from lightfield.readings import Readings
     from lightfield.scene import Scene
 
 
@@ -38,7 +38,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
-    from lightfield.measurements.readings import Readings
+    from lightfield.readings import Readings
     from lightfield.scene import Scene
 
     options = given(args)
@@ -61,9 +61,9 @@ def run(args: argparse.Namespace) -> int:
 def _fit(
     readings: Readings, scene: Scene, names: list[str], options: dict[str, Any], args: argparse.Namespace
 ) -> int:
-    from lightfield.fitreport import fit_readings
-    from lightfield.fittext import as_data, as_text
-    from lightfield.render.diffuse import response_for
+    from lightfield.render.diffuse.source import response_for
+    from lightfield.studies.compare.readings import fit_readings
+    from lightfield.studies.compare.text import as_data, as_text
 
     if "seed" in options:
         options["seed"] += 1  # seed 0 is that of the response which the render is to check

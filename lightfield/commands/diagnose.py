@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path, locked_folder, output_file
+from lightfield.storage.files import atomic_path, locked_folder, output_file
 
 if TYPE_CHECKING:
-    from lightfield.measurements.readings import Readings
+    from lightfield.readings import Readings
     from lightfield.scene import Scene
 
 #: Of a ladder: the base model and two effects.
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print, write."""
     if args.schema:
-        from lightfield.diagnosis.verdict import json_schema
+        from lightfield.diagnosis.verdict.verdict import json_schema
 
         print(json.dumps(json_schema(), indent=2))
         return 0
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.measurements.readings import Readings
+    from lightfield.readings import Readings
     from lightfield.scene import Scene
 
     names = None
@@ -80,8 +80,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
-    from lightfield.diagnose import diagnose
-    from lightfield.diagnosis.cascade import ALPHA
+    from lightfield.diagnosis.diagnose import diagnose
+    from lightfield.diagnosis.search.cascade import ALPHA
 
     if args.output:
         for k in range(MOST_RUNGS):
@@ -103,15 +103,15 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
-        from lightfield.diagnosis.view import view_of
-        from lightfield.report.diagnosis_page import write_diagnosis
+        from lightfield.report.diagnosis.drawn import view_of
+        from lightfield.report.diagnosis.page import write_diagnosis
 
         print(f"report: {write_diagnosis(view_of(found), args.report).resolve()}")
     return 0
 
 
 def _print_table() -> None:
-    from lightfield.effects import table
+    from lightfield.fitting.effects import table
 
     for effect in table().values():
         print(f"{effect.name} ({effect.family}): {effect.physics}")

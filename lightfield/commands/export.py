@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lightfield.dataset import write_exr_planes
 from lightfield.errors import UsageError
-from lightfield.files import locked_folder
+from lightfield.maps.dataset import write_exr_planes
+from lightfield.storage.files import locked_folder
 from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, label, open_store
 
 MOST = 64

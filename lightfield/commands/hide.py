@@ -7,8 +7,8 @@ from pathlib import Path
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import locked_folder, output_file
 from lightfield.scene import Scene
+from lightfield.storage.files import locked_folder, output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.hide import hide
+    from lightfield.experiments.hide import hide
 
     output_file(args.output / "scene.toml", args.scene)
     made = hide(

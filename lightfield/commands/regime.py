@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import seed_number
-from lightfield.files import locked_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import locked_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,13 +50,13 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from lightfield import regime
     from lightfield.commands.sweep import progress_bar, summary
-    from lightfield.dataset import write_netcdf
-    from lightfield.report.regime_figure import regime_figure
+    from lightfield.maps.dataset import write_netcdf
+    from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
+    from lightfield.studies import regime
+    from lightfield.studies.regime_sweep import regime_of, regime_plan
     from lightfield.sweep.plan import SweepSettings
-    from lightfield.sweep.regime import regime_of, regime_plan
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from lightfield.errors import OutputError
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 
 NAME = ".lightfield/journal.jsonl"
 PLAN = ".lightfield/plan.json"

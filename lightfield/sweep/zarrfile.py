@@ -18,7 +18,7 @@ import numpy as np
 from numcodecs import Blosc
 
 from lightfield.errors import OutputError
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 from lightfield.sweep.journal import digest
 
 CONSOLIDATED = ".zmetadata"

@@ -21,6 +21,7 @@ from typing import Any
 import pytest
 import xarray as xr
 import zarr
+from sweeping import SCENE
 
 from lightfield.cli import main
 from lightfield.errors import OutputError
@@ -31,9 +32,6 @@ from lightfield.sweep.plan import SweepSettings, make_plan
 from lightfield.sweep.results import open_store, verify
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.zarrfile import Variable, metadata_files, refuse_foreign_metadata
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sweeping import SCENE
 
 ARRAY = "status/.zarray"
 Metadata = dict[str, Any]

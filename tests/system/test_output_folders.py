@@ -13,16 +13,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from sweeping import SCENE
 
 from lightfield.cli import main
-from lightfield.files import locked_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import locked_folder
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.plan import SweepSettings, make_plan
 from lightfield.sweep.runner import run_sweep
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sweeping import SCENE
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 HIDDEN = f"{SCENES}/hidden_effect/data.csv --scene {SCENES}/hidden_effect/scene.toml"
@@ -59,7 +57,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_at_once(
     def traced(*_: object, **__: object) -> None:
         raise AssertionError("light was traced")
 
-    monkeypatch.setattr("lightfield.render.rendering.render_scene", traced)
+    monkeypatch.setattr("lightfield.render.maps.render_scene", traced)
     with locked_folder(tmp_path):
         assert main(line.format(made=made, out=tmp_path).split()) == 2
     errors = capsys.readouterr().err

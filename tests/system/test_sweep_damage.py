@@ -10,23 +10,20 @@ from __future__ import annotations
 
 import random
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from sweeping import BUDGET, SCENE, differences
 
 from lightfield.cli import main
 from lightfield.errors import OutputError
-from lightfield.render.response import Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.sweep import journal
 from lightfield.sweep.results import open_store, verify
 from lightfield.sweep.work import _read, _save
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sweeping import BUDGET, SCENE, differences
 
 VARY = ("--vary", "lamp.hwhm_deg=3,4", "--vary", "water.scattering_per_m=0:0.3:3",
         "--vary", "water.absorption_per_m=0.05,0.1")  # fmt: skip
