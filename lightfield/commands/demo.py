@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.storage.files import output_folder
+from lightfield.storage.files import locked_folder
 
 # Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
 # and the folder of its results; one of them writes {out}/index.html. Both traces of the tow tank have the
@@ -34,13 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run every experiment; the paths of the reports come last."""
+    scenes = _scenes(args.scenes)
+    with locked_folder(args.output):
+        return _run_experiments(scenes, args.output)
+
+
+def _run_experiments(scenes: Path, output: Path) -> int:
     from lightfield.cli import main
 
-    scenes = _scenes(args.scenes)
-    output_folder(args.output)
     reports = []
     for name, lines in EXPERIMENTS.items():
-        out = args.output / name
+        out = output / name
         for line in lines:
             print(f"$ lightfield {line.format(scene=scenes / name, out=out)}", flush=True)
             code = main(list(_words(line, scenes / name, out)))

@@ -15,6 +15,7 @@ from lightfield.storage.files import output_folder
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Progress, Report, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
 
@@ -25,7 +26,8 @@ scene SCENE` lists them), and two that set absorption and scattering together: {
 
   lightfield sweep scene.toml --vary water.scattering_per_m=0:0.5:11 --vary tank.wall_albedo=0,0.2 -o s.zarr
 
-The same command continues an interrupted sweep. `lightfield show s.zarr` draws it, `lightfield export` writes
+The same command continues an interrupted sweep and does again what is damaged; `lightfield sweep --verify
+s.zarr` says whether anything is. `lightfield show s.zarr` draws it, `lightfield export` writes
 cases as EXR, and xarray.open_zarr("s.zarr") opens it.
 
 A plan file (TOML) holds `[[vary]]` tables: path with values = [...] or with start, stop, count and
@@ -48,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     default = SweepSettings()
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML)")
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=RANGE", help="one dimension; may be repeated"
     )
@@ -57,6 +59,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=Path, metavar="STORE.zarr", help="the store")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and what it costs, and stop")
+    parser.add_argument(
+        "--verify",
+        type=Path,
+        metavar="STORE.zarr",
+        help="say whether every file of a store is as it was written, and stop",
+    )
     group = parser.add_argument_group("tracing")
     group.add_argument(
         "--rel-error",
@@ -86,6 +94,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Plan, and run or continue; 1 when cases failed."""
+    if args.verify is not None:
+        found = verify(args.verify)
+        print(
+            f"{args.verify}: {found.files} files, all as they were written; {found.blocks} blocks, "
+            + ("complete" if found.complete else "not complete: the same sweep continues")
+        )
+        return 0
+    if args.scene is None:
+        raise UsageError("no scene given", remedy="lightfield sweep SCENE --vary PATH=RANGE -o STORE.zarr")
     scene = Scene.load(args.scene)
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
     plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
@@ -142,6 +159,9 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
         lines.append(f"{done.failed} cases failed: `message` in the store says why")
+    if done.repaired:
+        shown = ", ".join(done.repaired[:3]) + (", ..." if len(done.repaired) > 3 else "")
+        lines.append(f"{len(done.repaired)} damaged files were made good: {shown}")
     if not done.cases_done:
         lines.append("nothing was left to do")
         return lines

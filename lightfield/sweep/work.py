@@ -51,10 +51,11 @@ class TraceDone:
 
 @dataclass(frozen=True)
 class BlockDone:
-    """Report of a block: what failed and why, by case."""
+    """Report of a block: what failed and why, by case; digests of the files written, by name."""
 
     number: int
     failed: dict[int, str]
+    files: dict[str, str]
     seconds: float
     worker: str
     peak_bytes: int
@@ -158,14 +159,18 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
                 for name, key, _, _ in names:
                     if key in found:
                         results[name][i] = found[key]
+        files: dict[str, str] = {}
         for name, values in results.items():
             variable = target.variables[name]
             edge = tuple(
                 min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False)
             )
             index = (*block.index, *(0,) * len(shapes[name]))
-            zarrfile.write_chunk(target.path, name, variable, index, values.reshape(*edge, *shapes[name]))
-        return BlockDone(block.number, failed, time.perf_counter() - started, worker_name(), peak_bytes())
+            whole = values.reshape(*edge, *shapes[name])
+            file, told = zarrfile.write_chunk(target.path, name, variable, index, whole)
+            files[file] = told
+        seconds = time.perf_counter() - started
+        return BlockDone(block.number, failed, files, seconds, worker_name(), peak_bytes())
 
 
 def evaluated(
@@ -275,9 +280,9 @@ def _save(file: Path, response: TransportResponse, reached: float) -> None:
         "reference": np.array(water),
         "photons": response.photons,
         "reached": reached,
+        # Empty for none: were it left out, a damaged name of the member would read as none.
+        "merged": np.empty(0, int) if response.merged is None else response.merged,
     }
-    if response.merged is not None:
-        arrays["merged"] = response.merged
     with atomic_path(file) as temporary, temporary.open("wb") as out:
         np.savez(out, **arrays)
 
@@ -288,7 +293,7 @@ def _read(file: Path) -> tuple[TransportResponse, float] | None:
         with np.load(file, allow_pickle=False) as d:
             reference = Reference(*map(float, d["reference"]))
             arrays = (d["tally"], d["histories"], d["excess_m"], d["straight_m"])
-            merged = d["merged"] if "merged" in d.files else None
+            merged = d["merged"] if d["merged"].size else None
             response = TransportResponse(*arrays, reference, int(d["photons"]), merged)
             return response, float(d["reached"])
     except FileNotFoundError:
