@@ -18,6 +18,7 @@ from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
 from lightfield.diagnosis.search import Fitted
 from lightfield.diagnosis.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
+from lightfield.diagnosis.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict import Verdict
 from lightfield.effects import Effect
 from lightfield.files import atomic_path
@@ -65,9 +66,7 @@ class Diagnosis:
     @cached_property
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
-        scale = compose.error_scale(self.prepared, self.finding)
-        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
-        return np.sqrt(np.diag(covariance))
+        return standard_errors(self.prepared, self.finding)
 
     def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
@@ -210,10 +209,15 @@ def _diagnose(
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
+    if trust.doubt is not None:
+        finding = finding.without_answer()
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
-    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    verdict = compose.verdict_of(
+        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise
+    )
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lightfield import effects
-from lightfield.diagnosis.verdict import DetectionLimit, Explanation, NearestRival, NextMeasurement
+from lightfield.diagnosis.verdict import (
+    DetectionLimit,
+    Explanation,
+    NearestRival,
+    NextMeasurement,
+    SetAside,
+)
+
+
+#: Readings set aside that the sentence names one by one.
+_NAMED_ASIDE = 3
 
 
 def _plain(name: str) -> str:
@@ -31,6 +41,7 @@ def sentence(
     where: str,
     within: str,
     determined: bool,
+    noise: str = "",
 ) -> str:
     """One or two sentences that say what was found and how sure it is.
 
@@ -42,17 +53,11 @@ def sentence(
         "" or the tolerance that the statement needs.
     determined : bool
         There are more readings than the best explanation has parameters.
+    noise : str
+        What the detection limits rest on.
     """
     if kind == "none":
-        visible = [
-            name for name in ("scattering", "background") if name in limits and limits[name].within_range
-        ]
-        seen = ""
-        if visible:
-            limit = limits[visible[0]]
-            unit = "" if limit.unit == "1" else f" {limit.unit}"
-            seen = f" {_sentence(_plain(visible[0]))} above {limit.value:.2g}{unit} would have been seen."
-        return f"No missing effect detectable{within}.{seen}"
+        return f"No missing effect detectable{within}. {_sentence(_seen(limits, noise))}."
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -91,6 +96,67 @@ def sentence(
         else "; it is not a function of one coordinate"
     )
     return f"Unexplained by any one or two known effects{about}."
+
+
+def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:
+    """The smallest effect that would have been seen, and at which noise."""
+    first = [name for name in ("scattering", "background") if name in limits]
+    for name in (*first, *limits):
+        limit = limits[name]
+        if limit.within_range:
+            unit = "" if limit.unit == "1" else f" {limit.unit}"
+            return f"{noise}{_plain(name)} above {limit.value:.2g}{unit} would have been seen"
+    return f"{noise}no effect of plausible size would have been seen: these readings say nothing of any"
+
+
+def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) -> str:
+    """The noise that detection limits rest on, as the beginning of a sentence."""
+    if percent is None:
+        return ""
+    origin = "estimated from the scatter"
+    if errors_stated:
+        factor = variance_scale**0.5
+        origin = "as stated" if 0.8 < factor < 1.25 else f"{factor:.2g} times the stated one"
+    return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
+
+
+def place(one: SetAside, waves: bool) -> str:
+    """Where a reading was taken."""
+    medium = "" if one.medium == "water" else f" in {one.medium}"
+    colour = f", {one.wavelength_nm:g} nm" if waves and one.wavelength_nm is not None else ""
+    x, y, z = (round(v, 4) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
+    return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
+
+
+def off(one: SetAside) -> str:
+    """How far a reading that was set aside lies from the model."""
+    if one.off_sigma is None:
+        return one.reason
+    return f"{abs(one.off_sigma):.2g} sigma {'above' if one.off_sigma > 0 else 'below'} the model"
+
+
+def set_aside(entries: Sequence[SetAside], readings: int, waves: bool) -> str:
+    """How many readings took no part, where they lie and how far off; "" without any.
+
+    Parameters
+    ----------
+    entries : sequence of SetAside
+        Outliers, farthest first, and saturated readings.
+    waves : bool
+        Several wavelengths were read.
+    """
+    outliers = [e for e in entries if e.reason == "outlier"]
+    said = ""
+    if outliers:
+        named = "; ".join(f"{place(e, waves)}, {off(e)}" for e in outliers[:_NAMED_ASIDE])
+        rest = len(outliers) - _NAMED_ASIDE
+        least = abs(outliers[-1].off_sigma or 0.0)
+        others = f"; and {rest} more, {least:.2g} sigma off or farther" if rest > 0 else ""
+        verb = "was" if len(outliers) == 1 else "were"
+        said += f" {len(outliers)} of {readings} readings {verb} set aside: {named}{others}."
+    if saturated := len(entries) - len(outliers):
+        said += f" {saturated} saturated {'reading was' if saturated == 1 else 'readings were'} left out."
+    return said
 
 
 def other_kind(first: Sequence[str], second: Sequence[str]) -> str:
