@@ -71,6 +71,8 @@ class Diagnosis:
     def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
 
+        A render that contradicts the fit takes back what the fit said.
+
         Parameters
         ----------
         max_photons : float
@@ -88,14 +90,18 @@ class Diagnosis:
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        warnings = list(verdict.warnings)
-        if fresh > CONFIRMED * np.hypot(last.error_percent, stderr):
-            warnings.append(
-                f"the fresh render does not confirm the fit ({fresh:.2g} % against "
-                f"{last.error_percent:.2g} %): the explanation is no better than the former"
-            )
-        ladder = [*verdict.ladder[:-1], last]
-        return replace(self, verdict=verdict.model_copy(update={"ladder": ladder, "warnings": warnings}))
+        update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
+        both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
+        # Two independent errors may add up to more by chance: three standard deviations of that.
+        chance = 3 * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        if fresh > (CONFIRMED + chance) * both:
+            missed = f"{fresh:.2g} % against {last.error_percent:.2g} %"
+            contradiction = f"the fresh render does not confirm the fit ({missed})"
+            warning = f"{contradiction}: the explanation is no better than the former"
+            update["warnings"] = [*verdict.warnings, warning]
+            if verdict.verdict != "unexplained":
+                update |= compose.taken_back(verdict, contradiction)
+        return replace(self, verdict=verdict.model_copy(update=update))
 
     def summary(self) -> str:
         """The verdict for people, several lines."""

@@ -138,15 +138,16 @@ def _scan(
         upto = np.cumsum(np.bincount(level))
         for group in {(0, m), (0, up), (up, m)}:
             among = np.sort(level[places[:, slice(*group)]], axis=1)
-            chance, low, high = _densest(among, upto, n)
-            if chance[0] < least[0]:
+            here, low, high = _densest(among, upto, n)
+            if here[0] < least[0]:
                 best = (name, float(levels[low]), float(levels[high]))
-            least = np.minimum(least, chance)
-    name, low, high = best
+            least = np.minimum(least, here)
+    name, first, last = best
     value, unit = sequences[name]
-    members = seen[(value[seen] >= low - 1e-4) & (value[seen] <= high + 1e-4)]
+    members = seen[(value[seen] >= first - 1e-4) & (value[seen] <= last + 1e-4)]
     chance = float((least <= least[0]).sum()) / len(places)
-    return _Window("place" if name.startswith("along") else name, _where(name, low, high, unit), members, chance)
+    kind = "place" if name.startswith("along") else name
+    return _Window(kind, _where(name, first, last, unit), members, chance)
 
 
 def _densest(among: Labels, upto: Labels, n: int) -> tuple[Array, int, int]:

@@ -232,13 +232,13 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
 
 def _set_aside(readings: Any, trust: Trust) -> list[SetAside]:
     """Outliers, farthest first, then saturated readings."""
-    far = sorted(np.flatnonzero(trust.aside), key=lambda i: -abs(trust.off_sigma[i]))
-    saturated = np.flatnonzero(np.asarray(readings.saturated))
+    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
+    saturated = np.flatnonzero(np.asarray(readings.saturated)).tolist()
 
     def entry(i: int, sigma: float | None) -> SetAside:
         wavelength = float(readings.wavelength_nm[i])
         return SetAside(
-            row=int(i), reason="saturated" if sigma is None else "outlier",
+            row=i, reason="saturated" if sigma is None else "outlier",
             x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
             medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
             off_sigma=sigma,
@@ -348,6 +348,17 @@ def verdict_of(
         readings=problem.layout.size,
         seed=seed,
     )
+
+
+def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
+    """What changes in a verdict that something found later contradicts."""
+    named = words.join(verdict.effects) if verdict.effects else "the base model"
+    doubt = f"{named} would explain the readings, but {contradiction}"
+    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
+    aside = words.set_aside(verdict.set_aside, verdict.readings, waves)
+    return {
+        "verdict": "unexplained", "effects": [], "doubt": doubt, "sentence": f"Unexplained: {doubt}.{aside}"
+    }  # fmt: skip
 
 
 def summary(verdict: Verdict) -> str:

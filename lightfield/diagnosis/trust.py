@@ -15,8 +15,8 @@ from lightfield.diagnosis.preparation import Prepared
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.fit import Array, Fit
 
-#: Median error of a bright reading, in per cent of it, beyond which readings name nothing and exclude nothing.
-#: Eight grey levels make 13 %; what is called noise up there is as likely a mistake.
+#: Median error of a bright reading, in per cent of it, beyond which readings name nothing and exclude nothing:
+#: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
 SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
 CREDIBLE = 2.0
@@ -82,7 +82,7 @@ def trust_of(
     fit = finding.accepted[0].fit if finding.accepted else finding.level.base
     sigma, misfit = standard_errors(prepared, finding), problem.value - fit.prediction
     aside = (problem.keep == 0) & ~saturated
-    noise = float(100 * np.median((sigma / problem.value)[counted])) if counted.any() else None
+    noise = float(100 * np.median(sigma[counted] / problem.value[counted])) if counted.any() else None
     rate = prepared.noise.budget.outlier_rate
     doubt, common = _doubt(prepared, finding, fit, noise), None
     if doubt is None:
@@ -98,8 +98,8 @@ def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) 
         return "these readings do not look like a beam through water: no bright one is left"
     if noise > SANE_NOISE_PERCENT:
         return (
-            f"the noise is {noise:.2g} % of a typical bright reading, too much to name an effect or to rule one "
-            "out; these may be no readings of a beam through water"
+            f"the noise is {noise:.0f} % of a typical bright reading, too much to name an effect or to rule "
+            "one out; these may be no readings of a beam through water"
         )
     if _flat(prepared, finding, fit, noise):
         return (

@@ -117,7 +117,9 @@ class Verdict(_Part):
     doubt: str | None = Field(None, description="why nothing is named or ruled out whatever was found")
     ladder: list[Rung]
     noise_floor_percent: float
-    noise_percent: float | None = Field(None, description="median error of a bright reading; null: none is bright")
+    noise_percent: float | None = Field(
+        None, description="median error of a bright reading; null: none is bright"
+    )
     next_measurement: NextMeasurement | None
     assumed: list[str] = Field(description="terms of the error budget that were not given")
     warnings: list[str] = Field(default_factory=list)

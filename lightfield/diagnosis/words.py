@@ -13,7 +13,6 @@ from lightfield.diagnosis.verdict import (
     SetAside,
 )
 
-
 #: Readings set aside that the sentence names one by one.
 _NAMED_ASIDE = 3
 
