@@ -56,10 +56,10 @@ def page(rows: list[dict[str, Any]], version: str) -> str:
         "",
         "Written by `python -m benchmarks.garbage`; do not edit.",
         "",
-        "Six sorts of numbers at the places of real layouts (105, 55 or 245 readings; lamp of 4 degrees, five",
-        "planes), each with seven sorts of standard errors: none, what a spectrometer would state, the",
-        "scatter of the values itself, and that wrong by 3 and by 10 either way. No effect must be identified",
-        f"in any of them; the run fails if one is. Code: {version}.",
+        "Six sorts of numbers at the places of real layouts (105, 55 or 245 readings; lamp of 4 degrees,",
+        "five planes), each with seven sorts of standard errors: none, what a spectrometer would state, the",
+        "scatter of the values itself, and that wrong by 3 and by 10 either way. No effect must be",
+        f"identified in any of them; the run fails if one is. Code: {version}.",
         "",
         f"**{len(rows)} tables: "
         + ", ".join(f"{sum(r['verdict'] == v for r in rows)} {v}" for v in VERDICTS)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.diagnosis import words
+from lightfield.diagnosis import aside_words, words
 from lightfield.diagnosis.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.cascade import Finding
 from lightfield.diagnosis.cautions import cautions, variance_scale
@@ -26,7 +26,6 @@ from lightfield.diagnosis.verdict import (
     NearestRival,
     NextMeasurement,
     Rung,
-    SetAside,
     Spot,
     Verdict,
 )
@@ -230,34 +229,6 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
     return (best.name if best else None), (_where(best) if best else ""), advice
 
 
-def _set_aside(readings: Any, trust: Trust) -> list[SetAside]:
-    """Outliers, farthest first, then saturated readings."""
-    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
-    saturated = np.flatnonzero(np.asarray(readings.saturated)).tolist()
-
-    def entry(i: int, sigma: float | None) -> SetAside:
-        wavelength = float(readings.wavelength_nm[i])
-        return SetAside(
-            row=i, reason="saturated" if sigma is None else "outlier",
-            x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
-            medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
-            off_sigma=sigma,
-        )  # fmt: skip
-
-    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
-
-
-def _of_structure(entries: list[SetAside]) -> NextMeasurement:
-    """What to do about readings set aside that are no slips."""
-    one = entries[0]
-    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=3)
-    sentence = (
-        "Look for what stands between lamp and detector, and repeat the readings set aside (the farthest at "
-        f"{words.place(one, False)}): what repeats is a structure of the light, what does not is a slip."
-    )
-    return NextMeasurement(sentence=sentence, readings=[spot])
-
-
 def verdict_of(
     forward: Any,
     readings: Any,
@@ -295,11 +266,11 @@ def verdict_of(
             advice = _advice(forward, prepared, finding, best, other)
     elif kind == "unexplained" and not finding.withheld:
         coordinate, where, advice = _unexplained(prepared, finding)
-    aside = _set_aside(readings, trust)
+    aside = aside_words.entries(readings, trust)
     # A misfit that has a coordinate says more than any doubt.
     doubt = trust.doubt if coordinate is None else None
     if doubt is not None and trust.structure is not None:
-        coordinate, advice = trust.structure.coordinate, _of_structure(aside)
+        coordinate, advice = trust.structure.coordinate, aside_words.advice(aside)
     tolerance = prepared.noise.budget.tolerance
     within_tolerance = level.tolerance > 0
     within = f" within {100 * tolerance:g} %" if within_tolerance else ""
@@ -324,7 +295,7 @@ def verdict_of(
     waves = int(problem.layout.channel.max()) > 0
     return Verdict(
         verdict=kind,
-        sentence=said + words.set_aside(aside, problem.layout.size, waves),
+        sentence=said + aside_words.sentence(aside, problem.layout.size, waves),
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
@@ -355,7 +326,7 @@ def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
     named = words.join(verdict.effects) if verdict.effects else "the base model"
     doubt = f"{named} would explain the readings, but {contradiction}"
     waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
-    aside = words.set_aside(verdict.set_aside, verdict.readings, waves)
+    aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
     return {
         "verdict": "unexplained", "effects": [], "doubt": doubt, "sentence": f"Unexplained: {doubt}.{aside}"
     }  # fmt: skip
@@ -393,9 +364,8 @@ def summary(verdict: Verdict) -> str:
         names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
         lines.append(f"not testable here: {names} ({reason})")
     waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
-    lines += [
-        f"set aside: {words.place(one, waves)}: {words.off(one)}" for one in verdict.set_aside[:_LISTED]
-    ]
+    for one in verdict.set_aside[:_LISTED]:
+        lines.append(f"set aside: {aside_words.place(one, waves)}: {aside_words.off(one)}")
     if (more := len(verdict.set_aside) - _LISTED) > 0:
         lines.append(f"set aside: {more} more")
     lines += [f"assumed: {a}" for a in verdict.assumed]

@@ -15,7 +15,7 @@ from lightfield.diagnosis.preparation import Prepared
 from lightfield.diagnosis.subspace import beside, orthonormal
 from lightfield.fit import Array, Fit
 
-#: Median error of a bright reading, in per cent of it, beyond which readings name nothing and exclude nothing:
+#: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing:
 #: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
 SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
@@ -108,9 +108,9 @@ def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) 
         )
     if finding.size is not None and (pinned := _pinned(prepared, finding, fit)):
         return (
-            "these readings do not look like a beam through water: they ask for "
+            "these readings do not look like a beam through water: they ask for more than "
             + " and ".join(pinned)
-            + ", the edge of what is possible"
+            + " allows, the edge of what is possible"
         )
     return None
 
@@ -140,5 +140,5 @@ def _pinned(prepared: Prepared, finding: Finding, fit: Fit) -> list[str]:
         column = outward * beside(free, fit.jacobian[:, i : i + 1])[:, 0]
         pull = float(column @ fit.residual) / max(float(np.linalg.norm(column)), 1e-300)
         if pull > _BEYOND_SIGMA * np.sqrt(finding.level.phi):
-            out.append(f"{parameter.path} = {fit.values[parameter.path]:.3g}")
+            out.append(f"{parameter.path} = {fit.values[parameter.path] + 0.0:.3g}")
     return out

@@ -10,11 +10,7 @@ from lightfield.diagnosis.verdict import (
     Explanation,
     NearestRival,
     NextMeasurement,
-    SetAside,
 )
-
-#: Readings set aside that the sentence names one by one.
-_NAMED_ASIDE = 3
 
 
 def _plain(name: str) -> str:
@@ -117,45 +113,6 @@ def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) 
         factor = variance_scale**0.5
         origin = "as stated" if 0.8 < factor < 1.25 else f"{factor:.2g} times the stated one"
     return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
-
-
-def place(one: SetAside, waves: bool) -> str:
-    """Where a reading was taken."""
-    medium = "" if one.medium == "water" else f" in {one.medium}"
-    colour = f", {one.wavelength_nm:g} nm" if waves and one.wavelength_nm is not None else ""
-    x, y, z = (round(v, 4) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
-    return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
-
-
-def off(one: SetAside) -> str:
-    """How far a reading that was set aside lies from the model."""
-    if one.off_sigma is None:
-        return one.reason
-    return f"{abs(one.off_sigma):.2g} sigma {'above' if one.off_sigma > 0 else 'below'} the model"
-
-
-def set_aside(entries: Sequence[SetAside], readings: int, waves: bool) -> str:
-    """How many readings took no part, where they lie and how far off; "" without any.
-
-    Parameters
-    ----------
-    entries : sequence of SetAside
-        Outliers, farthest first, and saturated readings.
-    waves : bool
-        Several wavelengths were read.
-    """
-    outliers = [e for e in entries if e.reason == "outlier"]
-    said = ""
-    if outliers:
-        named = "; ".join(f"{place(e, waves)}, {off(e)}" for e in outliers[:_NAMED_ASIDE])
-        rest = len(outliers) - _NAMED_ASIDE
-        least = abs(outliers[-1].off_sigma or 0.0)
-        others = f"; and {rest} more, {least:.2g} sigma off or farther" if rest > 0 else ""
-        verb = "was" if len(outliers) == 1 else "were"
-        said += f" {len(outliers)} of {readings} readings {verb} set aside: {named}{others}."
-    if saturated := len(entries) - len(outliers):
-        said += f" {saturated} saturated {'reading was' if saturated == 1 else 'readings were'} left out."
-    return said
 
 
 def other_kind(first: Sequence[str], second: Sequence[str]) -> str:
