@@ -19,8 +19,8 @@ from lightfield.diagnosis.layout import Layout
 Array = NDArray[np.float64]
 Labels = NDArray[np.int_]
 
-#: Probability with which slips alone are called a structure, for their places and for their number.
-LEVEL = 0.002
+#: Probability with which slips alone are called a structure, by their places or by their number.
+LEVEL = 0.005
 #: Random choices of as many places.
 PERMUTATIONS = 1999
 #: Fewer readings than this are near each other by chance.
@@ -151,7 +151,7 @@ def _scan(
 
 
 def _densest(among: Labels, upto: Labels, n: int) -> tuple[Array, int, int]:
-    """Smallest binomial chance of the windows from one struck place to another, for every choice of places.
+    """Smallest chance of the windows from one struck place to another, for every choice of places.
 
     Parameters
     ----------
@@ -167,17 +167,24 @@ def _densest(among: Labels, upto: Labels, n: int) -> tuple[Array, int, int]:
         Levels between which the first choice is densest.
     """
     m = among.shape[1]
-    before = np.r_[0, upto[:-1]]
+    before, tail = np.r_[0, upto[:-1]], _tails(m, n)
     least, ends = np.ones(len(among)), (0, 0)
     for k in _counts(m):
-        chance = special.bdtrc(k - 1, np.arange(n + 1), m / n)
         size = upto[among[:, k - 1 :]] - before[among[:, : m - k + 1]]
         here = size.argmin(axis=1)
-        found = chance[size[np.arange(len(size)), here]]
+        found = tail[k, size[np.arange(len(size)), here]]
         if found[0] < least[0]:
             ends = (int(among[0, here[0]]), int(among[0, here[0] + k - 1]))
         least = np.minimum(least, found)
     return least, *ends
+
+
+def _tails(m: int, n: int) -> Array:
+    """Hypergeometric chance that a window of w of n places holds k or more of m, shape (m + 1, n + 1)."""
+    ln, k, w = special.gammaln, np.arange(m + 1.0)[:, None], np.arange(n + 1.0)
+    inside = ln(m + 1) - ln(k + 1) - ln(m - k + 1)
+    outside = ln(n - m + 1) - ln(w - k + 1) - ln(n - m - w + k + 1)
+    return np.exp(inside + outside - ln(n + 1) + ln(w + 1) + ln(n - w + 1))[::-1].cumsum(axis=0)[::-1]
 
 
 def _counts(m: int) -> list[int]:
