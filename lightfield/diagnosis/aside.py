@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Labels = NDArray[np.int_]
 
 #: Probability with which slips alone are called a structure, by their places or by their number.
-LEVEL = 0.005
+LEVEL = 0.003
 #: Random choices of as many places.
 PERMUTATIONS = 1999
 #: Fewer readings than this are near each other by chance.
