@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
-from benchmarks.garbage.__main__ import page
+from benchmarks.garbage.judge import page
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
 from lightfield.diagnose import diagnose
 from lightfield.diagnosis.verdict import Verdict
