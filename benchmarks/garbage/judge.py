@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Any
 
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed
-from lightfield.diagnose import diagnose
+from lightfield.diagnosis.diagnose import diagnose
 
 VERDICTS = ("identified", "ambiguous", "none", "unexplained", "error")
 

@@ -7,14 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.analytic import direct_field
-from lightfield.hide import SECONDS_PER_READING, positions
-from lightfield.measurements.readings import Readings
+from lightfield.arrays import Array
+from lightfield.experiments.hide import SECONDS_PER_READING, positions
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-Array = NDArray[np.float64]
 #: Values, and how far they scatter about anything that one could call their law.
 Drawn = tuple[Array, Array]
 

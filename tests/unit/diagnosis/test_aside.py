@@ -11,11 +11,11 @@ import pytest
 from analytic_readings import readings
 from scipy import stats
 
-from lightfield.diagnose import diagnose
-from lightfield.diagnosis import aside
-from lightfield.diagnosis.aside import LEVEL, structure
-from lightfield.diagnosis.layout import layout_of
-from lightfield.diagnosis.verdict import Verdict, json_schema
+from lightfield.diagnosis.adequacy import aside
+from lightfield.diagnosis.adequacy.aside import LEVEL, structure
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 
 RATE = 0.02
 

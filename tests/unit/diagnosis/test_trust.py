@@ -10,8 +10,8 @@ from analytic_readings import readings
 
 from benchmarks.garbage.judge import page
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
-from lightfield.diagnose import diagnose
-from lightfield.diagnosis.verdict import Verdict
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.verdict import Verdict
 
 #: Tables that were called "identified" or "none" before there was a doubt, one of each kind of number.
 MISTAKEN = (
