@@ -20,6 +20,7 @@ from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.verdict import compose
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
+from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
@@ -67,12 +68,12 @@ class Diagnosis:
     @cached_property
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
-        scale = compose.error_scale(self.prepared, self.finding)
-        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
-        return np.sqrt(np.diag(covariance))
+        return standard_errors(self.prepared, self.finding)
 
     def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
+
+        A render that contradicts the fit takes back what the fit said.
 
         Parameters
         ----------
@@ -91,14 +92,18 @@ class Diagnosis:
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        warnings = list(verdict.warnings)
-        if fresh > CONFIRMED * np.hypot(last.error_percent, stderr):
-            warnings.append(
-                f"the fresh render does not confirm the fit ({fresh:.2g} % against "
-                f"{last.error_percent:.2g} %): the explanation is no better than the former"
-            )
-        ladder = [*verdict.ladder[:-1], last]
-        return replace(self, verdict=verdict.model_copy(update={"ladder": ladder, "warnings": warnings}))
+        update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
+        both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
+        # Two independent errors may add up to more by chance: three standard deviations of that.
+        chance = 3 * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        if fresh > (CONFIRMED + chance) * both:
+            missed = f"{fresh:.2g} % against {last.error_percent:.2g} %"
+            contradiction = f"the fresh render does not confirm the fit ({missed})"
+            warning = f"{contradiction}: the explanation is no better than the former"
+            update["warnings"] = [*verdict.warnings, warning]
+            if verdict.verdict != "unexplained":
+                update |= compose.taken_back(verdict, contradiction)
+        return replace(self, verdict=verdict.model_copy(update=update))
 
     def summary(self) -> str:
         """The verdict for people, several lines."""
@@ -212,10 +217,15 @@ def _diagnose(
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
+    if trust.doubt is not None:
+        finding = finding.without_answer()
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
-    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    verdict = compose.verdict_of(
+        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise
+    )
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

@@ -131,6 +131,12 @@ def _check_head(readings: Readings, noted: Problems) -> None:
         if value is not None and not (np.isfinite(value) and (value > 0 if low_open else value >= 0)):
             rule = f"{name} {'>' if low_open else '>='} 0"
             noted.add(f"{name} is impossible", place=noted.head.get(name), found=value, rule=rule)
+    slips = readings.budget.outlier_percent
+    if slips is not None and slips > 100:
+        rule = "outlier_percent is a part of all readings, 0 to 100"
+        noted.add(
+            "outlier_percent is impossible", place=noted.head.get("outlier_percent"), found=slips, rule=rule
+        )
 
 
 def against_scene(readings: Readings, scene: Any, problems: Problems | None = None) -> Readings:

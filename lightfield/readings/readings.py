@@ -51,7 +51,7 @@ COLUMNS = (
 )
 # Entries of the head that lightfield uses: text, and the terms of the error budget.
 WORDS = ("quantity", "scale", "units")
-TERMS = ("plane_gain_percent", "position_mm", "tolerance_percent", "saturation_level")
+TERMS = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent", "saturation_level")
 DEFAULTS: dict[str, Any] = {"medium": "water", "x_m": 0.0, "y_m": 0.0, "role": "signal", "saturated": False}
 
 
@@ -67,6 +67,8 @@ class ErrorBudget:
         Error of a detector position.
     tolerance_percent : float, %
         Smooth misfit that is of no interest.
+    outlier_percent : float, %
+        Part of the readings that slips may spoil; more of them are a finding.
     saturation_level : float, unit of the values
         Readings at or above it are saturated.
     """
@@ -74,12 +76,13 @@ class ErrorBudget:
     plane_gain_percent: float | None = None
     position_mm: float | None = None
     tolerance_percent: float | None = None
+    outlier_percent: float | None = None
     saturation_level: float | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Terms that a diagnosis has to assume."""
-        terms = ("plane_gain_percent", "position_mm", "tolerance_percent")
+        terms = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent")
         return tuple(name for name in terms if getattr(self, name) is None)
 
 

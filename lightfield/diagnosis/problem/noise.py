@@ -84,6 +84,7 @@ class Budget:
     tolerance: float
     gain_stated: bool = False
     assumed: tuple[str, ...] = ()
+    outlier_rate: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from lightfield.scene.scene import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
-PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
+PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
 #: Half widths are looked for within this factor of the guess.
 _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
@@ -51,6 +51,10 @@ def budget_of(readings: Any) -> Budget:
         assumed.append(f"position_mm = {POSITION_MM:g}")
     if tolerance is None:
         assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
+    slips = stated.outlier_percent
+    if slips is None:
+        slips = OUTLIER_PERCENT
+        assumed.append(f"outlier_percent = {slips:g}")
     if not errors_stated(np.asarray(readings.stderr, float)):
         assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
     return Budget(
@@ -59,6 +63,7 @@ def budget_of(readings: Any) -> Budget:
         (TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
         gain is not None,
         tuple(assumed),
+        slips / 100,
     )
 
 

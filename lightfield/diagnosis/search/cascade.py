@@ -9,7 +9,7 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class Finding:
         Everything fitted at the deciding level, rivals included.
     n : int
         Number of readings that were fitted.
+    withheld : bool
+        There was an answer, and no reason to believe it.
     """
 
     size: int | None
@@ -75,6 +77,11 @@ class Finding:
     weights: list[float]
     tried: list[Tried]
     n: int
+    withheld: bool = False
+
+    def without_answer(self) -> Finding:
+        """The same, where no answer can rest on the readings."""
+        return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
 
     @property
     def whiten(self) -> Whiten:

@@ -14,10 +14,11 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
 from lightfield.diagnosis.verdict.ladder import Step, bright
+from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
 from lightfield.diagnosis.verdict.verdict import (
     DetectionLimit,
     Estimate,
@@ -33,9 +34,7 @@ from lightfield.fitting.least_squares import Fit
 
 #: A family of unknown factors is named when it takes away this part of the misfit.
 _NAMED = 0.35
-_SHOWN = 8
-#: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
-_CREDIBLE = 2.0
+_SHOWN, _LISTED = 8, 20
 
 
 def estimates(
@@ -231,16 +230,6 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
     return (best.name if best else None), (_where(best) if best else ""), advice
 
 
-def error_scale(prepared: Prepared, finding: Finding) -> float:
-    """Variance of the readings' errors over the quoted one, judged beside the best explanation.
-
-    A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
-    """
-    best = finding.accepted[0].adequacy if finding.accepted else None
-    scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
-    return min(scale, _CREDIBLE) if finding.size is None and prepared.errors_stated else scale
-
-
 def verdict_of(
     forward: Any,
     readings: Any,
@@ -248,6 +237,7 @@ def verdict_of(
     finding: Finding,
     steps: list[Step],
     untestable: dict[str, str],
+    trust: Trust,
     seed: int,
     alpha: float,
     advise: bool,
@@ -275,8 +265,13 @@ def verdict_of(
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
         if kind == "ambiguous" and other is not None and advise:
             advice = _advice(forward, prepared, finding, best, other)
-    elif kind == "unexplained":
+    elif kind == "unexplained" and not finding.withheld:
         coordinate, where, advice = _unexplained(prepared, finding)
+    aside = aside_words.entries(readings, trust)
+    # A misfit that has a coordinate says more than any doubt.
+    doubt = trust.doubt if coordinate is None else None
+    if doubt is not None and trust.structure is not None:
+        coordinate, advice = trust.structure.coordinate, aside_words.advice(aside)
     tolerance = prepared.noise.budget.tolerance
     within_tolerance = level.tolerance > 0
     within = f" within {100 * tolerance:g} %" if within_tolerance else ""
@@ -285,39 +280,57 @@ def verdict_of(
     explanations = _explanations(finding, prepared, steps, units, advise)
     limits = _limits(finding, best, units)
     counted = bright(problem)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
+    sigma = standard_errors(prepared, finding)
     floor = (
         float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
         if counted.any()
         else 0.0
     )
-    saturated = np.flatnonzero(np.asarray(readings.saturated))
-    outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
+    scale = variance_scale(prepared, finding)
+    noise = words.at_noise(trust.noise_percent, prepared.errors_stated, scale)
+    said = words.sentence(
+        kind, explanations, rival, limits, coordinate, where, within, finding.determined, noise
+    )
+    if doubt is not None:
+        said = f"Unexplained: {doubt}."
+    waves = int(problem.layout.channel.max()) > 0
     return Verdict(
         verdict=kind,
-        sentence=words.sentence(
-            kind, explanations, rival, limits, coordinate, where, within, finding.determined
-        ),
+        sentence=said + aside_words.sentence(aside, problem.layout.size, waves),
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
         detection_limits=limits,
         untestable=untestable,
         unexplained_coordinate=coordinate,
+        doubt=doubt,
         ladder=_rungs(steps, forward, level.phi, units, best),
         noise_floor_percent=floor,
+        noise_percent=trust.noise_percent,
         next_measurement=advice,
         assumed=list(prepared.noise.budget.assumed),
         warnings=cautions(readings, prepared, finding, explanations),
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
-        variance_scale=variance_scale(prepared, finding),
+        variance_scale=scale,
         serial_correlation=prepared.serial.rho,
-        outliers=outliers,
-        saturated=[int(i) for i in saturated],
+        outliers=[int(i) for i in np.flatnonzero(trust.aside)],
+        saturated=[int(i) for i in np.flatnonzero(np.asarray(readings.saturated))],
+        set_aside=aside,
         readings=problem.layout.size,
         seed=seed,
     )
+
+
+def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
+    """What changes in a verdict that something found later contradicts."""
+    named = words.join(verdict.effects) if verdict.effects else "the base model"
+    doubt = f"{named} would explain the readings, but {contradiction}"
+    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
+    aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
+    return {
+        "verdict": "unexplained", "effects": [], "doubt": doubt, "sentence": f"Unexplained: {doubt}.{aside}"
+    }  # fmt: skip
 
 
 def summary(verdict: Verdict) -> str:
@@ -351,6 +364,11 @@ def summary(verdict: Verdict) -> str:
     for reason in dict.fromkeys(verdict.untestable.values()):
         names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
         lines.append(f"not testable here: {names} ({reason})")
+    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
+    for one in verdict.set_aside[:_LISTED]:
+        lines.append(f"set aside: {aside_words.place(one, waves)}: {aside_words.off(one)}")
+    if (more := len(verdict.set_aside) - _LISTED) > 0:
+        lines.append(f"set aside: {more} more")
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)

@@ -90,6 +90,19 @@ class NextMeasurement(_Part):
     separation_predicted_sigma: float | None = None
 
 
+class SetAside(_Part):
+    """A reading that took no part in the fit."""
+
+    row: int = Field(description="row of the table, from 0")
+    reason: Literal["outlier", "saturated"]
+    x_m: float
+    y_m: float
+    z_m: float
+    medium: str
+    wavelength_nm: float | None
+    off_sigma: float | None = Field(description="(reading - model) / standard error; none if saturated")
+
+
 class Verdict(_Part):
     """Everything a diagnosis says."""
 
@@ -101,8 +114,12 @@ class Verdict(_Part):
     detection_limits: dict[str, DetectionLimit]
     untestable: dict[str, str]
     unexplained_coordinate: str | None
+    doubt: str | None = Field(None, description="why nothing is named or ruled out whatever was found")
     ladder: list[Rung]
     noise_floor_percent: float
+    noise_percent: float | None = Field(
+        None, description="median error of a bright reading; null: none is bright"
+    )
     next_measurement: NextMeasurement | None
     assumed: list[str] = Field(description="terms of the error budget that were not given")
     warnings: list[str] = Field(default_factory=list)
@@ -114,6 +131,7 @@ class Verdict(_Part):
     serial_correlation: float = Field(description="lag-one correlation of the noise in scan order")
     outliers: list[int] = Field(description="rows (from 0) left out as gross outliers")
     saturated: list[int] = Field(description="rows (from 0) left out as saturated")
+    set_aside: list[SetAside] = Field(default_factory=list, description="outliers, farthest first; saturated")
     readings: int
     run: int = Field(1, description="how many diagnoses and comparisons of these readings the ledger holds")
     seed: int = 0

@@ -31,6 +31,7 @@ def sentence(
     where: str,
     within: str,
     determined: bool,
+    noise: str = "",
 ) -> str:
     """One or two sentences that say what was found and how sure it is.
 
@@ -42,17 +43,11 @@ def sentence(
         "" or the tolerance that the statement needs.
     determined : bool
         There are more readings than the best explanation has parameters.
+    noise : str
+        What the detection limits rest on.
     """
     if kind == "none":
-        visible = [
-            name for name in ("scattering", "background") if name in limits and limits[name].within_range
-        ]
-        seen = ""
-        if visible:
-            limit = limits[visible[0]]
-            unit = "" if limit.unit == "1" else f" {limit.unit}"
-            seen = f" {_sentence(_plain(visible[0]))} above {limit.value:.2g}{unit} would have been seen."
-        return f"No missing effect detectable{within}.{seen}"
+        return f"No missing effect detectable{within}. {_sentence(_seen(limits, noise))}."
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -91,6 +86,28 @@ def sentence(
         else "; it is not a function of one coordinate"
     )
     return f"Unexplained by any one or two known effects{about}."
+
+
+def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:
+    """The smallest effect that would have been seen, and at which noise."""
+    first = [name for name in ("scattering", "background") if name in limits]
+    for name in (*first, *limits):
+        limit = limits[name]
+        if limit.within_range:
+            unit = "" if limit.unit == "1" else f" {limit.unit}"
+            return f"{noise}{_plain(name)} above {limit.value:.2g}{unit} would have been seen"
+    return f"{noise}no effect of plausible size would have been seen: these readings say nothing of any"
+
+
+def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) -> str:
+    """The noise that detection limits rest on, as the beginning of a sentence."""
+    if percent is None:
+        return ""
+    origin = "estimated from the scatter"
+    if errors_stated:
+        factor = variance_scale**0.5
+        origin = "as stated" if 0.8 < factor < 1.25 else f"{factor:.2g} times the stated one"
+    return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
 
 
 def other_kind(first: Sequence[str], second: Sequence[str]) -> str:

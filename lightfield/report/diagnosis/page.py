@@ -115,14 +115,34 @@ def diagnosis_page(view: DiagnosisView) -> str:
         untestable=[(_words(name), reason) for name, reason in verdict["untestable"].items()],
         assumed=verdict["assumed"],
         warnings=verdict.get("warnings", []),
+        aside=[_aside(each) for each in verdict.get("set_aside", [])],
         provenance=view.provenance,
         scene_toml=view.scene_toml,
         **figures,
     )
 
 
+def _aside(each: Mapping[str, Any]) -> list[str]:
+    """A reading set aside: row, place, and how far it lies from the model."""
+    wavelength, off = each["wavelength_nm"], each["off_sigma"]
+    place = (f"{each[axis]:.4g}" for axis in ("x_m", "y_m", "z_m"))
+    return [
+        str(each["row"]),
+        *place,
+        each["medium"],
+        "–" if wavelength is None else f"{wavelength:g}",
+        each["reason"] if off is None else f"{off:+.1f}",
+    ]
+
+
 def _headline(sentence: str) -> tuple[str, list[str]]:
     """What was found, and apart from it how sure that is: the first is read from across the room."""
+    set_aside = re.search(
+        r" \d+ (of \d+ readings (was|were) set aside|saturated readings? (was|were) left)", sentence
+    )
+    if set_aside:
+        headline, more = _headline(sentence[: set_aside.start()])
+        return headline, [*more, sentence[set_aside.start() + 1 :]]
     apart = re.fullmatch(r"(?P<what>.*) \((?P<far>the first lies [^()]+)\)(?P<within>.*)\.", sentence)
     if apart:
         return f"{apart['what']}{apart['within']}.", [f"{apart['far'][:1].upper()}{apart['far'][1:]}."]

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict import aside_words, words
+from lightfield.diagnosis.verdict.verdict import SetAside
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 
@@ -182,3 +183,25 @@ def test_the_distance_of_rivals_stands_below_the_headline():
     html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, "sentence": said}))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
+
+
+def test_readings_set_aside_are_listed_and_stand_below_the_headline():
+    view = example("none")
+    one = {"row": 17, "reason": "outlier", "x_m": 0.3, "y_m": 0.0, "z_m": 4.5, "medium": "water"}
+    aside = [
+        one | {"wavelength_nm": 525.0, "off_sigma": -46.2},
+        one | {"row": 3, "reason": "saturated", "wavelength_nm": None, "off_sigma": None},
+    ]
+    said = view.verdict["sentence"] + aside_words.sentence([SetAside(**each) for each in aside], 245, False)
+    assert said.endswith(
+        "1 of 245 readings was set aside: x = 0.3, y = 0, z = 4.5 m, 46 sigma below the model. "
+        "1 saturated reading was left out."
+    )
+    html = diagnosis_page(
+        dataclasses.replace(view, verdict={**view.verdict, "sentence": said, "set_aside": aside})
+    )
+    assert f">{view.verdict['sentence']}<" in html
+    assert ">1 of 245 readings was set aside: x = 0.3" in html
+    cells = "".join(f"<td>{c}</td>" for c in ("17", "0.3", "0", "4.5", "water", "525", "-46.2"))
+    assert cells in html and "<td>saturated</td>" in html
+    assert "Readings set aside" not in diagnosis_page(view)
