@@ -68,8 +68,7 @@ class Diagnosis:
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
         scale = compose.error_scale(self.prepared, self.finding)
-        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
-        return np.sqrt(np.diag(covariance))
+        return np.sqrt(self.prepared.noise.variance(scale, 0.0))
 
     def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.

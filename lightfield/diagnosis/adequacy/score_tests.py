@@ -33,6 +33,8 @@ VARIANCE_EXCESS = 4.0
 #: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
 FEWEST_SPARE = 4
 _CERTAIN = 1000
+#: Replicates that are tested at a time, to bound the memory.
+_AT_ONCE = 200
 
 
 @dataclass(frozen=True)
@@ -167,12 +169,16 @@ class AdequacyTest:
         spare = n_kept - reach.shape[1]
         taken = spare < FEWEST_SPARE
         nu = _CERTAIN if taken else spare
-        null = beside(free, self.replicates)
-        null_p, labels, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
+        worst_by_chance = []
+        for first in range(0, self.replicates.shape[1], _AT_ONCE):
+            null = beside(free, self.replicates[:, first : first + _AT_ONCE])
+            null_p, _, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
+            worst_by_chance.append(null_p.min(0))
+        chance = np.concatenate(worst_by_chance)
         observed = beside(free, fit.residual[:, None])
-        seen_p, _, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
+        seen_p, labels, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
         worst = float(seen_p.min())
-        p = (1 + int((null_p.min(0) <= worst).sum())) / (1 + null_p.shape[1])
+        p = (1 + int((chance <= worst).sum())) / (1 + len(chance))
         excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
         return Adequacy(
             p,
@@ -183,7 +189,7 @@ class AdequacyTest:
             tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
             float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
             taken,
-            float(np.quantile(null_p.min(0), ALPHA)),
+            float(np.quantile(chance, ALPHA)),
         )
 
     @staticmethod

@@ -285,7 +285,7 @@ def verdict_of(
     explanations = _explanations(finding, prepared, steps, units, advise)
     limits = _limits(finding, best, units)
     counted = bright(problem)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
+    sigma = np.sqrt(prepared.noise.variance(error_scale(prepared, finding), 0.0))
     floor = (
         float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
         if counted.any()
