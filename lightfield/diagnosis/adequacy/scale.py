@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import Chebyshev
@@ -36,12 +37,17 @@ def scale_along(
         return 1.0
     columns = np.column_stack([rich, residual])
     rest = float(np.linalg.qr(columns[kept], mode="r")[-1, -1] ** 2)
-    raw, own = plain.coloured(columns)[kept], noise.subset(kept)
+    own = noise.subset(kept)
+    smooth = own.smooth_columns(tolerance)
+    raw = np.hstack([smooth, plain.coloured(columns)[kept]])
+    rough = replace(own, photon_modes=None, response_error=None)
+    # Amplitudes of the smooth errors have unit variance, those of the rich model may be anything.
+    known = np.diag(np.r_[np.ones(smooth.shape[1]), np.zeros(columns.shape[1])])
 
     def deviance(log_phi: float) -> float:
-        whiten = Whitener(own, plain.rho, float(np.exp(log_phi)), tolerance)
+        whiten = Whitener(rough, plain.rho, float(np.exp(log_phi)))
         white = whiten(raw)
-        root = np.linalg.cholesky(white.T @ white).diagonal()
+        root = np.linalg.cholesky(white.T @ white + known).diagonal()
         return float(whiten.log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
 
     def polynomial(low: float, high: float) -> Callable[[float], float]:

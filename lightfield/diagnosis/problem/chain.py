@@ -54,6 +54,8 @@ class Link:
         there = self.source >= 0
         if not there.any():
             return np.zeros((len(self.source), state.shape[1]))
+        if len(state) == len(there) and (self.source == np.arange(len(state))).all():
+            return state if (self.decay == 1).all() else self.decay[:, None] * state
         return np.asarray((self.decay * there)[:, None] * state[np.where(there, self.source, 0)])
 
 
@@ -83,15 +85,15 @@ class ChainFactor:
         self.log_determinant = 0.0
         known = np.zeros((0, 0))  # covariance of the state before a block, as the readings so far tell it
         for link in links:
-            root: Array = np.linalg.cholesky(
-                link.own - link.out @ known @ link.out.T if len(known) else link.own
-            )
+            own, gain = link.own, link.into.T
+            if len(known):
+                taken = link.out @ known
+                own, gain = own - taken @ link.out.T, gain - link.carry(taken.T)
+            root: Array = np.linalg.cholesky(own)
             inverse: Array = dtrtri(root, lower=1)[0]
             self.log_determinant += 2 * float(np.log(np.diag(root)).sum())
-            carried = link.carry(known)
-            gain = link.into.T - carried @ link.out.T if len(known) else link.into.T
             gain = gain @ inverse.T
-            known = link.carry(carried.T) + gain @ gain.T
+            known = link.carry(link.carry(known).T) + gain @ gain.T
             self._links.append((link, root, inverse, gain))
 
     def white(self, columns: Array) -> Array:

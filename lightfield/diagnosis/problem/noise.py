@@ -222,8 +222,8 @@ class Noise:
 class Whitener:
     """Multiplies columns by the inverse Cholesky factor of the covariance.
 
-    Few readings are one block, in the order of the table. Many are taken in that of the scan, in which stays
-    and serial correlation are short.
+    Few readings, or such as share nearly as many errors as there are, are one block, in the order of the
+    table. Many are taken in that of the scan, in which stays and serial correlation are short.
 
     Parameters
     ----------
@@ -248,11 +248,12 @@ class Whitener:
             #: Logarithm of the determinant of the covariance.
             self.log_determinant = float(np.log(variance).sum())
             return
-        if noise.layout.size <= (block or FEW):
+        n, size = noise.layout.size, block or BLOCK
+        if n <= (block or FEW) or (block is None and 2 * noise.smooth_columns(tolerance).shape[1] + size > n):
             links: Iterable[Link] = [alone(noise.covariance(rho, phi, tolerance))]
         else:
             self._order = np.argsort(noise.layout.position, kind="stable")
-            links = links_of(noise, rho, phi, tolerance, self._order, block or BLOCK)
+            links = links_of(noise, rho, phi, tolerance, self._order, size)
         self._factor = ChainFactor(links)
         self.log_determinant = self._factor.log_determinant
 
