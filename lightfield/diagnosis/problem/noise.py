@@ -27,7 +27,7 @@ FEWEST_STATED = 4
 #: So many readings are whitened as one; of more, so many at a time.
 FEW, BLOCK = 512, 128
 #: Shared variance that is left out between blocks, in units of the reading's own.
-_LEFT_OUT = 1e-6
+_LEFT_OUT = 1e-4
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -160,7 +160,7 @@ class Noise:
     def smooth_columns(self, tolerance: float) -> Array:
         """Columns U with U U^T near the covariance of tolerated model error and diffuse light, shape (n, r).
 
-        No variance differs by more than a millionth of that of the reading's own noise.
+        No variance differs by more than `_LEFT_OUT` times that of the reading's own noise.
         """
         if tolerance not in self._smooth_columns:
             own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
