@@ -202,7 +202,7 @@ def _log_evidence(white: Array, stated: float | None) -> float:
 
 def _beside(white: Array) -> tuple[int, float, float]:
     """Spare readings and sum of squares of a residual (last column) beside columns; ln(volume) of these."""
-    r = np.linalg.qr(white, mode="r")
+    r: Array = np.asarray(np.linalg.qr(white, mode="r"))
     nu = len(white) - white.shape[1] + 1
     volume = float(np.log(np.abs(np.diag(r)[: white.shape[1] - 1])).sum())
     return nu, float(r[-1, -1] ** 2) if nu > 0 else 0.0, volume

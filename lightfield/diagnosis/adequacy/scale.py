@@ -36,7 +36,7 @@ def scale_along(
     if spare < 4:
         return 1.0
     columns = np.column_stack([rich, residual])
-    rest = float(np.linalg.qr(columns[kept], mode="r")[-1, -1] ** 2)
+    rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)
     own = noise.subset(kept)
     smooth = own.smooth_columns(tolerance)
     raw = np.hstack([smooth, plain.coloured(columns)[kept]])
