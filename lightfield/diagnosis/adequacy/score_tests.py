@@ -208,7 +208,7 @@ class _Views:
     Parameters
     ----------
     free : array, shape (n, p)
-        Orthonormal basis of what the fit moves; everything else is perpendicular to it.
+        Orthonormal basis of what the fit moves; all but `reach` are perpendicular to it.
     reach : array, shape (n, k), optional
         Orthonormal basis of all that is not pure error; None: the scale of the errors is taken as stated.
     scores : list of Score
@@ -227,7 +227,7 @@ class _Views:
         nu: int,
     ) -> None:
         self.scores, self.spans, self.scans, self.nu = scores, spans, scans, nu
-        self.scale_taken = reach is None
+        self._fitted_in_reach = None if reach is None else reach.T @ free
         fixed = [free] if reach is None else [free, reach]
         parts = [*fixed, *(s.direction for s in scores), *spans.values(), *scans.values()]
         self._ends = np.cumsum([part.shape[1] for part in parts])[:-1]
@@ -243,10 +243,12 @@ class _Views:
         """
         nu = self.nu
         seen = iter(np.split(self._columns.T @ residuals, self._ends))
-        total = np.maximum((residuals**2).sum(0) - (next(seen) ** 2).sum(0), 0.0)
+        fitted = next(seen)
+        total = np.maximum((residuals**2).sum(0) - (fitted**2).sum(0), 0.0)
         phi = np.ones_like(total)
-        if not self.scale_taken:
-            phi = np.maximum(total - (next(seen) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
+        if self._fitted_in_reach is not None:
+            reached = next(seen) - self._fitted_in_reach @ fitted
+            phi = np.maximum(total - (reached**2).sum(0), 1e-12 * total + 1e-300) / nu
         best: dict[object, Array] = {}
         for score in self.scores:
             projected = next(seen)
