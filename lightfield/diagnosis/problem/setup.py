@@ -28,6 +28,9 @@ _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
 _FEWEST_TO_SPARE = 1
+#: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
+#: which the model may be wrong in its own way.
+MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -173,9 +176,10 @@ def problem_of(
     Raises
     ------
     FitError
-        Too few readings for the base model, or none but zeros.
+        Too few readings for the base model, too many for one diagnosis, or none but zeros.
     """
     layout, value = layout_of(readings), np.asarray(readings.value, float)
+    _check_size(layout, readings.source)
     keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
     base = base_parameters(forward, layout, value)
     if keep.sum() < len(base) + _FEWEST_TO_SPARE:
@@ -200,6 +204,19 @@ def problem_of(
     setting = Setting(forward.scene, layout, signal, float(high - low))
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable
+
+
+def _check_size(layout: Layout, source: str) -> None:
+    """Refuse what would take hours or all memory."""
+    distances = len(np.unique(layout.plane * 1000 + layout.channel))
+    if layout.size > MOST_READINGS or layout.size * distances > MOST_AT_DISTANCES:
+        raise FitError(
+            "too many readings for one diagnosis",
+            where=source or None,
+            found=f"{layout.size} readings at {distances} distances (apart for each medium and wavelength)",
+            rule=f"at most {MOST_READINGS} readings, and {MOST_AT_DISTANCES} in the product of the two",
+            remedy="diagnose every tenth reading, say, average what was read at one place, or round z_m",
+        )
 
 
 def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
