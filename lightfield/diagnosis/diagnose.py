@@ -199,7 +199,7 @@ def _diagnose(
     progress: Callable[[str], None],
 ) -> Diagnosis:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())

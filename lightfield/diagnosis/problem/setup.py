@@ -31,6 +31,8 @@ _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
 #: which the model may be wrong in its own way.
 MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
+#: Memory of traced light grows with the square of the places that it is wanted at (2.4 GB at so many).
+MOST_TRACED = 3000
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -235,18 +237,38 @@ def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: t
         )
 
 
-def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+def source_of(
+    scene: Scene, diffuse: DiffuseSource | str | None, readings: Any
+) -> tuple[DiffuseSource | None, str | None]:
     """What gives scattered and reflected light, or why nothing does.
 
     Parameters
     ----------
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
+    readings : Readings
+        At more places than light is traced at, it is done without if the scene has none.
+
+    Raises
+    ------
+    FitError
+        Light of the scene itself would have to be traced at too many places.
     """
     if diffuse is None:
         return None, "scattered and reflected light was not traced"
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+    at = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
+    if len(at) > MOST_TRACED and (places := len(np.unique(np.round(at, 4), axis=0))) > MOST_TRACED:
+        if has_diffuse_light(scene):
+            raise FitError(
+                "too many places to trace the scene's scattered and reflected light",
+                where=readings.source or None,
+                found=f"{places} places",
+                rule=f"at most {MOST_TRACED}",
+                remedy="diagnose a part of the readings, every third one, say",
+            )
+        return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
     if callable(diffuse):
         return diffuse, None
     from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs

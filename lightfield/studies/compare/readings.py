@@ -264,7 +264,7 @@ def _fit_readings(
     tracing: Mapping[str, Any],
 ) -> FitReport:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     source, dense = remembered(source), None

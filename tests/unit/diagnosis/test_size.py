@@ -7,6 +7,7 @@ import pytest
 from analytic_readings import scene
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.setup import source_of
 from lightfield.errors import FitError
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
@@ -47,3 +48,19 @@ def test_too_many_readings_are_refused_with_a_word(n: int, distances: int) -> No
     with pytest.raises(FitError, match="too many readings") as refused:
         diagnose(readings, believed, diffuse=None)
     assert str(n) in str(refused.value) and f"at {distances} distances" in str(refused.value)
+
+
+def test_light_is_not_traced_at_too_many_places() -> None:
+    """Without scattering in the scene the effects that need a trace are named as not tested; a scene that
+    scatters cannot be done without, and is refused."""
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("traced")
+
+    readings, believed = scan(3005, 5)
+    source, reason = source_of(believed, never, readings)
+    assert source is None and "no more than 3000 places" in str(reason)
+    with pytest.raises(FitError, match="too many places"):
+        diagnose(readings, believed.with_values({"water.scattering_per_m": 0.05}), diffuse=never)
+    few, believed = scan(600, 5)
+    assert source_of(believed, never, few) == (never, None)
