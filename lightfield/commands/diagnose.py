@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightfield.commands._options import seed_number
+from lightfield.commands._stages import stage_line
 from lightfield.errors import UsageError
 from lightfield.storage.files import atomic_path, locked_folder, output_file
 
@@ -86,16 +87,19 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     if args.output:
         for k in range(MOST_RUNGS):
             output_file(args.output / f"rung{k}.toml", args.scene)
-    found = diagnose(
-        readings,
-        scene,
-        diffuse=None if args.no_trace else "trace",
-        only=names,
-        alpha=ALPHA if args.alpha is None else args.alpha,
-        seed=args.seed,
-    )
-    if found.steps[1:] and not (args.no_trace or args.no_render):
-        found = found.rendered()
+    with stage_line("reading") as stage:
+        found = diagnose(
+            readings,
+            scene,
+            diffuse=None if args.no_trace else "trace",
+            only=names,
+            alpha=ALPHA if args.alpha is None else args.alpha,
+            seed=args.seed,
+            progress=stage,
+        )
+        if found.steps[1:] and not (args.no_trace or args.no_render):
+            stage("rendering the explained scene afresh")
+            found = found.rendered()
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
     print(found.summary())

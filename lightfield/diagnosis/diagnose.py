@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -150,6 +150,7 @@ def diagnose(
     alpha: float = ALPHA,
     seed: int = 0,
     advise: bool = True,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find the smallest sets of physical effects beside which nothing is missing in the model.
 
@@ -172,11 +173,13 @@ def diagnose(
         Of the bootstrap.
     advise : bool
         Work out held-out errors and the next measurement.
+    progress : callable, optional
+        Told what begins: many readings take a while.
 
     Raises
     ------
     FitError
-        Too few readings.
+        Too few readings, or too many for one diagnosis.
     MeasurementError
         Readings that do not belong to this scene.
     UsageError
@@ -184,7 +187,11 @@ def diagnose(
     """
     # On many small matrices more BLAS threads only get in each other's way.
     with threadpool_limits(1, "blas"):
-        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise)
+        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise, progress or _silent)
+
+
+def _silent(stage: str) -> None:
+    """Progress that nobody asked for."""
 
 
 def _diagnose(
@@ -195,9 +202,10 @@ def _diagnose(
     alpha: float,
     seed: int,
     advise: bool,
+    progress: Callable[[str], None],
 ) -> Diagnosis:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
@@ -209,11 +217,12 @@ def _diagnose(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
+        progress(f"noise and outliers of {problem.layout.size} readings")
         prepared = prepare(problem, quoted, budget, rng, alpha, known)
         dense, known = prepared.to_trace_per_m, prepared.known
         if dense is not None and traces_left:
             continue
-        finding = search(prepared, budget.tolerance, rng, alpha)
+        finding = search(prepared, budget.tolerance, rng, alpha, progress)
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
@@ -223,7 +232,9 @@ def _diagnose(
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
+    progress("errors of planes held out")
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
+    progress("rivals, limits and advice")
     verdict = compose.verdict_of(
         forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise
     )

@@ -105,7 +105,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     forward = SceneForward(scene, layout_table, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))

@@ -64,8 +64,9 @@ def beam_width_deg(scene: Scene, readings: Any) -> float:
     kinds = np.stack([np.round(z, 3), np.asarray(readings.medium) == "air", np.round(wavelength, 3)], axis=1)
     _, group = np.unique(kinds, axis=0, return_inverse=True)
     group = group.ravel()
-    top = np.array([value[group == k].max() for k in group])
-    lit = (value > 0.4 * top) & (value > 0)
+    top = np.full(int(group.max()) + 1, -np.inf)
+    np.maximum.at(top, group, value)
+    lit = (value > 0.4 * top[group]) & (value > 0)
     left, right = 0.0, 0.0
     for k in np.unique(group[lit]):
         mine = lit & (group == k)

@@ -30,6 +30,11 @@ _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
 _FEWEST_TO_SPARE = 1
+#: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
+#: which the model may be wrong in its own way.
+MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
+#: Memory of traced light grows with the square of the places that it is wanted at (2.4 GB at so many).
+MOST_TRACED = 3000
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -178,9 +183,10 @@ def problem_of(
     Raises
     ------
     FitError
-        Too few readings for the base model, or none but zeros.
+        Too few readings for the base model, too many for one diagnosis, or none but zeros.
     """
     layout, value = layout_of(readings), np.asarray(readings.value, float)
+    _check_size(layout, readings.source)
     keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
     base = base_parameters(forward, layout, value)
     if keep.sum() < len(base) + _FEWEST_TO_SPARE:
@@ -207,6 +213,19 @@ def problem_of(
     return Problem(forward, layout, value, keep, base, found), untestable
 
 
+def _check_size(layout: Layout, source: str) -> None:
+    """Refuse what would take hours or all memory."""
+    distances = len(np.unique(layout.plane * 1000 + layout.channel))
+    if layout.size > MOST_READINGS or layout.size * distances > MOST_AT_DISTANCES:
+        raise FitError(
+            "too many readings for one diagnosis",
+            where=source or None,
+            found=f"{layout.size} readings at {distances} distances (apart for each medium and wavelength)",
+            rule=f"at most {MOST_READINGS} readings, and {MOST_AT_DISTANCES} in the product of the two",
+            remedy="diagnose every tenth reading, say, average what was read at one place, or round z_m",
+        )
+
+
 def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
@@ -223,18 +242,38 @@ def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: t
         )
 
 
-def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+def source_of(
+    scene: Scene, diffuse: DiffuseSource | str | None, readings: Any
+) -> tuple[DiffuseSource | None, str | None]:
     """What gives scattered and reflected light, or why nothing does.
 
     Parameters
     ----------
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
+    readings : Readings
+        At more places than light is traced at, it is done without if the scene has none.
+
+    Raises
+    ------
+    FitError
+        Light of the scene itself would have to be traced at too many places.
     """
     if diffuse is None:
         return None, "scattered and reflected light was not traced"
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+    at = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
+    if len(at) > MOST_TRACED and (places := len(np.unique(np.round(at, 4), axis=0))) > MOST_TRACED:
+        if has_diffuse_light(scene):
+            raise FitError(
+                "too many places to trace the scene's scattered and reflected light",
+                where=readings.source or None,
+                found=f"{places} places",
+                rule=f"at most {MOST_TRACED}",
+                remedy="diagnose a part of the readings, every third one, say",
+            )
+        return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
     if callable(diffuse):
         return diffuse, None
     from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs

@@ -66,7 +66,7 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
 
 def standard_errors(prepared: Prepared, finding: Finding) -> Array:
     """Standard error of every reading as the diagnosis used it, shape (n,)."""
-    return np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
+    return np.sqrt(prepared.noise.variance(error_scale(prepared, finding), 0.0))
 
 
 def trust_of(

@@ -264,7 +264,7 @@ def _fit_readings(
     tracing: Mapping[str, Any],
 ) -> FitReport:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     source, dense = remembered(source), None
@@ -290,7 +290,7 @@ def _fit_readings(
         problem = replace(problem, forward=forward)
         fit = problem.fit(explanation, made.whiten, [fit.u], tolerance=1e-6)
     adequacy = made.test.on(problem)(fit)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, 1.0, 0.0)))
+    sigma = np.sqrt(prepared.noise.variance(1.0, 0.0))
     difference = problem.value - fit.prediction
     per_cent = 100 * difference / fit.prediction
     in_sigma = np.where(problem.keep > 0, difference / sigma, 0.0)
