@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield import __version__, effects
-from lightfield.diagnosis import compose, ledger
+from lightfield.diagnosis import compose, ledger, refutation
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
@@ -210,6 +210,7 @@ def _diagnose(
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    finding = refutation.settled(prepared, finding)
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from lightfield.diagnosis import words
+from lightfield.diagnosis import stated, words
 from lightfield.diagnosis.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.cascade import Finding
 from lightfield.diagnosis.cautions import cautions, variance_scale
@@ -15,6 +15,7 @@ from lightfield.diagnosis.families import Coordinate, coordinates
 from lightfield.diagnosis.ladder import Step, bright
 from lightfield.diagnosis.noise import Whitener
 from lightfield.diagnosis.preparation import Prepared
+from lightfield.diagnosis.refutation import judged
 from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search import Tried
 from lightfield.diagnosis.verdict import (
@@ -292,11 +293,22 @@ def verdict_of(
     )
     saturated = np.flatnonzero(np.asarray(readings.saturated))
     outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
+    phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
+    own_effects = stated.entries(
+        forward.scene,
+        judged(prepared, finding, untestable),
+        (p.path for p in problem.base),
+        untestable,
+        lambda fit: estimates(fit, phi, units),
+    )
+
+    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> str:
+        new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
+        return words.sentence(kind, told, next_one, new, coordinate, where, within, finding.determined)
+
     return Verdict(
         verdict=kind,
-        sentence=words.sentence(
-            kind, explanations, rival, limits, coordinate, where, within, finding.determined
-        ),
+        sentence=stated.sentence(kind, explanations, rival, own_effects, say),
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
@@ -306,6 +318,7 @@ def verdict_of(
         ladder=_rungs(steps, forward, level.phi, units, best),
         noise_floor_percent=floor,
         next_measurement=advice,
+        stated=own_effects,
         assumed=list(prepared.noise.budget.assumed),
         warnings=cautions(readings, prepared, finding, explanations),
         base_p=finding.levels[0].adequacy.p,
@@ -350,6 +363,7 @@ def summary(verdict: Verdict) -> str:
     for reason in dict.fromkeys(verdict.untestable.values()):
         names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
         lines.append(f"not testable here: {names} ({reason})")
+    lines += stated.lines(verdict.stated)
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.fit import Array, Fit, Whiten
 
@@ -67,6 +68,13 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     return percent(problem, prediction, counted)
 
 
+def _label(candidate: Candidate) -> str:
+    """What a rung changes: an effect more, or one of the scene's left out or of another size."""
+    if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
+        return f"+ {candidate.name}"
+    return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
+
+
 def climb(
     problem: Problem,
     explanation: Explanation,
@@ -106,7 +114,7 @@ def climb(
             if k == len(order):
                 starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
             fit = problem.fit(part, whiten, starts_k, tolerance=1e-5)
-        label = "base" if not k else "+ " + order[k - 1].name
+        label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(
             Step(
