@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield import __version__, effects
-from lightfield.diagnosis import compose, ledger, refutation
+from lightfield.diagnosis import calibration, compose, ledger, refutation
 from lightfield.diagnosis.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.preparation import Prepared, prepare
@@ -202,7 +202,7 @@ def _diagnose(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
-        prepared = prepare(problem, quoted, budget, rng, alpha, known)
+        prepared = prepare(calibration.by_shape(problem), quoted, budget, rng, alpha, known)
         dense, known = prepared.to_trace_per_m, prepared.known
         if dense is not None and traces_left:
             continue
@@ -210,11 +210,15 @@ def _diagnose(
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.settled(prepared, finding)
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
-    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    lamp = calibration.judged(prepared, problem, finding)
+    verdict = compose.verdict_of(
+        forward, readings, prepared, finding, steps, untestable, seed, alpha, advise, lamp
+    )
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

@@ -14,7 +14,7 @@ from lightfield.errors import UsageError
 ENTRY_POINT_GROUP = "lightfield.effects"
 
 Scale = Literal[
-    "one", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
+    "one", "power", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
 ]
 Need = Literal[
     "vary_x",
@@ -27,6 +27,7 @@ Need = Literal[
     "spectral",
     "known_base",
     "off_axis",
+    "absolute",
 ]
 
 
@@ -43,7 +44,8 @@ class Free:
     typical : float
         Size worth asking about, in multiples of `per`; also the yard-stick of finite differences.
     per : str
-        What the numbers are multiples of: "one" (the parameter's own unit), "signal" (largest reading),
+        What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
+        "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
         "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm).
     grid : tuple of float
@@ -91,6 +93,8 @@ class Effect:
         It acts through scattered or reflected light, which comes from the transport response.
     direct_only : bool
         It acts by the direction of arrival, known for direct light only: never combined with diffuse light.
+    instead_of : tuple of str
+        Parameters of the base model that it takes the place of: held in the middle of their range.
     """
 
     name: str
@@ -102,6 +106,7 @@ class Effect:
     needs: tuple[Need, ...] = ()
     diffuse: bool = False
     direct_only: bool = False
+    instead_of: tuple[str, ...] = ()
 
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""

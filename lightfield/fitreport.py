@@ -13,9 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from lightfield import effects
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.calibration import by_shape
 from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.compose import estimates, units_of
 from lightfield.diagnosis.ladder import bright, held_out, percent
+from lightfield.diagnosis.plausibility import hints
 from lightfield.diagnosis.preparation import bench, prepare
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.diagnosis.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
@@ -271,6 +273,8 @@ def _fit_readings(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
         explanation = _chosen(problem, with_effects, untestable)
+        if not any(c.effect.instead_of for c in explanation):
+            problem = by_shape(problem)
         rng = np.random.default_rng(seed)
         prepared = prepare(problem, quoted, budget, rng)
         made = bench(prepared, 0.0, rng)
@@ -280,7 +284,8 @@ def _fit_readings(
         dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
         if dense is None:
             break
-    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in readings.warnings]
+    noted = [*hints(forward, problem, fit, budget.calibration), *readings.warnings]
+    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted]
     for _ in range(2 if solver == "render" else 0):
         from lightfield.rendered import rendered_light  # loads the renderer
 

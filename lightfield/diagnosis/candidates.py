@@ -32,6 +32,7 @@ REASONS: Mapping[str, str] = {
     "water": "no reading was taken in water",
     "air_and_water": "needs readings in air and in water",
     "spectral": "needs readings at three wavelengths or more",
+    "absolute": "the readings are on a relative scale",
     "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
 }
 
@@ -44,6 +45,7 @@ class Setting:
     layout: Layout
     signal: float
     band_nm: float
+    absolute: bool = False
 
     @property
     def hwhm_deg(self) -> float:
@@ -57,6 +59,7 @@ class Setting:
         return {
             "off_axis": bool(layout.angle_rad.max() > 1e-6),
             "time": layout.has_time,
+            "absolute": self.absolute,
             "tank": self.scene.tank is not None,
             "water": bool((~layout.air).any()),
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
@@ -72,6 +75,7 @@ class Setting:
         near, far = float(self.layout.z_m.min()), float(self.layout.z_m.max())
         return {
             "one": (1.0, 0.0),
+            "power": (float(self.scene.get("lamp.power_w")), 0.0),
             "signal": (self.signal, 0.0),
             "inverse_signal": (1.0 / self.signal, 0.0),
             "hwhm": (self.hwhm_deg, 0.0),

@@ -14,8 +14,9 @@ from lightfield.diagnosis.cautions import cautions, variance_scale
 from lightfield.diagnosis.families import Coordinate, coordinates
 from lightfield.diagnosis.ladder import Step, bright
 from lightfield.diagnosis.noise import Whitener
+from lightfield.diagnosis.plausibility import exchanged, hints
 from lightfield.diagnosis.preparation import Prepared
-from lightfield.diagnosis.refutation import judged
+from lightfield.diagnosis.refutation import Judged, judged
 from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search import Tried
 from lightfield.diagnosis.verdict import (
@@ -55,7 +56,9 @@ def estimates(
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
         reason = None
-        if bound[i]:
+        if fit.model.parameters[i].is_held:
+            reason = "held"
+        elif bound[i]:
             reason = "at boundary"
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
             reason = "did not move the model"
@@ -251,8 +254,15 @@ def verdict_of(
     seed: int,
     alpha: float,
     advise: bool,
+    lamp: Sequence[Judged] = (),
 ) -> Verdict:
-    """The verdict as plain data."""
+    """The verdict as plain data.
+
+    Parameters
+    ----------
+    lamp : sequence of Judged
+        What absolute readings say of the lamp's power.
+    """
     problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
     best = finding.accepted[0] if finding.accepted else None
     absorbed = {
@@ -296,10 +306,10 @@ def verdict_of(
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
     own_effects = stated.entries(
         forward.scene,
-        judged(prepared, finding, untestable),
+        [*lamp, *judged(prepared, finding, untestable)],
         (p.path for p in problem.base),
         untestable,
-        lambda fit: estimates(fit, phi, units),
+        lambda fit, least: estimates(fit, phi, units, least),
     )
 
     def say(told: Sequence[Explanation], next_one: NearestRival | None) -> str:
@@ -320,7 +330,11 @@ def verdict_of(
         next_measurement=advice,
         stated=own_effects,
         assumed=list(prepared.noise.budget.assumed),
-        warnings=cautions(readings, prepared, finding, explanations),
+        warnings=[
+            *hints(forward, problem, steps[-1].fit, prepared.noise.budget.calibration),
+            *exchanged(forward, problem, finding),
+            *cautions(readings, prepared, finding, explanations),
+        ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
         variance_scale=variance_scale(prepared, finding),

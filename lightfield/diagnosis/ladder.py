@@ -102,6 +102,9 @@ def climb(
             fits = [start, problem.default_start(base.u, (candidate,))]
             alone.append(problem.fit((candidate,), whiten, fits).chi2)
         order = [order[int(np.argmin(alone))], order[int(np.argmax(alone))]]
+    # What takes the place of a base parameter comes first: the rest would be bent to do its work.
+    order.sort(key=lambda c: not c.effect.instead_of)
+    bent = any(c.effect.instead_of for c in order)
     steps: list[Step] = []
     counted, n = bright(problem), int(problem.keep.sum())
     fit = base
@@ -123,7 +126,7 @@ def climb(
                 fit,
                 percent(problem, fit.prediction, counted),
                 fit.chi2 * phi / dof,
-                held_out(problem, part, fit, whiten) if with_held_out else float("nan"),
+                held_out(problem, part, fit, whiten) if with_held_out and (k or not bent) else float("nan"),
             )
         )
     return steps

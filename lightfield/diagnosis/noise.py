@@ -85,6 +85,8 @@ class Budget:
     tolerance: float
     gain_stated: bool = False
     assumed: tuple[str, ...] = ()
+    #: Standard error of the calibration; None on a relative scale.
+    calibration: float | None = None
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ errors that the curvature at one of them does not show: profile likelihood over 
 from __future__ import annotations
 
 from collections.abc import Mapping
+
 import numpy as np
 
 from lightfield.diagnosis.problem import Explanation, Problem

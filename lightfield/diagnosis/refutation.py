@@ -8,7 +8,7 @@ An effect whose stated size is contradicted and that can be left out is refuted:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -41,22 +41,26 @@ class Judged:
     free : Fit
         With its amplitudes free, and its shapes too where the search freed them.
     sigma_from_stated, sigma_to_remove : float
-        How much worse the readings are met with the stated values, and without the effect.
+        How much worse the readings are met with the stated values, and without the effect; None for what
+        cannot be switched off.
     limit : float or None
         Of its one amplitude's distance from the neutral value, 95 %.
+    errors : mapping
+        Smallest standard errors by path.
     """
 
     candidate: Candidate
     free: Fit
     sigma_from_stated: float
-    sigma_to_remove: float
+    sigma_to_remove: float | None
     limit: float | None
     contradicted: bool
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def judgement(self) -> Judgement:
         """What to call it; what is far off and yet not contradicted has a rival that explains as much."""
-        removable = self.sigma_to_remove < REMOVABLE_SIGMA
+        removable = self.sigma_to_remove is not None and self.sigma_to_remove < REMOVABLE_SIGMA
         if self.contradicted:
             return "absent" if removable else "contradicted"
         far = self.sigma_from_stated > CONTRADICTED_SIGMA

@@ -21,7 +21,7 @@ def entries(
     judged: Iterable[Judged],
     free: Iterable[str],
     untestable: Mapping[str, str],
-    estimate: Callable[[Fit], Mapping[str, Estimate]],
+    estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
 ) -> list[StatedEffect]:
     """Every effect that the scene has: first those that were tested, then what is held as stated.
 
@@ -30,13 +30,13 @@ def entries(
     free : iterable of str
         Paths that the base model fits.
     estimate : callable
-        Fitted values of a fit with their errors.
+        Values of a fit with their errors, which are given the smallest they may be.
     """
     known = scene.parameters()
     out = []
     for one in judged:
         moved = [p.path for p in one.candidate.parameters if p.path in one.free.paths]
-        values = estimate(one.free)
+        values = estimate(one.free, one.errors)
         out.append(
             StatedEffect(
                 effect=one.candidate.name,
@@ -72,8 +72,8 @@ def clause(entry: StatedEffect) -> str:
     whose = f"your scene's {join([entry.effect or ''])}"
     if entry.judgement == "absent":
         path, value = next(iter(entry.stated.items()))
-        return f"{whose} is not in the readings ({_bound(entry, path)}, not {value:.3g})"
-    found = [f"{path} = {_value(entry.fitted[path])}, not {entry.stated[path]:.3g}" for path in entry.stated]
+        return f"{whose} is not in the readings ({_bound(entry, path)}, not {value:.4g})"
+    found = [f"{path} = {_value(entry.fitted[path])}, not {entry.stated[path]:.4g}" for path in entry.stated]
     return f"{whose} is contradicted by the readings ({'; '.join(found)})"
 
 
@@ -89,8 +89,8 @@ def _bound(entry: StatedEffect, path: str) -> str:
 
 def _value(estimate: Estimate) -> str:
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    error = "" if estimate.stderr is None else f" +- {estimate.stderr:.2g}"
-    return f"{estimate.value:.3g}{error}{unit}"
+    error = "" if estimate.stderr is None else f" +- {float(f'{estimate.stderr:.2g}'):g}"
+    return f"{estimate.value:.4g}{error}{unit}"
 
 
 def sentence(
@@ -141,16 +141,17 @@ def lines(stated: Sequence[StatedEffect]) -> list[str]:
             out.append(f"stated: {clause(entry)}")
         elif entry.judgement != "held":
             path, value = next(iter(entry.stated.items()))
-            there = (
-                f"is in the readings ({entry.sigma_to_remove:.1f} sigma)"
-                if entry.judgement == "supported"
-                else "cannot be told from none, or from another size, with these readings"
-            )
+            there = "cannot be told from none, or from another size, with these readings"
+            if entry.judgement == "supported":
+                sure = entry.sigma_to_remove
+                there = (
+                    "agrees with the readings" if sure is None else f"is in the readings ({sure:.1f} sigma)"
+                )
             out.append(
                 f"stated: your scene's {join([entry.effect or ''])} {there}; "
-                f"{path} = {_value(entry.fitted[path])} fitted, {value:.3g} stated"
+                f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated"
             )
     held = [
-        f"{path} = {value:.3g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
+        f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
     ]
     return [*out, "held as stated: " + ", ".join(held)] if held else out

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.measurements import units
 from lightfield.measurements.problems import Problems
-from lightfield.measurements.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
+from lightfield.measurements.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, FloatArray, Readings
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
+_LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -54,6 +57,7 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+    _check_sign(readings, noted)
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
@@ -77,6 +81,19 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     _check_head(readings, noted)
     if problems is None:
         noted.raise_any("not usable readings")
+
+
+def _check_sign(readings: Readings, noted: Problems) -> None:
+    """Refuse values that are negative rather than positive: light is not, but for noise."""
+    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
+    negative = value < 0
+    if -value[negative].sum() > value[~negative].sum():
+        noted.add(
+            "value is negative in most of what it says",
+            found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
+            rule="light in linear units, from which a dark signal was subtracted once",
+            remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
+        )
 
 
 def _problems(readings: Readings) -> Problems:
@@ -125,6 +142,11 @@ def _check_head(readings: Readings, noted: Problems) -> None:
                 units.to_si(readings.units, quantity)
             except ValueError as error:
                 noted.add(f"unusable units: {error}", found=readings.units, remedy=remedy)
+    if _LOGARITHMIC.search(readings.units):
+        noted.add(
+            "readings in decibels", place=noted.head.get("units"), found=readings.units,
+            rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
+        )  # fmt: skip
     for name in TERMS:
         value = getattr(readings.budget, name)
         low_open = name == "saturation_level"
@@ -179,15 +201,22 @@ def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[
         "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
         "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
     }
+
+    def beyond(values: FloatArray, name: str) -> NDArray[np.bool_]:
+        low, high = ends[name]
+        return (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
+
+    at_z = remedy = "correct it (positions are in metres), or the tank's size"
+    if not (beyond(readings.y_m, "x_m") | beyond(readings.x_m, "y_m")).any():
+        remedy += "; exchanged, x_m and y_m would lie inside"
     for name, (low, high) in ends.items():
         values = getattr(readings, name)
-        outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
-        outside &= np.abs(values) <= FARTHEST_M  # else that was said
+        outside = beyond(values, name) & (np.abs(values) <= FARTHEST_M)  # else that was said
         for k in np.flatnonzero(outside).tolist():
             noted.add(
                 f"{name} is outside the tank",
                 place=lines[k],
                 found=values[k].item(),
                 rule=f"{low:g} <= {name} <= {high:g}",
-                remedy="correct it (positions are in metres), or the tank's size",
+                remedy=remedy if name != "z_m" else at_z,
             )
