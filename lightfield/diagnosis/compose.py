@@ -16,7 +16,7 @@ from lightfield.diagnosis.ladder import Step, bright
 from lightfield.diagnosis.noise import Whitener
 from lightfield.diagnosis.plausibility import exchanged, hints
 from lightfield.diagnosis.preparation import Prepared
-from lightfield.diagnosis.refutation import Judged, judged
+from lightfield.diagnosis.refutation import Judged, entries, judged
 from lightfield.diagnosis.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search import Tried
 from lightfield.diagnosis.verdict import (
@@ -304,7 +304,7 @@ def verdict_of(
     saturated = np.flatnonzero(np.asarray(readings.saturated))
     outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
-    own_effects = stated.entries(
+    own_effects = entries(
         forward.scene,
         [*lamp, *judged(prepared, finding, untestable)],
         (p.path for p in problem.base),

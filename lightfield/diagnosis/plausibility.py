@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -76,8 +75,8 @@ def _width(scene: Scene, values: Mapping[str, float]) -> str:
         return ""
     return (
         f"the fitted width is {ratio:.2g} times the scene's ({path} = {values[path]:.3g}, not {guess:.3g}): "
-        "check the unit of x_m and y_m (metres from the axis, not a diameter), and that the scene's is a half "
-        "width at half maximum"
+        "check the unit of x_m and y_m (metres from the axis, not a diameter), and that the scene's is a "
+        "half width at half maximum"
     )
 
 

@@ -7,27 +7,29 @@ An effect whose stated size is contradicted and that can be left out is refuted:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from scipy import special
 
+from lightfield import effects
 from lightfield.diagnosis.candidates import Candidate
 from lightfield.diagnosis.cascade import Finding
 from lightfield.diagnosis.preparation import Prepared
 from lightfield.diagnosis.problem import Explanation, Problem
 from lightfield.diagnosis.search import Tried
+from lightfield.diagnosis.stated import CONTRADICTED_SIGMA
 from lightfield.diagnosis.subspace import beside, orthonormal
+from lightfield.diagnosis.verdict import Estimate, StatedEffect
 from lightfield.fit import Array, Fit
+from lightfield.scene import Scene
 
 Judgement = Literal["supported", "undecided", "contradicted", "absent"]
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
-REMOVABLE_SIGMA = 2.0
-#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
-CONTRADICTED_SIGMA = 5.0
+REMOVABLE_SIGMA = 3.0
 #: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two.
 _ONE_SIDE, _TWO_SIDES = float(special.chdtri(1, 0.10)), float(special.chdtri(1, 0.05))
 
@@ -184,3 +186,54 @@ def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
         u = free.u[i] + side * (slope + np.sqrt(slope**2 + curvature * rise)) / curvature
         ends.append(float(np.clip(u, parameter.low, parameter.high)))
     return max(abs(u - off) for u in ends)
+
+
+def entries(
+    scene: Scene,
+    judged: Iterable[Judged],
+    free: Iterable[str],
+    untestable: Mapping[str, str],
+    estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
+) -> list[StatedEffect]:
+    """Every effect that the scene has: first those that were tested, then what is held as stated.
+
+    Parameters
+    ----------
+    free : iterable of str
+        Paths that the base model fits.
+    estimate : callable
+        Values of a fit with their errors, which are given the smallest they may be.
+    """
+    known = scene.parameters()
+    out = []
+    for one in judged:
+        moved = [p.path for p in one.candidate.parameters if p.path in one.free.paths]
+        values = estimate(one.free, one.errors)
+        out.append(
+            StatedEffect(
+                effect=one.candidate.name,
+                judgement=one.judgement,
+                stated={path: float(known[path].value) for path in moved},
+                neutral={p: float(off) for p in moved if (off := known[p].neutral) is not None},
+                fitted={path: values[path] for path in moved},
+                limit=one.limit,
+                sigma_from_stated=one.sigma_from_stated,
+                sigma_to_remove=one.sigma_to_remove,
+            )
+        )
+    tested = {path for entry in out for path in entry.stated} | set(free)
+    owner = {f.path: e.name for e in effects.table().values() for form in e.forms for f in form.amplitudes}
+    for path, parameter in known.items():
+        if parameter.neutral is None or parameter.value == parameter.neutral or path in tested:
+            continue
+        name = owner.get(path)
+        reason = "no effect of the table sets it free" if name is None else untestable.get(name)
+        out.append(
+            StatedEffect(
+                effect=name,
+                judgement="held",
+                stated={path: float(parameter.value)},
+                reason=reason or "not among the effects that were considered",
+            )
+        )
+    return out

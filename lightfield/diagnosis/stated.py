@@ -1,70 +1,17 @@
-"""What the verdict says of the effects that the scene itself has: as data, and in words."""
+"""The effects that the scene itself has, in the words of the verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
-from lightfield import effects
-from lightfield.diagnosis.refutation import Judged
 from lightfield.diagnosis.verdict import Estimate, Explanation, NearestRival, StatedEffect
 from lightfield.diagnosis.words import join
-from lightfield.fit import Fit
 
 Say = Callable[[Sequence[Explanation], NearestRival | None], str]
 #: Judgements that contradict the scene.
 REFUTED = ("absent", "contradicted")
-
-
-def entries(
-    scene: Any,
-    judged: Iterable[Judged],
-    free: Iterable[str],
-    untestable: Mapping[str, str],
-    estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
-) -> list[StatedEffect]:
-    """Every effect that the scene has: first those that were tested, then what is held as stated.
-
-    Parameters
-    ----------
-    free : iterable of str
-        Paths that the base model fits.
-    estimate : callable
-        Values of a fit with their errors, which are given the smallest they may be.
-    """
-    known = scene.parameters()
-    out = []
-    for one in judged:
-        moved = [p.path for p in one.candidate.parameters if p.path in one.free.paths]
-        values = estimate(one.free, one.errors)
-        out.append(
-            StatedEffect(
-                effect=one.candidate.name,
-                judgement=one.judgement,
-                stated={path: float(known[path].value) for path in moved},
-                neutral={p: float(off) for p in moved if (off := known[p].neutral) is not None},
-                fitted={path: values[path] for path in moved},
-                limit=one.limit,
-                sigma_from_stated=one.sigma_from_stated,
-                sigma_to_remove=one.sigma_to_remove,
-            )
-        )
-    tested = {path for entry in out for path in entry.stated} | set(free)
-    owner = {f.path: e.name for e in effects.table().values() for form in e.forms for f in form.amplitudes}
-    for path, parameter in known.items():
-        if parameter.neutral is None or parameter.value == parameter.neutral or path in tested:
-            continue
-        name = owner.get(path)
-        reason = "no effect of the table sets it free" if name is None else untestable.get(name)
-        out.append(
-            StatedEffect(
-                effect=name,
-                judgement="held",
-                stated={path: float(parameter.value)},
-                reason=reason or "not among the effects that were considered",
-            )
-        )
-    return out
+#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
+CONTRADICTED_SIGMA = 5.0
 
 
 def clause(entry: StatedEffect) -> str:
@@ -120,9 +67,10 @@ def sentence(
         first = explanations[0]
         missing = [k for k, name in enumerate(first.effects) if name not in wrong]
         if not missing:
-            apart = f"; the next rival, {join(next_one.effects)}, is " if next_one else ""
-            far = f"{next_one.separation_sigma:.1f} sigma away" if next_one else ""
-            return f"{against}{apart}{far}."
+            if next_one is None:
+                return f"{against}."
+            far = f"{next_one.separation_sigma:.1f} sigma away"
+            return f"{against}. The next rival, {join(next_one.effects)}, is {far}."
         left = {
             "effects": [first.effects[k] for k in missing],
             "families": [first.families[k] for k in missing],
@@ -141,17 +89,21 @@ def lines(stated: Sequence[StatedEffect]) -> list[str]:
             out.append(f"stated: {clause(entry)}")
         elif entry.judgement != "held":
             path, value = next(iter(entry.stated.items()))
-            there = "cannot be told from none, or from another size, with these readings"
-            if entry.judgement == "supported":
-                sure = entry.sigma_to_remove
-                there = (
-                    "agrees with the readings" if sure is None else f"is in the readings ({sure:.1f} sigma)"
-                )
             out.append(
-                f"stated: your scene's {join([entry.effect or ''])} {there}; "
+                f"stated: your scene's {join([entry.effect or ''])} {_standing(entry)}; "
                 f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated"
             )
     held = [
         f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
     ]
     return [*out, "held as stated: " + ", ".join(held)] if held else out
+
+
+def _standing(entry: StatedEffect) -> str:
+    """What the readings say of an effect that they do not contradict."""
+    if entry.judgement == "supported":
+        sure = entry.sigma_to_remove
+        return "agrees with the readings" if sure is None else f"is in the readings ({sure:.1f} sigma)"
+    if (entry.sigma_from_stated or 0.0) > CONTRADICTED_SIGMA:
+        return "is of another size, or a rival holds"
+    return "cannot be told from none, or from another size, with these readings"

@@ -89,7 +89,7 @@ def _check_sign(readings: Readings, noted: Problems) -> None:
     negative = value < 0
     if -value[negative].sum() > value[~negative].sum():
         noted.add(
-            "value is negative in most of what it says",
+            "the values are more negative than positive",
             found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
             rule="light in linear units, from which a dark signal was subtracted once",
             remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
