@@ -57,7 +57,6 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
-    _check_sign(readings, noted)
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
@@ -81,19 +80,6 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     _check_head(readings, noted)
     if problems is None:
         noted.raise_any("not usable readings")
-
-
-def _check_sign(readings: Readings, noted: Problems) -> None:
-    """Refuse values that are negative rather than positive: light is not, but for noise."""
-    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
-    negative = value < 0
-    if -value[negative].sum() > value[~negative].sum():
-        noted.add(
-            "the values are more negative than positive",
-            found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
-            rule="light in linear units, from which a dark signal was subtracted once",
-            remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
-        )
 
 
 def _problems(readings: Readings) -> Problems:
@@ -142,11 +128,6 @@ def _check_head(readings: Readings, noted: Problems) -> None:
                 units.to_si(readings.units, quantity)
             except ValueError as error:
                 noted.add(f"unusable units: {error}", found=readings.units, remedy=remedy)
-    if _LOGARITHMIC.search(readings.units):
-        noted.add(
-            "readings in decibels", place=noted.head.get("units"), found=readings.units,
-            rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
-        )  # fmt: skip
     for name in TERMS:
         value = getattr(readings.budget, name)
         low_open = name == "saturation_level"
@@ -188,11 +169,30 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
             rule=f"detector.quantity = {quantity!r}",
             remedy="change it in the scene",
         )
+    _check_linear(readings, noted)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
         noted.raise_any("does not fit the scene")
     return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
+
+
+def _check_linear(readings: Readings, noted: Problems) -> None:
+    """Refuse decibels: by their unit, or because light is not negative, but for noise."""
+    if _LOGARITHMIC.search(readings.units):
+        noted.add(
+            "readings in decibels", place=noted.head.get("units"), found=readings.units,
+            rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
+        )  # fmt: skip
+    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
+    negative = value < 0
+    if -value[negative].sum() > value[~negative].sum():
+        noted.add(
+            "the values are more negative than positive",
+            found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
+            rule="light in linear units, from which a dark signal was subtracted once",
+            remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
+        )
 
 
 def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:

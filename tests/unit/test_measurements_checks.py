@@ -66,7 +66,8 @@ def test_exchanged_columns_are_proposed_where_they_would_fit_the_tank():
 
 
 def decibels(values) -> Readings:
-    return Readings.from_arrays(z_m=np.arange(1.0, 1.0 + len(values)), value=values)
+    table = Readings.from_arrays(z_m=np.arange(1.0, 1.0 + len(values)), value=values)
+    return table.check_against(scene(tank=None))
 
 
 @pytest.mark.parametrize("values", [[-10.0, -15.5, -30.0], [3.0, -4.0, -12.0], [-1e-3, -2e-3]])
@@ -80,7 +81,7 @@ def test_negative_light_is_refused_with_what_to_do(values):
 def test_decibels_are_told_by_their_unit_too():
     for unit in ("dB", "dBm", "dB re 1 uW"):
         with pytest.raises(MeasurementError, match="decibels"):
-            readings(units=unit)
+            readings(units=unit).check_against(scene())
 
 
 def test_noise_below_zero_and_one_slip_are_readings():
