@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.files import output_file
 from lightfield.scene import Scene
+from lightfield.storage.files import output_file
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
-from lightfield.diagnose import diagnose
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import MeasurementError, UsageError
-from lightfield.fitreport import fit_readings
-from lightfield.forward import SceneForward
-from lightfield.measurements.readings import ErrorBudget, Readings
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings.readings import ErrorBudget, Readings
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
 
 UNIT = "uW/cm^2/nm"
 

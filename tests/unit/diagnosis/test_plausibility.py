@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from analytic_readings import readings, scene
 
-from lightfield.diagnose import diagnose
-from lightfield.fitreport import fit_readings
-from lightfield.measurements.readings import Readings
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings.readings import Readings
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
 
 
 def warnings(table: Readings, believed: Scene) -> list[str]:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from analytic_readings import readings, scene
 
-from lightfield.diagnose import Diagnosis, diagnose
-from lightfield.diagnosis.verdict import StatedEffect, Verdict
-from lightfield.diagnosis.view import view_of
-from lightfield.fit import Model, least_squares
-from lightfield.report.diagnosis_page import diagnosis_page
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.verdict.verdict import StatedEffect, Verdict
+from lightfield.fitting.least_squares import Model, least_squares
+from lightfield.report.diagnosis.page import diagnosis_page
+from lightfield.report.diagnosis.view import view_of
 from lightfield.scene import Scene
 
 
