@@ -34,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     budget.add_argument("--position-mm", type=float, metavar="MM", help="error of the detector's position")
     budget.add_argument("--tolerance-percent", type=float, metavar="P", help="smooth misfit of no interest")
     budget.add_argument("--outlier-percent", type=float, metavar="P", help="part of readings spoilt by slips")
+    budget.add_argument(
+        "--calibration-percent", type=float, metavar="P", help="error of an absolute calibration"
+    )
     parser.add_argument("-o", "--output", metavar="READINGS.csv", help="the reading table to write")
 
 
@@ -53,7 +56,11 @@ def run(args: argparse.Namespace) -> int:
         bands_nm=[_band(text) for text in args.band],
         saturation_level=args.saturation_level,
         budget=ErrorBudget(
-            args.plane_gain_percent, args.position_mm, args.tolerance_percent, args.outlier_percent
+            args.plane_gain_percent,
+            args.position_mm,
+            args.tolerance_percent,
+            args.outlier_percent,
+            calibration_percent=args.calibration_percent,
         ),
     )
     readings.save(args.output)

@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, re
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.verdict import compose
+from lightfield.diagnosis.verdict import calibration, compose, refutation
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -218,7 +218,7 @@ def _diagnose(
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
-        prepared = prepare(problem, quoted, budget, rng, alpha, known)
+        prepared = prepare(calibration.by_shape(problem), quoted, budget, rng, alpha, known)
         dense, known = prepared.to_trace_per_m, prepared.known
         if dense is not None and traces_left:
             continue
@@ -226,6 +226,8 @@ def _diagnose(
         dense = forward.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
+    finding = refutation.settled(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
@@ -235,8 +237,9 @@ def _diagnose(
     progress("errors of planes held out")
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
+    lamp = calibration.judged(prepared, problem, finding)
     verdict = compose.verdict_of(
-        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise
+        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise, lamp
     )
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

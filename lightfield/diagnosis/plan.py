@@ -76,6 +76,7 @@ class Plan:
 
 def planned(readings: Any, scene: Scene) -> Any:
     """A layout with the scene's prediction as values (largest 1) and assumed errors where there are none."""
+    readings = replace(readings, scale="relative")
     forward = SceneForward(scene, readings)
     light = forward.predict({})
     value = light / float(light.max())

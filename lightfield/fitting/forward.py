@@ -12,10 +12,13 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula import field as analytic
+from lightfield.readings import units
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.water.coefficients import scattering_per_m
 
 GAIN = "gain"
@@ -23,6 +26,7 @@ GAIN = "gain"
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
+POWER = "lamp.power_w"
 _REMEMBERED = 120
 
 
@@ -127,13 +131,18 @@ class SceneForward:
         return self._width
 
     @property
+    def is_absolute(self) -> bool:
+        """Are the readings in a unit of light, which the lamp's power gives?"""
+        return bool(self.readings.scale == "absolute")
+
+    @property
     def _colours(self) -> list[float | None]:
         return [None if np.isnan(w) else float(w) for w in self._wavelengths]
 
     @property
     def gain_names(self) -> tuple[str, ...]:
-        """One gain per channel on a relative scale, one for all on an absolute one."""
-        if len(self._wavelengths) == 1 or self.readings.scale == "absolute":
+        """One gain per channel on a relative scale; on an absolute one, one for all, next to 1."""
+        if len(self._wavelengths) == 1 or self.is_absolute:
             return (GAIN,)
         return tuple(f"{GAIN}.{w:g}nm" for w in self._wavelengths)
 
@@ -283,8 +292,18 @@ class SceneForward:
         )
 
     def _gain(self, values: Mapping[str, float]) -> Array:
+        """Reading per unit of light from an on-axis intensity of one, shape (n,)."""
         gains = np.array([values.get(name, 1.0) for name in self.gain_names])
-        return np.asarray(gains[self._channel] if len(gains) > 1 else np.full(self.size, gains[0]))
+        gain = gains[self._channel] if len(gains) > 1 else np.full(self.size, gains[0])
+        return np.asarray(gain * self._intensity(values) if self.is_absolute else gain)
+
+    def _intensity(self, values: Mapping[str, float]) -> Array:
+        """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
+        lamp = self._with(values, [path for path in values if path.startswith("lamp.")]).lamp
+        middle = float(np.mean(self.scene.detector.bands_nm[0]))
+        at = np.where(np.isnan(self._wavelengths), middle, self._wavelengths)
+        unit = units.to_si(self.readings.units, self.scene.detector.quantity)
+        return np.asarray(spectral_power(lamp, at) / (solid_angle_sr(lamp) * unit))[self._channel]
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""

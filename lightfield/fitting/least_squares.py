@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -54,6 +54,15 @@ class Parameter:
     start: float
     step: float
     coordinate: str = "linear"
+
+    @property
+    def is_held(self) -> bool:
+        """Do the bounds leave it no room?"""
+        return self.low == self.high
+
+    def held(self, u: float) -> Parameter:
+        """The same, held at the coordinate `u`."""
+        return replace(self, low=u, high=u, start=u)
 
     def value(self, u: float) -> float:
         """Scene value at the fit's coordinate `u`."""
@@ -118,7 +127,7 @@ class Model:
         """
         columns = np.zeros((len(prediction), len(self.parameters)))
         for i, parameter in enumerate(self.parameters):
-            if parameter.low == parameter.high:
+            if parameter.is_held:
                 continue
             step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
             moved = u.copy()
@@ -193,9 +202,10 @@ class Fit:
         }
 
     def at_bound(self) -> NDArray[np.bool_]:
-        """Which parameters lie at a bound, shape (n_parameters,)."""
-        width = 1e-6 * (self.model.high - self.model.low)
-        return (self.u <= self.model.low + width) | (self.u >= self.model.high - width)
+        """Which parameters lie at a bound, shape (n_parameters,); what is held has none."""
+        room = self.model.high - self.model.low
+        width = 1e-6 * room
+        return (room > 0) & ((self.u <= self.model.low + width) | (self.u >= self.model.high - width))
 
 
 def _step(hessian: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:

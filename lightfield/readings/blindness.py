@@ -83,9 +83,9 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
             "estimated from the misfit",
             "give stderr from repeated spectra",
         )
-    missing = [
-        name for name in ("plane_gain_percent", "position_mm") if getattr(readings.budget, name) is None
-    ]
+    terms = ["plane_gain_percent", "position_mm"]
+    terms += ["calibration_percent"] if readings.scale == "absolute" else []
+    missing = [name for name in terms if getattr(readings.budget, name) is None]
     if missing:
         warn(
             "no_error_budget",

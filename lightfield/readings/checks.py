@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
@@ -16,6 +19,7 @@ from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
+_LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -172,11 +176,30 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
             rule=f"detector.quantity = {quantity!r}",
             remedy="change it in the scene",
         )
+    _check_linear(readings, noted)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
         noted.raise_any("does not fit the scene")
     return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
+
+
+def _check_linear(readings: Readings, noted: Problems) -> None:
+    """Refuse decibels: by their unit, or because light is not negative, but for noise."""
+    if _LOGARITHMIC.search(readings.units):
+        noted.add(
+            "readings in decibels", place=noted.head.get("units"), found=readings.units,
+            rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
+        )  # fmt: skip
+    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
+    negative = value < 0
+    if -value[negative].sum() > value[~negative].sum():
+        noted.add(
+            "the values are more negative than positive",
+            found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
+            rule="light in linear units, from which a dark signal was subtracted once",
+            remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
+        )
 
 
 def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
@@ -185,15 +208,22 @@ def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[
         "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
         "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
     }
+
+    def beyond(values: Array, name: str) -> NDArray[np.bool_]:
+        low, high = ends[name]
+        return (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
+
+    at_z = remedy = "correct it (positions are in metres), or the tank's size"
+    if not (beyond(readings.y_m, "x_m") | beyond(readings.x_m, "y_m")).any():
+        remedy += "; exchanged, x_m and y_m would lie inside"
     for name, (low, high) in ends.items():
         values = getattr(readings, name)
-        outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
-        outside &= np.abs(values) <= FARTHEST_M  # else that was said
+        outside = beyond(values, name) & (np.abs(values) <= FARTHEST_M)  # else that was said
         for k in np.flatnonzero(outside).tolist():
             noted.add(
                 f"{name} is outside the tank",
                 place=lines[k],
                 found=values[k].item(),
                 rule=f"{low:g} <= {name} <= {high:g}",
-                remedy="correct it (positions are in metres), or the tank's size",
+                remedy=remedy if name != "z_m" else at_z,
             )

@@ -51,7 +51,14 @@ COLUMNS = (
 )
 # Entries of the head that lightfield uses: text, and the terms of the error budget.
 WORDS = ("quantity", "scale", "units")
-TERMS = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent", "saturation_level")
+TERMS = (
+    "plane_gain_percent",
+    "position_mm",
+    "tolerance_percent",
+    "outlier_percent",
+    "saturation_level",
+    "calibration_percent",
+)
 DEFAULTS: dict[str, Any] = {"medium": "water", "x_m": 0.0, "y_m": 0.0, "role": "signal", "saturated": False}
 
 
@@ -71,6 +78,8 @@ class ErrorBudget:
         Part of the readings that slips may spoil; more of them are a finding.
     saturation_level : float, unit of the values
         Readings at or above it are saturated.
+    calibration_percent : float, %
+        On an absolute scale: standard error of the factor from the readings to their unit.
     """
 
     plane_gain_percent: float | None = None
@@ -78,6 +87,7 @@ class ErrorBudget:
     tolerance_percent: float | None = None
     outlier_percent: float | None = None
     saturation_level: float | None = None
+    calibration_percent: float | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -132,7 +142,7 @@ class Readings:
     quantity : str
         One of QUANTITIES, or "" when the table does not say.
     scale : str
-        "relative" (one free gain) or "absolute".
+        "relative" (one free gain) or "absolute" (a gain that is 1 but for the error of the calibration).
     units : str
         Unit of `value`, as the user gave it.
     source : str

@@ -65,6 +65,30 @@ def test_scattering_is_named_and_measured(found):
     assert verdict.nearest_rival.separation_sigma > 6
 
 
+def test_scattering_that_the_scene_has_and_the_readings_lack_is_refuted(found):
+    """Readings of clear water, and a scene of b = 0.15 per metre: said with a limit, and the noise is met."""
+    scene = Scene.load(DATA / "scene.toml").with_values({"water.scattering_per_m": 0.15})
+    done = diagnose(found["none"].readings, scene, diffuse=quick, advise=False)
+    verdict, (entry,) = done.verdict, done.verdict.stated
+    assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
+    assert entry.judgement == "absent" and entry.limit < 0.05
+    assert "Your scene's scattering is not in the readings" in verdict.sentence
+    assert done.scene.water.scattering_per_m == 0
+    assert verdict.ladder[-1].error_percent == pytest.approx(
+        found["none"].verdict.ladder[-1].error_percent, rel=0.1
+    )
+
+
+def test_scattering_that_the_readings_show_is_supported(found):
+    """The story's water, b = 0.2 per metre and g = 0.92, stated as it is."""
+    truth = {"water.scattering_per_m": 0.2, "water.phase.g": 0.92}
+    scene = Scene.load(STORY / "scene.toml").with_values(truth)
+    verdict = diagnose(found["identified"].readings, scene, diffuse=quick, advise=False).verdict
+    assert verdict.verdict == "none"
+    (entry,) = (e for e in verdict.stated if e.effect == "scattering")
+    assert entry.judgement == "supported" and entry.sigma_to_remove > 10
+
+
 def test_dense_water_is_traced_only_when_it_explains_the_readings(found):
     """Fits of the story wander through water of b = 0.5 per m and end at 0.2: one trace is enough."""
 

@@ -91,6 +91,8 @@ class Budget:
     gain_stated: bool = False
     assumed: tuple[str, ...] = ()
     outlier_rate: float = 0.0
+    #: Standard error of the calibration; None on a relative scale.
+    calibration: float | None = None
 
 
 @dataclass(frozen=True)

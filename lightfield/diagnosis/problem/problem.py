@@ -37,7 +37,9 @@ class Problem:
 
     def model(self, explanation: Explanation = ()) -> Model:
         """The base model with the effects of an explanation set free."""
-        return Model(self.forward, self.base + tuple(p for c in explanation for p in c.parameters))
+        replaced = {path for c in explanation for path in c.effect.instead_of}
+        base = (p.held(0.5 * (p.low + p.high)) if p.path in replaced else p for p in self.base)
+        return Model(self.forward, (*base, *(p for c in explanation for p in c.parameters)))
 
     def fit(
         self,

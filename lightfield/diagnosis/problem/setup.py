@@ -25,6 +25,13 @@ from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
+#: A radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to 10 % in
+#: water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp powers.
+CALIBRATION_PERCENT = 10.0
+#: The gain of absolute readings is looked for within so many errors of the calibration.
+_GAIN_SIGMAS = 3.0
+#: On a relative scale a gain is looked for within this exponent of the first guess.
+GAIN_ROOM = 12.0
 #: Half widths are looked for within this factor of the guess.
 _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
@@ -60,6 +67,9 @@ def budget_of(readings: Any) -> Budget:
     if slips is None:
         slips = OUTLIER_PERCENT
         assumed.append(f"outlier_percent = {slips:g}")
+    calibration = calibration_of(readings)
+    if calibration is not None and stated.calibration_percent is None:
+        assumed.append(f"calibration_percent = {CALIBRATION_PERCENT:g}")
     if not errors_stated(np.asarray(readings.stderr, float)):
         assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
     return Budget(
@@ -69,11 +79,23 @@ def budget_of(readings: Any) -> Budget:
         gain is not None,
         tuple(assumed),
         slips / 100,
+        calibration,
     )
+
+
+def calibration_of(readings: Any) -> float | None:
+    """Relative standard error of an absolute calibration, stated or assumed; None on a relative scale."""
+    if readings.scale != "absolute":
+        return None
+    stated = readings.budget.calibration_percent
+    return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
 
 
 def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
     """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
+
+    On an absolute scale the gain is 1 within the error of the calibration, which is its range; its start is
+    what the readings show at once, be it in that range or not.
 
     The scene's values are guesses. Where they are far from what the readings show at once, the fit starts
     from that: in the flank of a wrong beam, or behind a wall of absorption, it would not find its way.
@@ -113,7 +135,9 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
         gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], 1e-300)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
-        gains.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
+        begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
+        low, high = (-room, room) if forward.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
+        gains.append(Parameter(name, low, high, begin, 1e-5, "log"))
     return (*gains, *free)
 
 
@@ -208,7 +232,7 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    setting = Setting(forward.scene, layout, signal, float(high - low))
+    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute)
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,12 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.verdict import aside_words, words
+from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
 from lightfield.diagnosis.verdict.ladder import Step, bright
+from lightfield.diagnosis.verdict.plausibility import exchanged, hints
+from lightfield.diagnosis.verdict.refutation import Judged, entries, judged
 from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
 from lightfield.diagnosis.verdict.verdict import (
     DetectionLimit,
@@ -54,7 +56,9 @@ def estimates(
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
         reason = None
-        if bound[i]:
+        if fit.model.parameters[i].is_held:
+            reason = "held"
+        elif bound[i]:
             reason = "at boundary"
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
             reason = "did not move the model"
@@ -241,8 +245,15 @@ def verdict_of(
     seed: int,
     alpha: float,
     advise: bool,
+    lamp: Sequence[Judged] = (),
 ) -> Verdict:
-    """The verdict as plain data."""
+    """The verdict as plain data.
+
+    Parameters
+    ----------
+    lamp : sequence of Judged
+        What absolute readings say of the lamp's power.
+    """
     problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
     best = finding.accepted[0] if finding.accepted else None
     absorbed = {
@@ -288,9 +299,21 @@ def verdict_of(
     )
     scale = variance_scale(prepared, finding)
     noise = words.at_noise(trust.noise_percent, prepared.errors_stated, scale)
-    said = words.sentence(
-        kind, explanations, rival, limits, coordinate, where, within, finding.determined, noise
+    phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
+    own_effects = entries(
+        forward.scene,
+        # What cannot be trusted contradicts no scene either.
+        [] if doubt is not None else [*lamp, *judged(prepared, finding, untestable)],
+        (p.path for p in problem.base),
+        untestable,
+        lambda fit, least: estimates(fit, phi, units, least),
     )
+
+    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> str:
+        new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
+        return words.sentence(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
+
+    said = stated.sentence(kind, explanations, rival, own_effects, say)
     if doubt is not None:
         said = f"Unexplained: {doubt}."
     waves = int(problem.layout.channel.max()) > 0
@@ -308,8 +331,13 @@ def verdict_of(
         noise_floor_percent=floor,
         noise_percent=trust.noise_percent,
         next_measurement=advice,
+        stated=own_effects,
         assumed=list(prepared.noise.budget.assumed),
-        warnings=cautions(readings, prepared, finding, explanations),
+        warnings=[
+            *hints(forward, problem, steps[-1].fit, prepared.noise.budget.calibration),
+            *exchanged(forward, problem, finding),
+            *cautions(readings, prepared, finding, explanations),
+        ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
         variance_scale=scale,
@@ -369,6 +397,7 @@ def summary(verdict: Verdict) -> str:
         lines.append(f"set aside: {aside_words.place(one, waves)}: {aside_words.off(one)}")
     if (more := len(verdict.set_aside) - _LISTED) > 0:
         lines.append(f"set aside: {more} more")
+    lines += stated.lines(verdict.stated)
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)

@@ -20,7 +20,7 @@ class Estimate(_Part):
     stderr: float | None = Field(None, description="standard error; absent for the reason given")
     unit: str = "1"
     reason: str | None = Field(
-        None, description='why there is no error: "at boundary", "did not move", "undetermined"'
+        None, description='why there is no error: "at boundary", "did not move", "undetermined", "held"'
     )
 
 
@@ -66,6 +66,28 @@ class Rung(_Part):
     scene: str = Field(description="the fitted scene as TOML; `compare --scene` of it gives this rung again")
     rendered_error_percent: float | None = Field(None, description="error of a fresh render of that scene")
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
+
+
+class StatedEffect(_Part):
+    """An effect that the scene itself has, and what the readings say of it."""
+
+    effect: str | None = Field(description="absent for what no effect of the table sets free")
+    judgement: Literal["supported", "undecided", "contradicted", "absent", "held"] = Field(
+        description="contradicted: of another size; absent: that, and met as well without it; undecided: "
+        "these readings do not tell; held: not tested, taken as stated"
+    )
+    stated: dict[str, float] = Field(description="the scene's values by dotted path")
+    neutral: dict[str, float] = Field(default_factory=dict, description="what would switch it off")
+    fitted: dict[str, Estimate] = Field(
+        default_factory=dict, description="the same when fitted beside the best explanation"
+    )
+    limit: float | None = Field(
+        None,
+        description="95 % limit of its one amplitude's distance from the neutral value",
+    )
+    sigma_from_stated: float | None = None
+    sigma_to_remove: float | None = None
+    reason: str | None = Field(None, description="why it was held")
 
 
 class Spot(_Part):
@@ -121,6 +143,9 @@ class Verdict(_Part):
         None, description="median error of a bright reading; null: none is bright"
     )
     next_measurement: NextMeasurement | None
+    stated: list[StatedEffect] = Field(
+        default_factory=list, description="the scene's own effects: hypotheses too"
+    )
     assumed: list[str] = Field(description="terms of the error budget that were not given")
     warnings: list[str] = Field(default_factory=list)
     base_p: float = Field(description="adequacy of the base model")

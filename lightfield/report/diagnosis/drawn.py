@@ -73,8 +73,8 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
             problem.keep == 0,
         ),
         [
-            Prediction(" + ".join(["base", *(c.name for c in step.explanation)]), step.fit.prediction)
-            for step in found.steps
+            Prediction(" ".join(s.label for s in found.steps[: k + 1]), step.fit.prediction)
+            for k, step in enumerate(found.steps)
         ],
         [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lightfield.diagnosis.verdict.stated import lines
+from lightfield.diagnosis.verdict.verdict import StatedEffect
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
@@ -113,6 +115,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         ],
         limits=[_limit(name, each) for name, each in verdict["detection_limits"].items()],
         untestable=[(_words(name), reason) for name, reason in verdict["untestable"].items()],
+        stated=lines([StatedEffect.model_validate(each) for each in verdict.get("stated", [])]),
         assumed=verdict["assumed"],
         warnings=verdict.get("warnings", []),
         aside=[_aside(each) for each in verdict.get("set_aside", [])],

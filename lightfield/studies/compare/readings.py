@@ -17,8 +17,10 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
 from lightfield.diagnosis.search.preparation import bench, prepare
+from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.compose import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
+from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.diagnosis.verdict.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
@@ -272,6 +274,8 @@ def _fit_readings(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
         explanation = _chosen(problem, with_effects, untestable)
+        if not any(c.effect.instead_of for c in explanation):
+            problem = by_shape(problem)
         rng = np.random.default_rng(seed)
         prepared = prepare(problem, quoted, budget, rng)
         made = bench(prepared, 0.0, rng)
@@ -281,7 +285,8 @@ def _fit_readings(
         dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
         if dense is None:
             break
-    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in readings.warnings]
+    noted = [*hints(forward, problem, fit, budget.calibration), *readings.warnings]
+    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted]
     for _ in range(2 if solver == "render" else 0):
         from lightfield.render.at_readings import rendered_light  # loads the renderer
 

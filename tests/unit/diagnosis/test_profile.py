@@ -33,8 +33,9 @@ def problem(x: np.ndarray, seed: int = 0) -> tuple[Problem, Any]:
     depth = Parameter("depth", 0.0, 2.0, 0.0, 1e-4)
     omega = Parameter("omega", 0.5, np.pi - 0.5, 2.0, 1e-4)
     wave = SimpleNamespace(
-        amplitudes=(depth,), shapes=(omega,), parameters=(depth, omega), grid=((0.8,), (1.3,), (2.0,))
-    )
+        amplitudes=(depth,), shapes=(omega,), parameters=(depth, omega), grid=((0.8,), (1.3,), (2.0,)),
+        effect=SimpleNamespace(instead_of=()),
+    )  # fmt: skip
     base = (Parameter("base", 0.0, 3.0, 1.0, 1e-4),)
     return Problem(cast(Any, forward), cast(Any, None), value, np.ones(len(x)), base, (wave,)), wave
 

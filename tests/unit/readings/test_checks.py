@@ -55,6 +55,40 @@ def test_unbounded_water_and_air_have_no_walls():
     readings(x_m=[0, 50], medium=["water", "air"]).check_against(scene())
 
 
+def test_exchanged_columns_are_proposed_where_they_would_fit_the_tank():
+    with pytest.raises(MeasurementError, match="exchanged, x_m and y_m would lie inside"):
+        readings(x_m=[0, 0], y_m=[0, 1.8]).check_against(
+            scene(tank=SimpleNamespace(**{**vars(TANK), "width_m": 4.0}))
+        )
+    with pytest.raises(MeasurementError) as caught:
+        readings(x_m=[0, 5], y_m=[0, 5]).check_against(scene())
+    assert "exchanged" not in str(caught.value)
+
+
+def decibels(values) -> Readings:
+    table = Readings.from_arrays(z_m=np.arange(1.0, 1.0 + len(values)), value=values)
+    return table.check_against(scene(tank=None))
+
+
+@pytest.mark.parametrize("values", [[-10.0, -15.5, -30.0], [3.0, -4.0, -12.0], [-1e-3, -2e-3]])
+def test_negative_light_is_refused_with_what_to_do(values):
+    with pytest.raises(
+        MeasurementError, match=r"negative.*dark signal was subtracted once.*10\^\(value / 10\)"
+    ):
+        decibels(values)
+
+
+def test_decibels_are_told_by_their_unit_too():
+    for unit in ("dB", "dBm", "dB re 1 uW"):
+        with pytest.raises(MeasurementError, match="decibels"):
+            readings(units=unit).check_against(scene())
+
+
+def test_noise_below_zero_and_one_slip_are_readings():
+    assert len(decibels([1.0, 0.5, -0.01, -0.02])) == 4
+    assert len(decibels([1.0, 0.9, 0.8, 0.7, -3.0])) == 5
+
+
 def test_another_quantity_is_refused():
     with pytest.raises(MeasurementError, match="another quantity"):
         readings(quantity="radiance").check_against(scene())
