@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -203,6 +204,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
     }
 
 
+@cache
 def software() -> list[str]:
     """Versions of what renders."""
     return [version("mitsuba"), version("drjit")]
