@@ -53,7 +53,7 @@ def _scene(args: argparse.Namespace) -> int:
             "this scene has single positions, no planes",
             where=str(args.what),
             rule="render and formula are compared on planes",
-            remedy="give planes_m instead of positions_m",
+            remedy="give planes_m instead of positions_m; `lightfield render` takes positions",
         )
     from lightfield.maps.dataset import to_dataset
 
