@@ -158,6 +158,13 @@ def _planned(entry: Mapping[str, Any], where: str) -> Axis:
 
 
 def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
+    if not name or "/" in name or name.startswith("."):
+        raise UsageError(
+            "not a name of a dimension",
+            where=where,
+            found=name,
+            rule="it names a folder of the store: no slash, and no dot in front",
+        )
     lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
     if len(lengths) != 1 or 0 in lengths:
         raise UsageError(

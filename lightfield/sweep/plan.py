@@ -201,14 +201,16 @@ def _transport_axes(cases: Cases) -> tuple[list[int], list[str], list[Grid]]:
 def _telling_steps(axis: Axis) -> list[int]:
     """Steps that tell whether a trace depends on what an axis sets.
 
-    It depends on a number or it does not, whatever the number is; two texts may name the same table.
+    It depends on a number or it does not, whatever the number is, but zero may switch a thing off; two texts
+    may name the same table.
     """
     steps = {0}
     for values in axis.values.values():
         if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
             return list(range(axis.size))
         others = [n for n, value in enumerate(values) if value != values[0]]
-        steps.update((others[0], others[-1]) if others else ())
+        zeros = [n for n in others if values[n] == 0]
+        steps.update(others[:1], others[-1:], zeros[:1])
     return sorted(steps)
 
 
