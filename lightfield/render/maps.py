@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -178,6 +179,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
     }
 
 
+@cache
 def software() -> list[str]:
     """Versions of what renders."""
     return [version("mitsuba"), version("drjit")]

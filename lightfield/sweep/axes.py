@@ -158,17 +158,31 @@ def _planned(entry: Mapping[str, Any], where: str) -> Axis:
 
 
 def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
+    if not name or "/" in name or name.startswith("."):
+        raise UsageError(
+            "not a name of a dimension",
+            where=where,
+            found=name,
+            rule="it names a folder of the store: no slash, and no dot in front",
+        )
     lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
     if len(lengths) != 1 or 0 in lengths:
         raise UsageError(
             "lists of unequal length, or none", where=where, rule="one value per step for every path"
         )
-    steps = list(zip(*values.values(), strict=True))
-    if any(step in steps[:n] for n, step in enumerate(steps)):
+    steps = [_hashable(list(step)) for step in zip(*values.values(), strict=True)]
+    if len(set(steps)) < len(steps):
         raise UsageError(
             "a value stands twice", where=where, rule="every value once", remedy="drop the double"
         )
     return Axis(name, {path: tuple(v) for path, v in values.items()})
+
+
+def _hashable(value: Any) -> Any:
+    """Equal for equal values, and fit for a set."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(part)) for key, part in value.items())
+    return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
 
 
 def _value(word: str) -> Any:

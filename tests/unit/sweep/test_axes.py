@@ -38,6 +38,7 @@ def test_linear_log_and_list_ranges_include_both_ends() -> None:
         ("p=0:1:3:log", "above 0"),
         ("p=0:1:3:cubic", "linear or log"),
         ("p=1,2,1", "stands twice"),
+        ("p=1,2,1.0", "stands twice"),
     ],
 )
 def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> None:
@@ -114,6 +115,8 @@ def test_a_plan_file_holds_ranges_coupled_parameters_and_settings(tmp_path: Path
         ("[[vary]]\npath = 'a'\nstart = 0\nstop = 'b'\ncount = 2\n", "not a range"),
         ("[[vary]]\nname = 'n'\ntogether = { a = [1, 2], b = [1] }\n", "unequal length"),
         ("[[vary]]\npath = 'a'\nvalues = []\n", "unequal length, or none"),
+        ("[[vary]]\npath = 'a'\nvalues = [[[1]], [[2]], [[1]]]\n", "stands twice"),
+        ("[[vary]]\nname = '../n'\ntogether = { a = [1, 2] }\n", "not a name of a dimension"),
     ],
 )
 def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says: str) -> None:
