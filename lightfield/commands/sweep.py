@@ -34,9 +34,11 @@ scale = "log"; or name and together = {{ path = [...], path = [...] }} for param
 
 On a cluster, with the store on a disk that all machines share, start a scheduler and workers of one thread:
 
-  dask scheduler                                             # says tcp://HOST:8786
-  dask worker tcp://HOST:8786 --nthreads 1 --nworkers 16     # on every machine
-  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://HOST:8786
+  dask scheduler --host 10.0.0.1                             # the address inside the cluster
+  dask worker tcp://10.0.0.1:8786 --nthreads 1 --nworkers 16 # on every machine
+  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://10.0.0.1:8786
+
+A scheduler runs the code of anyone who reaches it: keep it behind a firewall, or use TLS (see the README).
 
 With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
 cluster.scheduler_address. All machines need the same version of lightfield.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 15
+LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
 
 
 def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) -> None:
@@ -49,7 +50,7 @@ def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) 
             "not the address of a scheduler",
             where="--scheduler",
             found=scheduler,
-            rule="tcp://HOST:PORT",
+            rule="tcp://HOST:PORT, or tls://HOST:PORT",
             remedy="start one with `dask scheduler`, which says its address",
         )
 
@@ -99,6 +100,7 @@ def connected(
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set(quiet))
         if scheduler is not None:
+            _check_keys(scheduler)
             try:
                 client = stack.enter_context(Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False))
             except (OSError, TimeoutError, ValueError) as error:
@@ -118,13 +120,28 @@ def connected(
                     threads_per_worker=1,
                     processes=workers > 0,
                     memory_limit=limit,
-                    dashboard_address="127.0.0.1:0",
+                    host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
+                    dashboard_address=f"{LOOPBACK}:0",
+                    worker_dashboard_address=f"{LOOPBACK}:0",
                     silence_logs=logging.CRITICAL,
                 )
             )
             client = stack.enter_context(Client(cluster, set_as_default=False))
         client.register_plugin(_plugin(store.resolve()))
         yield client
+
+
+def _check_keys(scheduler: str) -> None:
+    """TLS needs a certificate and a key, which Dask's configuration names."""
+    from distributed.security import Security
+
+    if scheduler.startswith("tls://") and Security().get_connection_args("client")["ssl_context"] is None:
+        raise UsageError(
+            "no keys for TLS",
+            where=f"--scheduler {scheduler}",
+            rule="ca-file, client.cert and client.key of distributed.comm.tls",
+            remedy="set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__CLIENT__CERT and ..__CLIENT__KEY",
+        )
 
 
 def prepare_worker(store: str, version: str) -> None:
