@@ -83,20 +83,26 @@ def test_no_scheduler_at_that_address_is_one_line(tmp_path: Path) -> None:
     assert refused.stderr.count("\n") == 1
 
 
+def listening() -> set[tuple[str, int]]:
+    """Address and port of every socket of this process and its children that waits for connections."""
+    mine = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
+    return {
+        (found.laddr.ip, found.laddr.port)
+        for found in psutil.net_connections("tcp")
+        if found.pid in mine and found.status == psutil.CONN_LISTEN
+    }
+
+
 @pytest.mark.parametrize("workers", [0, 1])
 def test_no_other_machine_reaches_a_sweep(workers: int, tmp_path: Path) -> None:
     """Dask runs the code of whoever reaches its scheduler or a worker: every socket listens on loopback."""
     (tmp_path / ".lightfield").mkdir()
+    before = listening()
     with connected(tmp_path, workers) as client:
         assert client.submit(abs, -1).result() == 1
-        mine = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
-        listening = [
-            found.laddr.ip
-            for found in psutil.net_connections("tcp")
-            if found.pid in mine and found.status == psutil.CONN_LISTEN
-        ]
-    assert len(listening) >= 2, "scheduler and worker say how they are, on a port each"
-    assert set(listening) <= {"127.0.0.1", "::1"}
+        opened = listening() - before
+    assert len(opened) >= 2, "scheduler and worker say how they are, on a port each"
+    assert {ip for ip, _ in opened} <= {"127.0.0.1", "::1"}
 
 
 def test_tls_without_keys_is_one_line(tmp_path: Path) -> None:
