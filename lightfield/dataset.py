@@ -19,6 +19,7 @@ from lightfield import __version__
 from lightfield.errors import OutputError
 from lightfield.exr import Attribute, SpectralImage, write_spectral_exr
 from lightfield.files import MAKE_ROOM, atomic_path
+from lightfield.inputs import MAPS, check_regular
 
 Array = NDArray[np.floating[Any]]
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
@@ -177,6 +178,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     OutputError
         Not a NetCDF file, or not one of ours.
     """
+    check_regular(path, MAPS)
     try:
         dataset = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -15,17 +14,13 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from lightfield import inputs, toml
 from lightfield.errors import SceneError
 from lightfield.fields import FOLDER_KEY, Parameter, Part, numbers_of
 from lightfield.files import atomic_path
 from lightfield.scene_errors import scene_error, unknown_key
 from lightfield.scene_parts import Detector, Lamp, Tank, Water
 from lightfield.water.iop import absorption_per_m
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
@@ -100,11 +95,7 @@ class Scene(Part):
         """
         source = Path(path)
         try:
-            text = source.read_bytes().decode("utf-8")
-        except OSError as error:
-            raise SceneError(
-                "cannot read the scene", where=str(path), found=error.strerror, remedy="check the path"
-            ) from error
+            text = inputs.read_bytes(source, inputs.SCENE).decode("utf-8")
         except UnicodeDecodeError as error:
             raise SceneError(
                 "not a text file",
@@ -140,8 +131,8 @@ class Scene(Part):
             Not TOML, or not a scene.
         """
         try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            data = toml.loads(text)
+        except ValueError as error:
             raise SceneError(f"not TOML: {error}", where=where, remedy="correct that line") from error
         return cls.from_dict(data, where=where, folder=folder)
 
@@ -380,4 +371,4 @@ def _stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _content_hash(path: str, _modified: int, _size: int) -> str:
-    return "sha256:" + hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return "sha256:" + hashlib.sha256(inputs.read_bytes(path, inputs.TABLE)).hexdigest()

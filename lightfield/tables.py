@@ -6,13 +6,13 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.errors import SceneError
+from lightfield.inputs import TABLE, read_bytes
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
 @lru_cache(maxsize=64)
 def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tuple[Array, ...]:
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise SceneError(
             "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"

@@ -11,6 +11,7 @@ from lightfield.commands._tracing import add_tracing_arguments, balance, given, 
 from lightfield.errors import UsageError
 from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
+from lightfield.terminal import console
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,17 +80,16 @@ def _maps(args: argparse.Namespace) -> int:
 
 def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
-    from rich.console import Console
 
     from lightfield.compare import compare, verdict
     from lightfield.report.compare_page import terminal_table, write_comparison
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)
-    console = Console()
+    output = console()
     for wavelength in comparison.wavelengths_nm:
-        console.print(terminal_table(comparison, wavelength))
-    console.print(verdict(comparison), highlight=False)
+        output.print(terminal_table(comparison, wavelength))
+    output.print(verdict(comparison), highlight=False)
     with atomic_path(folder / "compare.json") as temporary:
         temporary.write_text(
             json.dumps(comparison.summary(), indent=2, allow_nan=False) + "\n", encoding="utf-8"

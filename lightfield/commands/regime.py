@@ -8,6 +8,7 @@ from pathlib import Path
 from lightfield.commands._options import seed_number
 from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
+from lightfield.terminal import console
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +45,6 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
     folder = output_folder(args.output)
     import xarray as xr
-    from rich.console import Console
     from rich.table import Table
 
     from lightfield import regime
@@ -67,9 +67,9 @@ def run(args: argparse.Namespace) -> int:
         table.add_column(head, justify="left" if head == "receiver" else "right")
     for row in regime.rows(dataset):
         table.add_row(*row)
-    console = Console()
-    console.print(table)
-    console.print(regime.verdict(dataset), highlight=False)
+    output = console()
+    output.print(table)
+    output.print(regime.verdict(dataset), highlight=False)
     with atomic_path(folder / "regime.nc") as temporary:
         dataset.to_netcdf(temporary, engine="netcdf4")
     for path in (folder / "regime.nc", save_png(regime_figure(dataset), folder / "regime.png")):

@@ -17,6 +17,7 @@ from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.runner import Progress, Report, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
+from lightfield.terminal import console
 
 EPILOG = f"""\
 RANGE is {FORMS}; both ends are included. Any scene parameter can be varied (`lightfield
@@ -168,12 +169,11 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
 @contextmanager
 def progress_bar(plan: Plan) -> Iterator[Report | None]:
     """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    output = console(stderr=True)
+    if not output.is_terminal:
         yield None
         return
     columns = (
@@ -183,7 +183,7 @@ def progress_bar(plan: Plan) -> Iterator[Report | None]:
         TextColumn("cases"),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, console=console) as bar:
+    with Bar(*columns, console=output) as bar:
         task = bar.add_task("starting", total=plan.cases.count)
 
         def report(progress: Progress) -> None:

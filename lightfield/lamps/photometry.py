@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.errors import SceneError
+from lightfield.inputs import LUMINAIRE, read_bytes
 from lightfield.lamps.luminaire_files import read_eulumdat, read_ies
 from lightfield.tables import Array, read_columns
 
@@ -61,7 +62,7 @@ def _photometric(path: str) -> tuple[Array, Array]:
     """Vertical angles in degrees up to 90, and intensity averaged over the half planes."""
     is_ldt = path.lower().endswith(".ldt")
     try:
-        text = Path(path).read_bytes().decode("latin-1")
+        text = read_bytes(path, LUMINAIRE).decode("latin-1")
         theta, values = (read_eulumdat if is_ldt else read_ies)(text)
     except (ValueError, KeyError, IndexError) as error:
         raise SceneError(

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from lightfield.errors import MeasurementError
+from lightfield.inputs import SPECTRUM
 from lightfield.measurements import jaz, jaz_irradiance, oceanview, spectrasuite
 from lightfield.measurements.oceanoptics import take_apart
 from lightfield.measurements.spectrum import Spectrum
@@ -23,7 +24,7 @@ def read_spectrum(path: str | Path) -> Spectrum:
     MeasurementError
         Unknown format, or all problems of the file with their lines.
     """
-    return parse_spectrum(read_text(path), str(path))
+    return parse_spectrum(read_text(path, SPECTRUM), str(path))
 
 
 def parse_spectrum(content: Text, where: str) -> Spectrum:

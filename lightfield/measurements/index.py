@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from os.path import normpath
 from pathlib import Path
 
+from lightfield.inputs import INDEX
 from lightfield.measurements import text
 from lightfield.measurements.problems import Problems
 from lightfield.measurements.readings import MEDIA
@@ -55,7 +56,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
         The file cannot be read; everything else that is wrong goes to `problems`.
     """
     where = fspath(path)
-    sheet = read_sheet(text.read_text(where), problems, COLUMNS, ("file",), NUMBERS)
+    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS)
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
     for name in (n for n in COLUMNS if n not in place and n != "file"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from lightfield import inputs, toml
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
 ATTENUATION, ALBEDO = "water.attenuation_per_m", "water.single_scattering_albedo"
@@ -72,7 +67,11 @@ def parse_axis(text: str) -> Axis:
         raise UsageError("not a range", where="--vary", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
     parts = given.split(":")
     if len(parts) == 1:
-        return _axis(path, {path: [_value(word) for word in given.split(",")]}, f"--vary {path}")
+        try:
+            values = [toml.value(word) for word in given.split(",")]
+        except ValueError as error:
+            raise UsageError("not a value", where=f"--vary {path}", found=given, rule=str(error)) from error
+        return _axis(path, {path: values}, f"--vary {path}")
     scale = parts[3] if len(parts) == 4 else "linear"
     try:
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
@@ -120,12 +119,12 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     """
     where = str(path)
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        data = toml.loads(inputs.read_bytes(path, inputs.PLAN).decode("utf-8"))
+    except UnicodeDecodeError as error:
         raise UsageError(
-            "cannot read the plan", where=where, found=str(error), remedy="check the path"
+            "not a text file", where=where, rule="plans are UTF-8 text", remedy="save it as UTF-8 TOML"
         ) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
     unknown = sorted(set(data) - {"vary", "settings"})
     if unknown or not isinstance(data.get("vary", []), list):
@@ -169,14 +168,6 @@ def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
             "a value stands twice", where=where, rule="every value once", remedy="drop the double"
         )
     return Axis(name, {path: tuple(v) for path, v in values.items()})
-
-
-def _value(word: str) -> Any:
-    """A value as TOML reads it, and as plain text where it is not TOML."""
-    try:
-        return tomllib.loads(f"value = {word.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
-        return word.strip()
 
 
 def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:

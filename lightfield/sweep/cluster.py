@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
+import multiprocessing.resource_tracker
 import os
 import re
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,7 +79,7 @@ def connected(
         A worker cannot compute.
     """
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     # A trace holds the interpreter for seconds: that is no reason to warn, or to give a worker up.
     quiet = {
@@ -113,22 +112,47 @@ def connected(
             if not client.scheduler_info()["workers"]:
                 client.wait_for_workers(1, timeout=10 * CONNECT_SECONDS)
         else:
-            limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
-            cluster = stack.enter_context(
-                LocalCluster(
-                    n_workers=max(1, workers),
-                    threads_per_worker=1,
-                    processes=workers > 0,
-                    memory_limit=limit,
-                    host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
-                    dashboard_address=f"{LOOPBACK}:0",
-                    worker_dashboard_address=f"{LOOPBACK}:0",
-                    silence_logs=logging.CRITICAL,
-                )
-            )
-            client = stack.enter_context(Client(cluster, set_as_default=False))
+            client = stack.enter_context(_local(workers, memory_gb))
         client.register_plugin(_plugin(store.resolve()))
         yield client
+
+
+@contextmanager
+def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
+    """Workers in this process or as processes of their own, out of reach for other machines."""
+    from distributed import Client, LocalCluster
+
+    limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
+    with _deaf_to_interrupts():
+        cluster = LocalCluster(
+            n_workers=0,
+            threads_per_worker=1,
+            processes=workers > 0,
+            memory_limit=limit,
+            host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
+            dashboard_address=f"{LOOPBACK}:0",
+            worker_dashboard_address=f"{LOOPBACK}:0",
+            silence_logs=logging.CRITICAL,
+        )
+    with cluster, Client(cluster, set_as_default=False) as client:
+        cluster.scale(max(1, workers))
+        client.wait_for_workers(max(1, workers))
+        yield client
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Threads begun within it, and all processes that they begin, never see the Ctrl-C of the terminal.
+
+    The main thread hears of it afterwards, and ends the workers.
+    """
+    # Would be begun with the first worker, and let Ctrl-C in again.
+    multiprocessing.resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _check_keys(scheduler: str) -> None:
@@ -165,10 +189,6 @@ def prepare_worker(store: str, version: str) -> None:
             rule="a folder that all machines share",
             remedy="put the store on a shared disk",
         )
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if multiprocessing.parent_process() is not None and in_main_thread:
-        # Ctrl-C reaches every process of a terminal; the one that was started by hand ends the others.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
     from lightfield.render.backend import use_backend
 
     use_backend()
