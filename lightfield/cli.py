@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if program:
         sys.unraisablehook = _not_swallowed
     try:
-        from lightfield.terminal import plain_output
+        from lightfield.commands._terminal import plain_output
 
         with plain_output():
             return _run(list(sys.argv[1:] if argv is None else argv))
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
-    from lightfield.commandline import prepared
+    from lightfield.commands._line import prepared
     from lightfield.errors import LightfieldError
 
     try:

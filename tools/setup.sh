@@ -94,7 +94,7 @@ write_lock() {
     say "$LOCK: $(grep -c '==' "$LOCK") versions"
 }
 
-find_llvm() { "$VENV/bin/python" -I lightfield/render/llvm.py; }
+find_llvm() { "$VENV/bin/python" -I lightfield/render/backend/llvm.py; }
 
 # Names of the apt package of one version: Ubuntu 24.04 renamed some.
 offered_llvm() {

@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.hidden_effects.benches import BENCHES, number_of, table_of, true_scene, with_held_out
 from benchmarks.hidden_effects.catalogue import Truth
-from lightfield.files import atomic_path
 from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path
 
 #: The error of the light is at most half the least noise of the readings, 0.4 %, and stated with it.
 PHOTONS, REL_ERROR = 1e8, 0.002
@@ -50,7 +50,7 @@ def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
         with np.load(path) as stored:
             if "places" in stored and np.array_equal(stored["places"], places):
                 return stored["light"], stored["stderr"]
-    from lightfield.rendered import rendered_light  # loads Mitsuba
+    from lightfield.render.at_readings import rendered_light  # loads Mitsuba
 
     seed = 1000 + number_of(path.stem) % 100_000
     light, stderr = rendered_light(

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from lightfield.commands._options import seed_number
-from lightfield.render.rendering import Rendering, render_scene
+from lightfield.commands._terminal import console
+from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
-from lightfield.terminal import console
 
 
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,10 +6,10 @@ import argparse
 import json
 from pathlib import Path
 
-from lightfield import toml
 from lightfield.errors import UsageError
-from lightfield.files import output_file
 from lightfield.scene import Scene
+from lightfield.storage import toml
+from lightfield.storage.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

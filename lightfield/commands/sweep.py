@@ -9,15 +9,15 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
-from lightfield.files import output_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import output_folder
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.runner import Progress, Report, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
-from lightfield.terminal import console
 
 EPILOG = f"""\
 RANGE is {FORMS}; both ends are included. Any scene parameter can be varied (`lightfield

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import inputs, toml
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
+from lightfield.storage import inputs, toml
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
 ATTENUATION, ALBEDO = "water.attenuation_per_m", "water.single_scattering_albedo"

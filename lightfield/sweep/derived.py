@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.analytic import direct_field, optical_depth, rays
+from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
-from lightfield.lamps.profile import solid_angle_sr
-from lightfield.lamps.spectrum import spectral_power
-from lightfield.render.grid import Grid, band_wavelengths
+from lightfield.formula.field import direct_field, optical_depth, rays
+from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
+from lightfield.render.response.grid import Grid, band_wavelengths
 from lightfield.scene import Scene
-from lightfield.spot import ENOUGH, LEVELS, Spot, spot_shape
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.lamp.spectrum import spectral_power
 
-Array = NDArray[np.floating[Any]]
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 

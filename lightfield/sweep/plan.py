@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError
-from lightfield.render.grid import Grid, band_wavelengths, scene_grid
-from lightfield.render.rendering import transport_key
-from lightfield.render.response import Reference
-from lightfield.render.store import digest_of
+from lightfield.render.maps import transport_key
+from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.response.response import Reference
+from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import Axis, checked_axes
 from lightfield.sweep.cases import Cases
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256

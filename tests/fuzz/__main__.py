@@ -19,8 +19,9 @@ import traceback
 from pathlib import Path
 
 from fuzz.cases import make_case
-from lightfield import cli, fitreport
-from lightfield.terminal import printable
+from lightfield import cli
+from lightfield.commands._terminal import printable
+from lightfield.studies.compare import readings as compared
 
 #: A case that takes longer than this is a fault; two busy cores are slow.
 LONGEST_S = 60
@@ -69,8 +70,8 @@ def main() -> int:
     os.environ.update(LIGHTFIELD_BACKEND="llvm", LIGHTFIELD_LIBLLVM="/nonexistent", MPLBACKEND="Agg")
     os.environ.pop(cli.TRACEBACK_VARIABLE, None)
     # `compare` with readings fits direct light alone.
-    traced = fitreport.source_of
-    fitreport.source_of = lambda scene, diffuse: traced(scene, None)
+    traced = compared.source_of
+    compared.source_of = lambda scene, diffuse: traced(scene, None)
     if args.case is not None:
         folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
         words = make_case(args.seed, args.case, folder)

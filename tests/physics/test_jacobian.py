@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.analytic import direct_field
-from lightfield.jacobian import BEAM, DEPTH, direct_jacobian
+from lightfield.formula.derivatives import BEAM, DEPTH, direct_jacobian
+from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
 
 PLACES = np.random.default_rng(3).uniform([-0.8, -0.8, 4.5], [0.8, 0.8, 8.5], (60, 3)).T

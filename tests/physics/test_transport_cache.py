@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.hide import scan
-from lightfield.render.grid import scene_grid
-from lightfield.render.rendering import Rendering, render_scene, transport_key
-from lightfield.render.response import Reference
-from lightfield.render.store import digest_of
-from lightfield.rendered import rendered_light
+from lightfield.experiments.hide import scan
+from lightfield.render.at_readings import rendered_light
+from lightfield.render.maps import Rendering, render_scene, transport_key
+from lightfield.render.response.grid import scene_grid
+from lightfield.render.response.response import Reference
+from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict(
@@ -52,7 +52,7 @@ def test_light_at_readings_is_rendered_once(tmp_path: Path, monkeypatch: pytest.
         asked.append(settings["seed"])
         return np.full(len(x), float(len(asked))), np.full(len(x), 0.5)
 
-    monkeypatch.setattr("lightfield.rendered._render", render)
+    monkeypatch.setattr("lightfield.render.at_readings._render", render)
     table = scan(SCENE, "line", "random", np.random.default_rng(0))
     first = rendered_light(SCENE, table)
     again = rendered_light(SCENE, table)

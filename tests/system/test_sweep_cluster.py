@@ -17,11 +17,9 @@ from pathlib import Path
 
 import psutil
 import pytest
+from sweeping import SCENE, differences, sweep
 
 from lightfield.sweep.cluster import connected
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sweeping import SCENE, differences, sweep
 
 
 @pytest.fixture(scope="module")

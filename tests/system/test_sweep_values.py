@@ -15,10 +15,10 @@ import xarray as xr
 import zarr
 
 from lightfield.cli import main
-from lightfield.compare import closed_form
-from lightfield.exr import read_spectral_exr
-from lightfield.render.rendering import render_scene
+from lightfield.maps.exr import read_spectral_exr
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.studies.compare.maps import closed_form
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.runner import Progress, run_sweep

@@ -1,0 +1,184 @@
+"""Where light is tallied: detector cells in space, nodes over the direction of emission. No Mitsuba here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from lightfield.render.response.response import Reference
+from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: Readings nearer than this see a field that varies over shorter lengths, in proportion.
+FAR_M, SHORTEST_STEP_M = 2.0, 0.02
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The same regular cells on every detector plane.
+
+    Parameters
+    ----------
+    z_m : array, shape (n_planes,), m
+    x_m, y_m : array, shape (n_x,) and (n_y,), m
+        Ascending cell centres.
+    pitch_x_m, pitch_y_m : float, m
+    occupied : array of bool, shape (n_planes, n_y, n_x), optional
+        Cells to tally; all when missing.
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Number of the tally cell that a cell shares with its mirror images.
+    """
+
+    z_m: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+    pitch_x_m: float
+    pitch_y_m: float
+    occupied: np.ndarray | None = None
+    merged: np.ndarray | None = None
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(n_planes, n_y, n_x)."""
+        return len(self.z_m), len(self.y_m), len(self.x_m)
+
+    def centres(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x, y, z of the tallied cells: shape (n_planes, n_y, n_x), or (n_occupied,) where only some are."""
+        z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
+        return (x, y, z) if self.occupied is None else (x[self.occupied], y[self.occupied], z[self.occupied])
+
+
+@dataclass(frozen=True)
+class AngleNodes:
+    """Nodes over the direction of emission: a tally kept on them can be reweighed to another beam.
+
+    Rings are cubic B-splines with equal knots in t = asinh(theta / scale), even about the axis; sectors are
+    equal steps of phi from 0 with linear interpolation.
+
+    Parameters
+    ----------
+    scale_rad : float
+        Below it rings are equally spaced in theta, beyond in log(theta).
+    step : float
+        Knot distance in t.
+    n_theta, n_phi : int
+        Rings and sectors; n_phi is even, so that x -> -x maps nodes on nodes.
+    """
+
+    scale_rad: float
+    step: float
+    n_theta: int
+    n_phi: int
+
+    @property
+    def size(self) -> int:
+        """Number of nodes; node number = i_theta n_phi + i_phi."""
+        return self.n_theta * self.n_phi
+
+    @property
+    def reach_rad(self) -> float:
+        """Largest angle at which the splines still add up to one."""
+        return float(self.scale_rad * np.sinh((self.n_theta - 2) * self.step))
+
+
+def cell_centres(width_m: float, cells: int) -> np.ndarray:
+    """Centres of equal cells that fill a width, ascending, shape (cells,), m."""
+    return (np.arange(cells) + 0.5) * (width_m / cells) - 0.5 * width_m
+
+
+def scene_grid(scene: Scene) -> Grid:
+    """The grid that the scene's [detector] asks for; listed positions get cells of 0.1 m."""
+    detector = scene.detector
+    if detector.positions_m is not None:
+        return positions_grid(*np.asarray(detector.positions_m, float).T)
+    height = detector.width_m if detector.height_m is None else detector.height_m
+    pitch = detector.width_m / detector.pixels
+    rows = max(1, round(height / pitch))
+    x, y = cell_centres(detector.width_m, detector.pixels), cell_centres(height, rows)
+    return Grid(np.array(detector.planes_m, float), x, y, pitch, height / rows)
+
+
+def nearness(z_m: np.ndarray) -> float:
+    """How much smaller than in a tow tank everything is; 1 for readings 2 m and more from the lamp."""
+    return float(min(1.0, np.min(z_m) / FAR_M))
+
+
+def positions_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray, cell_m: float = 0.1) -> Grid:
+    """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : arrays, shape (n,), m
+    cell_m : float, m
+        Largest cell, far from the lamp; near it the field bends over shorter lengths, see `nearness`.
+    """
+    planes = np.unique(np.round(z_m, 4))
+    near = nearness(planes)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, near * cell_m, near * SHORTEST_STEP_M) for v in (x_m, y_m))
+    grid = Grid(planes, x, y, pitch_x, pitch_y)
+    occupied = np.zeros(grid.shape, bool)
+    occupied[cell_of(grid, x_m, y_m, z_m)] = True
+    return Grid(planes, x, y, pitch_x, pitch_y, occupied)
+
+
+def cell_of(
+    grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Plane, row and column of the cell nearest to each position, arrays of int, shape (n,)."""
+    plane = np.abs(np.asarray(z_m)[:, None] - grid.z_m).argmin(axis=1)
+    row = np.clip(
+        np.round((np.asarray(y_m) - grid.y_m[0]) / grid.pitch_y_m).astype(int), 0, len(grid.y_m) - 1
+    )
+    column = np.clip(
+        np.round((np.asarray(x_m) - grid.x_m[0]) / grid.pitch_x_m).astype(int), 0, len(grid.x_m) - 1
+    )
+    return plane, row, column
+
+
+def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
+    """Cell centres along one axis and their pitch; steps shorter than the shortest are no even spacing."""
+    places = np.unique(np.round(values, 4))
+    gaps = np.diff(places)
+    if len(gaps) == 0:
+        return places, cell_m
+    steps = gaps / gaps.min()
+    regular = gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02)
+    pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else cell_m
+    count = round((places[-1] - places[0]) / pitch) + (1 if regular else 2)
+    return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
+
+
+def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:
+    """Nodes dense over the core of a beam and sparse out to 70 degrees, for skirts and wide beams."""
+    scale = np.radians(1.5 * hwhm_deg)
+    return AngleNodes(
+        float(scale), float(np.arcsinh(np.radians(70.0) / scale) / (n_theta - 2)), n_theta, n_phi
+    )
+
+
+def band_wavelengths(scene: Scene, samples: int = 5) -> np.ndarray:
+    """Wavelengths that stand for each band (midpoints of equal parts), shape (n_bands, samples), nm."""
+    bands = np.asarray(scene.detector.bands_nm, float)
+    at = (np.arange(samples) + 0.5) / samples
+    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+
+
+def reference_of(scene: Scene) -> Reference:
+    """Reference to trace in: least absorption and most scattering of the scene's bands, its own walls."""
+    wavelengths = band_wavelengths(scene).ravel()
+    return Reference(
+        float(np.min(absorption_per_m(scene.water, wavelengths))),
+        float(np.max(scattering_per_m(scene.water, wavelengths))),
+        scene.tank.wall_albedo if scene.tank else 0.0,
+    )
+
+
+def straight_path(scene: Scene, grid: Grid) -> np.ndarray:
+    """Path in water of the straight line from the lamp to each cell, shape of `grid.centres()`, m."""
+    x, y, z = grid.centres()
+    lamp = scene.lamp
+    behind = lamp.apparent_distance_m
+    full = np.sqrt((x - lamp.offset_x_m) ** 2 + (y - lamp.offset_y_m) ** 2 + (z + behind) ** 2)
+    return np.asarray(full * z / (z + behind))
