@@ -125,5 +125,5 @@ def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says:
 
 
 def test_a_missing_plan_file_is_an_error_of_one_line(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot read the plan"):
+    with pytest.raises(UsageError, match="cannot read the sweep plan"):
         read_plan(tmp_path / "none.toml")
