@@ -16,6 +16,8 @@ from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
+#: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
+EARLIEST_S, LATEST_S = -1e5, 1e11
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -54,6 +56,13 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+    refuse(
+        (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
+        "time_s",
+        "is impossible",
+        f"{EARLIEST_S:g} to {LATEST_S:g} s",
+        "count seconds from when the lamp was switched on",
+    )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"

@@ -30,6 +30,18 @@ class Parameter:
     high: float
     neutral: float | None
     value: float
+    open_ends: tuple[bool, bool] = (False, False)
+
+    def allows(self, value: float) -> bool:
+        """Is the value within the range, whose ends may not belong to it?"""
+        above = value > self.low if self.open_ends[0] else value >= self.low
+        return above and (value < self.high if self.open_ends[1] else value <= self.high)
+
+    @property
+    def range(self) -> str:
+        """The range in words."""
+        words = ["above " if self.open_ends[0] else "", f"{self.low:g} to "]
+        return "".join([*words, "below " if self.open_ends[1] else "", f"{self.high:g}"])
 
 
 def number(
@@ -103,7 +115,12 @@ def numbers_of(part: BaseModel, prefix: str = "") -> Iterator[Parameter]:
             high=high,
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
+            open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
+
+
+def _has(model: type[BaseModel], name: str, rule: str) -> bool:
+    return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
 
 
 def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:

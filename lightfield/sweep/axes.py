@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
-from lightfield.scene import Scene
+from lightfield.scene import Parameter, Scene
 from lightfield.storage import inputs, toml
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
@@ -208,14 +208,14 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
 
 def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
     known = scene.parameters().get(path)
-    low, high = (known.low, known.high) if known else (0.0, 1.0 if path == ALBEDO else math.inf)
-    if known is None and path not in COMPOUND:
+    if known is None and path in COMPOUND:
+        unit, meaning = COMPOUND[path]
+        known = Parameter(path, unit, meaning, 0.0, 1.0 if path == ALBEDO else math.inf, None, 0.0)
+    if known is None:
         return
     for value in values:
-        if not isinstance(value, int | float) or not low <= value <= high:
-            raise SceneError(
-                "impossible value", where=f"--vary {path}", found=value, rule=f"{low:g} to {high:g}"
-            )
+        if not isinstance(value, int | float) or not known.allows(value):
+            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=known.range)
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:

@@ -46,6 +46,15 @@ def test_what_does_not_fit_names_the_reading(given, word):
         readings(**given).check_against(scene())
 
 
+@pytest.mark.parametrize("time_s", [-3e9, 1.7e12])
+def test_times_are_seconds_since_the_lamp_was_switched_on(time_s):
+    """A warm-up seen from a century before it began is beyond any number; 1.7e12 is milliseconds since 1970."""
+    with pytest.raises(MeasurementError, match="reading 2: time_s is impossible"):
+        readings(time_s=[0.0, time_s])
+    readings(time_s=[1.7e9, 1.7e9 + 1])
+    readings(time_s=[-600.0, 0.0])
+
+
 def test_corners_of_the_tank_belong_to_it():
     readings(x_m=[1.83, -1.83], y_m=[1.0, -1.44], z_m=[11.5, 0.1]).check_against(scene())
 
