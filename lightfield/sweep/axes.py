@@ -137,17 +137,22 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     return axes, dict(data.get("settings", {}))
 
 
-def _planned(entry: Mapping[str, Any], where: str) -> Axis:
-    keys = set(entry)
+def _planned(entry: Any, where: str) -> Axis:
+    keys = set(entry) if isinstance(entry, dict) else set()
+    name = entry.get("name", entry.get("path")) if keys else None
+    if not isinstance(name, str):
+        raise UsageError(
+            "not a range", where=where, found=entry, rule="a table with a path or a name, in quotes"
+        )
     if {"name", "together"} == keys and isinstance(entry["together"], dict) and entry["together"]:
-        return _axis(str(entry["name"]), entry["together"], where)
+        return _axis(name, entry["together"], where)
     if {"path", "values"} == keys and isinstance(entry["values"], list):
-        return _axis(str(entry["path"]), {entry["path"]: entry["values"]}, where)
+        return _axis(name, {name: entry["values"]}, where)
     if {"path", "start", "stop", "count"} <= keys <= {"path", "start", "stop", "count", "scale"}:
         start, stop, count = entry["start"], entry["stop"], entry["count"]
         if all(isinstance(v, int | float) for v in (start, stop)) and isinstance(count, int):
             values = span(float(start), float(stop), count, str(entry.get("scale", "linear")), where)
-            return _axis(str(entry["path"]), {entry["path"]: values}, where)
+            return _axis(name, {name: values}, where)
     raise UsageError(
         "not a range",
         where=where,

@@ -115,6 +115,9 @@ def test_a_plan_file_holds_ranges_coupled_parameters_and_settings(tmp_path: Path
         ("[[vary]]\npath = 'a'\nstart = 0\nstop = 'b'\ncount = 2\n", "not a range"),
         ("[[vary]]\nname = 'n'\ntogether = { a = [1, 2], b = [1] }\n", "unequal length"),
         ("[[vary]]\npath = 'a'\nvalues = []\n", "unequal length, or none"),
+        ("[[vary]]\npath = 1979-05-27\nvalues = [1]\n", "not a range.*path or a name, in quotes"),
+        ("vary = [1, 2]\n", "not a range.*path or a name, in quotes"),
+        ("settings = 3\n", "not a plan"),
     ],
 )
 def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says: str) -> None:
