@@ -126,11 +126,11 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
         ) from error
     except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
-    unknown = sorted(set(data) - {"vary", "settings"})
-    if unknown or not isinstance(data.get("vary", []), list):
-        raise UsageError(
-            "not a plan", where=where, found=", ".join(unknown) or "vary", rule="[[vary]] and [settings]"
-        )
+    wrong = sorted(set(data) - {"vary", "settings"})
+    for name, kind in (("vary", list), ("settings", dict)):
+        wrong += [] if isinstance(data.get(name, kind()), kind) else [name]
+    if wrong:
+        raise UsageError("not a plan", where=where, found=", ".join(wrong), rule="[[vary]] and [settings]")
     axes = [
         _planned(entry, f"{where}, [[vary]] number {n}") for n, entry in enumerate(data.get("vary", []), 1)
     ]
