@@ -1,7 +1,7 @@
 """Time and memory of a diagnosis against the number of readings, beside dense algebra of the same size.
 
-Run from the root: `python -m benchmarks.diagnosis_size [--sizes N,N,...]`. Every row is measured in a process of
-its own, whose peak memory it states; nothing is asserted.
+Run from the root: `python -m benchmarks.diagnosis_size [--sizes N,N,...]`. Every row is measured in a process
+of its own, whose peak memory it states; nothing is asserted.
 """
 
 from __future__ import annotations
@@ -148,7 +148,8 @@ def page(sizes: list[int]) -> str:
         for hidden in HIDDEN:
             found = measured("diagnosis", n, hidden)
             lines.append(
-                f"| {found['n']} | {hidden} | {found['verdict']} | {found['seconds']:.1f} | {found['peak_mb']:.0f} |"
+                f"| {found['n']} | {hidden} | {found['verdict']} "
+                f"| {found['seconds']:.1f} | {found['peak_mb']:.0f} |"
             )
     more = [
         "| readings | tolerance | time | memory | dense: time | memory | ratio | chi-square |",
@@ -164,7 +165,8 @@ def page(sizes: list[int]) -> str:
                 ratio = peer["seconds"] / ours["seconds"]
                 beside = f"{peer['seconds']:.2f} | {peer['peak_mb']:.0f} | {ratio:.1f} | {apart:.0e}"
             more.append(
-                f"| {ours['n']} | {100 * tolerance:g} % | {ours['seconds']:.2f} | {ours['peak_mb']:.0f} | {beside} |"
+                f"| {ours['n']} | {100 * tolerance:g} % "
+                f"| {ours['seconds']:.2f} | {ours['peak_mb']:.0f} | {beside} |"
             )
     return TEXT.format(
         noise=100 * NOISE, columns=COLUMNS, empty=measured("empty")["peak_mb"],

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings
+from lightfield.commands._terminal import console
 from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -80,17 +81,16 @@ def _maps(args: argparse.Namespace) -> int:
 
 def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
-    from rich.console import Console
 
     from lightfield.report.compare.page import terminal_table, write_comparison
     from lightfield.studies.compare.maps import compare, verdict
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)
-    console = Console()
+    output = console()
     for wavelength in comparison.wavelengths_nm:
-        console.print(terminal_table(comparison, wavelength))
-    console.print(verdict(comparison), highlight=False)
+        output.print(terminal_table(comparison, wavelength))
+    output.print(verdict(comparison), highlight=False)
     with atomic_path(folder / "compare.json") as temporary:
         temporary.write_text(
             json.dumps(comparison.summary(), indent=2, allow_nan=False) + "\n", encoding="utf-8"

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import seed_number
+from lightfield.commands._terminal import console
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 
@@ -47,7 +48,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
-    from rich.console import Console
     from rich.table import Table
 
     from lightfield.commands.sweep import progress_bar, summary
@@ -72,9 +72,9 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
         table.add_column(head, justify="left" if head == "receiver" else "right")
     for row in regime.rows(dataset):
         table.add_row(*row)
-    console = Console()
-    console.print(table)
-    console.print(regime.verdict(dataset), highlight=False)
+    output = console()
+    output.print(table)
+    output.print(regime.verdict(dataset), highlight=False)
     for path in (
         write_netcdf(dataset, folder / "regime.nc"),
         save_png(regime_figure(dataset), folder / "regime.png"),

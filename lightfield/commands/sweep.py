@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
@@ -36,9 +37,11 @@ scale = "log"; or name and together = {{ path = [...], path = [...] }} for param
 
 On a cluster, with the store on a disk that all machines share, start a scheduler and workers of one thread:
 
-  dask scheduler                                             # says tcp://HOST:8786
-  dask worker tcp://HOST:8786 --nthreads 1 --nworkers 16     # on every machine
-  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://HOST:8786
+  dask scheduler --host 10.0.0.1                             # the address inside the cluster
+  dask worker tcp://10.0.0.1:8786 --nthreads 1 --nworkers 16 # on every machine
+  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://10.0.0.1:8786
+
+A scheduler runs the code of anyone who reaches it: keep it behind a firewall, or use TLS (see the README).
 
 With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
 cluster.scheduler_address. All machines need the same version of lightfield.
@@ -186,12 +189,11 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
 @contextmanager
 def progress_bar(plan: Plan) -> Iterator[Report | None]:
     """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    output = console(stderr=True)
+    if not output.is_terminal:
         yield None
         return
     columns = (
@@ -201,7 +203,7 @@ def progress_bar(plan: Plan) -> Iterator[Report | None]:
         TextColumn("cases"),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, console=console) as bar:
+    with Bar(*columns, console=output) as bar:
         task = bar.add_task("starting", total=plan.cases.count)
 
         def report(progress: Progress) -> None:

@@ -37,6 +37,7 @@ from lightfield.diagnosis.verdict.advice import (
     possible_places,
 )
 from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.errors import FitError
 from lightfield.fitting import effects
 from lightfield.fitting.forward import DiffuseSource, SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -79,7 +80,13 @@ def planned(readings: Any, scene: Scene) -> Any:
     readings = replace(readings, scale="relative")
     forward = SceneForward(scene, readings)
     light = forward.predict({})
-    value = light / float(light.max())
+    brightest = float(light.max())
+    if not 0 < brightest < np.inf:
+        raise FitError(
+            "no light of the scene reaches this layout", where=readings.source or None, found=brightest,
+            rule="light above 0 somewhere", remedy="read nearer to the lamp, or check lamp and water",
+        )  # fmt: skip
+    value = light / brightest
     stderr = np.asarray(readings.stderr, float)
     guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR)
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))

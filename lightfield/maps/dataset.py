@@ -18,6 +18,7 @@ from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
 from lightfield.storage.files import MAKE_ROOM, atomic_path
+from lightfield.storage.inputs import MAPS, check_regular
 
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
 PARTS = ("direct", "diffuse")
@@ -178,6 +179,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     OutputError
         Not a NetCDF file, or not one of ours.
     """
+    check_regular(path, MAPS)
     try:
         dataset = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:

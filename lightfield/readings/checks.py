@@ -20,6 +20,10 @@ FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
 _LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
+#: Instruments tell apart a millionth of full scale at best; one value so far beyond all others is a slip.
+LARGEST_STEP = 1e9
+#: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
+EARLIEST_S, LATEST_S = -1e5, 1e11
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -58,6 +62,17 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
+    if len(size) > 2 and (next_largest := np.sort(size)[-2]) > 0:
+        beyond = (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
+        refuse(beyond, "value", "is beyond all others", f"at most {LARGEST_STEP:g} times the next largest")
+    refuse(
+        (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
+        "time_s",
+        "is impossible",
+        f"{EARLIEST_S:g} to {LATEST_S:g} s",
+        "count seconds from when the lamp was switched on",
+    )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from lightfield.errors import MeasurementError
+from lightfield.errors import SHOWN, MeasurementError, brief
 
 ALONE = 5  # so many problems of one kind are listed one by one; more share a line that names all their places
 LONGEST = 60
@@ -99,11 +99,14 @@ class Problems:
 
 
 def ranges(places: Sequence[int]) -> str:
-    """Line numbers in few characters: 3-5, 9."""
+    """Line numbers in few characters: 3-5, 9; beyond ten such entries, how many more there are."""
     out: list[str] = []
     ordered = sorted(set(places))
     start = 0
     for k, place in enumerate(ordered):
+        if len(out) == SHOWN:
+            out.append(f"and {len(ordered) - start} more")
+            break
         if k + 1 == len(ordered) or ordered[k + 1] != place + 1:
             out.append(str(place) if start == k else f"{ordered[start]}-{place}")
             start = k + 1
@@ -112,5 +115,4 @@ def ranges(places: Sequence[int]) -> str:
 
 def shorten(value: object) -> str:
     """A value as it may stand in a one-line message."""
-    text = repr(value)
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return brief(value, LONGEST)

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, brief
 from lightfield.scene.parameters import bounds
 
 RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
@@ -146,5 +146,4 @@ def _interval(owner: type[BaseModel], name: str) -> str:
 
 
 def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    return brief(value, 80)

@@ -36,6 +36,18 @@ class Parameter:
     neutral: float | None
     value: float
     acts_on: Acts
+    open_ends: tuple[bool, bool] = (False, False)
+
+    def allows(self, value: float) -> bool:
+        """Is the value within the range, whose ends may not belong to it?"""
+        above = value > self.low if self.open_ends[0] else value >= self.low
+        return above and (value < self.high if self.open_ends[1] else value <= self.high)
+
+    @property
+    def range(self) -> str:
+        """The range in words."""
+        words = ["above " if self.open_ends[0] else "", f"{self.low:g} to "]
+        return "".join([*words, "below " if self.open_ends[1] else "", f"{self.high:g}"])
 
 
 def number(
@@ -166,6 +178,7 @@ def numbers_of(
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
             acts_on=acts_of(type(part), name),
+            open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
 
 
@@ -174,6 +187,10 @@ def told(part: BaseModel, name: str) -> str:
     value = getattr(part, name)
     shown = f"{value:g}" if isinstance(value, int | float) else value
     return f"{name} = {shown}{'' if name in part.model_fields_set else ' (its default)'}"
+
+
+def _has(model: type[BaseModel], name: str, rule: str) -> bool:
+    return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
 
 
 def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:

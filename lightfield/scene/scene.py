@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -24,12 +23,8 @@ from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, nu
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
 from lightfield.scene.water.water import Water
+from lightfield.storage import inputs, toml
 from lightfield.storage.files import atomic_path
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
@@ -97,11 +92,7 @@ class Scene(Part):
         """
         source = Path(path)
         try:
-            text = source.read_bytes().decode("utf-8")
-        except OSError as error:
-            raise SceneError(
-                "cannot read the scene", where=str(path), found=error.strerror, remedy="check the path"
-            ) from error
+            text = inputs.read_bytes(source, inputs.SCENE).decode("utf-8")
         except UnicodeDecodeError as error:
             raise SceneError(
                 "not a text file",
@@ -137,8 +128,8 @@ class Scene(Part):
             Not TOML, or not a scene.
         """
         try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            data = toml.loads(text)
+        except ValueError as error:
             raise SceneError(f"not TOML: {error}", where=where, remedy="correct that line") from error
         return cls.from_dict(data, where=where, folder=folder)
 
@@ -397,4 +388,4 @@ def _stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _content_hash(path: str, _modified: int, _size: int) -> str:
-    return "sha256:" + hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return "sha256:" + hashlib.sha256(inputs.read_bytes(path, inputs.TABLE)).hexdigest()

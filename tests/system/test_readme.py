@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
+from lightfield.commands import _line
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -89,5 +90,5 @@ def test_every_option_file_and_variable_that_is_named_exists():
     source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "lightfield").rglob("*.py"))
     for variable in set(re.findall(r"LIGHTFIELD_\w+", README)):
         assert f'"{variable}"' in source, variable
-    for command in cli.COMMANDS:
+    for command in _line.COMMANDS:
         assert re.search(rf"`?(lightfield )?{command}\b", README), command

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import sys
 from dataclasses import replace
 from os import PathLike, fspath
 from typing import Any
@@ -28,16 +27,13 @@ from lightfield.readings.readings import (
     Readings,
 )
 from lightfield.readings.sheet import Sheet, look_alike, read_sheet
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from lightfield.storage import toml
+from lightfield.storage.inputs import READINGS
 
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
-def load(path: str | PathLike[str], scene: Any = None) -> Readings:
+def load(path: str | PathLike[str], scene: Any = None, content: text.Text | None = None) -> Readings:
     """Read a reading table.
 
     Parameters
@@ -45,6 +41,8 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
     path : path-like
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
+    content : Text, optional
+        Its lines, where they have been read.
 
     Raises
     ------
@@ -53,7 +51,9 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
     """
     where = fspath(path)
     problems = Problems(where)
-    sheet = read_sheet(text.read_text(where), problems, COLUMNS, REQUIRED, NUMBER_COLUMNS)
+    sheet = read_sheet(
+        content or text.read_text(where, READINGS), problems, COLUMNS, REQUIRED, NUMBER_COLUMNS
+    )
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -81,8 +81,8 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
 
 def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any]:
     try:
-        found = tomllib.loads("\n".join(line for _, line in head))
-    except (ValueError, RecursionError) as error:
+        found = toml.loads("\n".join(line for _, line in head))
+    except ValueError as error:
         at = re.search(r"at line (\d+)", str(error))
         row = min(int(at[1]), len(head)) - 1 if at else len(head) - 1
         problems.add(
@@ -119,8 +119,8 @@ def _lines_that_read(head: list[tuple[int, str]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for _, content in head:
         try:
-            found |= tomllib.loads(content)
-        except (ValueError, RecursionError):
+            found |= toml.loads(content)
+        except ValueError:
             continue
     return found
 

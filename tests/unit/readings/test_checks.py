@@ -46,6 +46,24 @@ def test_what_does_not_fit_names_the_reading(given, word):
         readings(**given).check_against(scene())
 
 
+@pytest.mark.parametrize("time_s", [-3e9, 1.7e12])
+def test_times_are_seconds_since_the_lamp_was_switched_on(time_s):
+    """A warm-up seen from a century before it is beyond any number; 1.7e12 is milliseconds since 1970."""
+    with pytest.raises(MeasurementError, match="reading 2: time_s is impossible"):
+        readings(time_s=[0.0, time_s])
+    readings(time_s=[1.7e9, 1.7e9 + 1])
+    readings(time_s=[-600.0, 0.0])
+
+
+@pytest.mark.parametrize("slip", [9.2e18, -8e9])
+def test_one_value_beyond_all_others_is_a_slip(slip):
+    """Squares of it drown all others, so that nothing could be said about them."""
+    with pytest.raises(MeasurementError, match="reading 3: value is beyond all others"):
+        readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 0.5, slip])
+    readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 1e-8, 1e-20])
+    readings(z_m=[4.5, 5.5, 6.5], value=[1e8, 0.5, 0.3])
+
+
 def test_corners_of_the_tank_belong_to_it():
     readings(x_m=[1.83, -1.83], y_m=[1.0, -1.44], z_m=[11.5, 0.1]).check_against(scene())
 

@@ -57,7 +57,7 @@ def test_all_problems_of_index_and_files_come_at_once(campaign):
          "a.txt,4.5,0,0,signal", ",4.5,0,0,signal"],
     )  # fmt: skip
     expected = [
-        (2, "none.txt: cannot be read"),
+        (2, "none.txt: cannot read the spectrometer file"),
         (3, "bad.txt: not a spectrometer file"),
         (4, "x_m is not a number"),
         (4, "unknown role"),

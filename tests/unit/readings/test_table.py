@@ -205,7 +205,7 @@ def test_what_is_not_text(load, content):
 
 def test_missing_file_and_folder(tmp_path):
     for path in (tmp_path / "none.csv", tmp_path):
-        with pytest.raises(MeasurementError, match="cannot be read"):
+        with pytest.raises(MeasurementError, match="cannot read the reading table"):
             Readings.load(path)
 
 

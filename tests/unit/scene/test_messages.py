@@ -129,6 +129,7 @@ def test_all_problems_at_once() -> None:
         ("angle_deg,intensity\n0,1\n5,x\n4,0.1\n", ["line 3: not numbers: 5,x"]),
         ("angle_deg,intensity\n0,1\n5,0.5\n5,0.1\n", ["line 4: angle_deg must rise, 5 after 5"]),
         ("angle_deg,intensity\n0,1\n5,-0.5\n", ["line 3: negative"]),
+        ("angle_deg,intensity\n0,1\n5,1e200\n", ["line 3: too large"]),
         ("angle_deg,intensity\n1,1\n5,0.5\n", ["starts on the axis", "1 to 5 deg"]),
         ("angle_deg,intensity\n0,0\n5,0.5\n", ["no light on the beam axis"]),
         ("angle_deg,intensity\n0,1\n", ["fewer than two rows"]),
