@@ -12,7 +12,7 @@ import numpy as np
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Parameter, Scene
-from lightfield.scene.acts import ATTENUATION
+from lightfield.scene.acts import Acts
 from lightfield.storage import inputs, toml
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
@@ -231,7 +231,7 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
     if known is None and path in COMPOUND:
         unit, meaning = COMPOUND[path]
         highest = 1.0 if path == ALBEDO else math.inf
-        known = Parameter(path, unit, meaning, 0.0, highest, None, 0.0, ATTENUATION)
+        known = Parameter(path, unit, meaning, 0.0, highest, None, 0.0, Acts.ABSORPTION | Acts.SCATTERING)
     if known is None:
         return
     for value in values:
