@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import store
+from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 PHOTONS = 3e6
 REL_ERROR = 0.01
+#: Largest cell around a reading.
+CELL_M = 0.1
 
 
 def rendered_light(
@@ -56,7 +60,7 @@ def rendered_light(
     channels = np.where(np.isnan(wavelength), middle, wavelength)
     settings = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry}
     places = {"x": x, "y": y, "z": z, "dry": dry, "wavelength": channels}
-    key = {"kind": "readings", "scene": scene.digest(), "software": software(), **places, **settings}
+    key = {"kind": "light at readings", "scene": scene.digest(), "software": software(), **places, **settings}
     stored = store.load(key)
     if stored is None:
         light, error = _render(scene, x, y, z, dry, channels, **settings)
@@ -75,11 +79,8 @@ def _render(
     wet = ~dry & (z > 0)
     if not wet.any():
         return light, error
-    places = tuple(
-        (float(px), float(py), float(pz)) for px, py, pz in zip(x[wet], y[wet], z[wet], strict=True)
-    )
-    located = scene.with_values({"detector.positions_m": places}, validate=False)
-    rendering = render_scene(located, **settings)
+    grid = positions_grid(x[wet], y[wet], z[wet], CELL_M, scene.lamp.hwhm_deg, scene.tank)
+    rendering = render_scene(scene, grid=surrounded(grid, scene.tank), **settings)
     for channel in np.unique(channels[wet]):
         mine = wet & (channels == channel)
         light[mine], error[mine] = _wet_light(rendering, float(channel), x[mine], y[mine], z[mine])
@@ -94,4 +95,4 @@ def _wet_light(rendering: Rendering, wavelength: float, x: Array, y: Array, z: A
     shift = Shift(rendering.grid, x, y, z)
     relative = np.divide(error, diffuse, out=np.zeros_like(error), where=np.isfinite(error) & (diffuse > 0))
     moved = shift.apply(diffuse)
-    return direct + moved, moved * np.linalg.norm(shift.spread(np.diag(relative)), axis=1)
+    return direct + moved, moved * np.sqrt(shift.shares.power(2) @ relative**2)

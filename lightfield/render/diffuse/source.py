@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.backend import use_backend
+from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
 from lightfield.render.diffuse.response import DiffuseResponse, Traced
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
@@ -135,7 +136,8 @@ def _response(
     cache: bool,
 ) -> DiffuseResponse:
     """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    grid = in_tank(positions_grid(*places, CELL_M), scene)
+    cells = positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank)
+    grid = in_tank(surrounded(cells, scene.tank), scene)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)

@@ -10,10 +10,15 @@ import numpy as np
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import cells_inside, rows_of
+from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
-#: Readings nearer than this see a field that varies over shorter lengths, in proportion.
-FAR_M, SHORTEST_STEP_M = 2.0, 0.02
+#: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
+#: the width of the tank: from these on cells are as large as asked for.
+BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
+#: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
+UNEVEN = 0.5
+SHORTEST_STEP_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,10 @@ class Grid:
         Number of the tally cell that a cell shares with its mirror images.
     inside : array, shape (n_y, n_x), optional
         Part of every cell that is in the tank; missing: all of all.
+    fineness : float
+        How much smaller than in a tow tank everything is, see `fineness`.
+    even : bool
+        Are what it is made for places in the middle of cells?
     """
 
     z_m: np.ndarray
@@ -42,6 +51,8 @@ class Grid:
     occupied: np.ndarray | None = None
     merged: np.ndarray | None = None
     inside: np.ndarray | None = None
+    fineness: float = 1.0
+    even: bool = True
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -69,6 +80,31 @@ class Grid:
             return np.where(self.inside == 1, values, np.nan)
         part = np.broadcast_to(self.inside, self.shape)[self.occupied]
         return np.asarray(values / np.where(part > 0, part, 1).astype(values.dtype))
+
+    def padded(self, cells: int, tank: Tank | None) -> Grid:
+        """With more cells, none of them occupied, on every side, but in a tank only such as are all in it.
+
+        What was occupied and is not all in the tank is left to the cells beside it.
+        """
+        assert self.occupied is not None
+        more = np.arange(1, cells + 1)
+        x, y = (
+            np.concatenate([v[0] - pitch * more[::-1], v, v[-1] + pitch * more])
+            for v, pitch in ((self.x_m, self.pitch_x_m), (self.y_m, self.pitch_y_m))
+        )
+        wide = ((0, 0), (cells, cells), (cells, cells))
+        if tank is None:
+            return replace(self, x_m=x, y_m=y, occupied=np.pad(self.occupied, wide))
+        (first_x, last_x), (first_y, last_y) = (
+            _whole(v, pitch, *walls)
+            for v, pitch, walls in zip((x, y), (self.pitch_x_m, self.pitch_y_m), tank.box_m, strict=False)
+        )
+        x, y = x[first_x : last_x + 1], y[first_y : last_y + 1]
+        inside = np.zeros((len(self.z_m), len(y), len(x)), bool)
+        plane, row, column = np.argwhere(self.occupied).T
+        row, column = row + cells - first_y, column + cells - first_x
+        inside[plane, np.clip(row, 0, len(y) - 1), np.clip(column, 0, len(x) - 1)] = True
+        return replace(self, x_m=x, y_m=y, occupied=inside)
 
 
 @dataclass(frozen=True)
@@ -126,27 +162,41 @@ def in_tank(grid: Grid, scene: Scene) -> Grid:
     return replace(grid, inside=inside)
 
 
-def nearness(z_m: np.ndarray) -> float:
-    """How much smaller than in a tow tank everything is; 1 for readings 2 m and more from the lamp."""
-    return float(min(1.0, np.min(z_m) / FAR_M))
+def fineness(z_m: np.ndarray, hwhm_deg: float = BROAD_DEG, tank: Tank | None = None) -> float:
+    """How much smaller than in a tow tank everything is: 1 for a beam of 3.2 degrees from 4.5 m on."""
+    beam = np.min(z_m) * np.radians(min(hwhm_deg, BROAD_DEG))
+    room = min(tank.width_m, tank.depth_m) if tank else ROOMY_M
+    return float(min(1.0, beam / BROAD_M, room / ROOMY_M))
 
 
-def positions_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray, cell_m: float = 0.1) -> Grid:
+def positions_grid(
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    z_m: np.ndarray,
+    cell_m: float = 0.1,
+    hwhm_deg: float = BROAD_DEG,
+    tank: Tank | None = None,
+) -> Grid:
     """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
 
     Parameters
     ----------
     x_m, y_m, z_m : arrays, shape (n,), m
     cell_m : float, m
-        Largest cell, far from the lamp; near it the field bends over shorter lengths, see `nearness`.
+        Largest cell, where nothing is small, see `fineness`.
+    hwhm_deg : float
+        Half width of the beam.
+    tank : Tank, optional
     """
     planes = np.unique(np.round(z_m, 4))
-    near = nearness(planes)
-    (x, pitch_x), (y, pitch_y) = (_axis(v, near * cell_m, near * SHORTEST_STEP_M) for v in (x_m, y_m))
-    grid = Grid(planes, x, y, pitch_x, pitch_y)
+    fine = fineness(planes, hwhm_deg, tank)
+    even = all(_is_even(v, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    largest = fine * cell_m * (1.0 if even else UNEVEN)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, largest, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
     occupied = np.zeros(grid.shape, bool)
     occupied[cell_of(grid, x_m, y_m, z_m)] = True
-    return Grid(planes, x, y, pitch_x, pitch_y, occupied)
+    return replace(grid, occupied=occupied)
 
 
 def cell_of(
@@ -163,17 +213,30 @@ def cell_of(
     return plane, row, column
 
 
-def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
-    """Cell centres along one axis and their pitch; steps shorter than the shortest are no even spacing."""
-    places = np.unique(np.round(values, 4))
-    gaps = np.diff(places)
+def _is_even(values: np.ndarray, shortest_m: float) -> bool:
+    """Are places along one axis whole steps apart? Steps shorter than the shortest are no even spacing."""
+    gaps = np.diff(np.unique(np.round(values, 4)))
     if len(gaps) == 0:
-        return places, cell_m
+        return True
     steps = gaps / gaps.min()
-    regular = gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02)
-    pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else cell_m
-    count = round((places[-1] - places[0]) / pitch) + (1 if regular else 2)
+    return bool(gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02))
+
+
+def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
+    """Cell centres along one axis and their pitch."""
+    places = np.unique(np.round(values, 4))
+    if len(places) == 1:
+        return places, cell_m
+    even, gap = _is_even(values, shortest_m), np.diff(places).min()
+    pitch = float(gap / ceil(gap / cell_m - 1e-6)) if even else cell_m
+    count = round((places[-1] - places[0]) / pitch) + (1 if even else 2)
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
+
+
+def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:
+    """First and last of the cells that are all between two walls."""
+    inside = np.flatnonzero((centres - 0.5 * pitch >= low - 1e-6) & (centres + 0.5 * pitch <= high + 1e-6))
+    return int(inside[0]), int(inside[-1])
 
 
 def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:
