@@ -32,7 +32,8 @@ from lightfield.storage.files import atomic_path
 
 HERE = Path(__file__).resolve().parent
 SIZES = (300, 1000, 3000, 10_000, 20_000)
-#: The dense covariance of more readings takes more memory than most machines have.
+#: The dense covariance of more readings takes more memory than most machines have; nor are they asked more
+#: than whether nothing is missing.
 MOST_DENSE = 10_000
 PLANES_M = (4.5, 5.5, 6.5, 7.5, 8.5)
 #: As many columns as a test of a fit has replicates.
@@ -40,7 +41,7 @@ COLUMNS, RHO, TOLERANCE, NOISE = 999, 0.3, 0.003, 0.005
 HIDDEN: dict[str, dict[str, float]] = {
     "nothing": {},
     "offset": {"lamp.offset_x_m": 0.02},
-    "unexplained": {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": 0.3, "detector.background": 0.01},
+    "three effects": {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": 0.3, "detector.background": 0.01},
 }
 
 TEXT = """\
@@ -53,8 +54,8 @@ about {empty:.0f}).
 
 ## The whole diagnosis
 
-Nothing hidden; a beam 2 cm off the axis; three effects at once, which no two explain: then every pair is
-tried, and all is done again within the tolerance.
+Nothing hidden; a beam 2 cm off the axis; three effects at once. Where no two explain these, every pair is
+tried, and all is done again within the tolerance: that is the most that a diagnosis does.
 
 {diagnoses}
 
@@ -146,11 +147,11 @@ def page(sizes: list[int]) -> str:
     lines = ["| readings | hidden | verdict | time | memory |", "|---:|---|---|---:|---:|"]
     for n in sizes:
         for hidden in HIDDEN:
+            if n > MOST_DENSE and hidden != "nothing":
+                continue
             found = measured("diagnosis", n, hidden)
-            lines.append(
-                f"| {found['n']} | {hidden} | {found['verdict']} "
-                f"| {found['seconds']:.1f} | {found['peak_mb']:.0f} |"
-            )
+            told = f"{hidden} | {found['verdict']}"
+            lines.append(f"| {found['n']} | {told} | {found['seconds']:.1f} | {found['peak_mb']:.0f} |")
     more = [
         "| readings | tolerance | time | memory | dense: time | memory | ratio | chi-square |",
         "|---:|---:|---:|---:|---:|---:|---:|---:|",
@@ -164,10 +165,8 @@ def page(sizes: list[int]) -> str:
                 apart = np.abs(np.array(ours["squares"]) / peer["squares"] - 1).max()
                 ratio = peer["seconds"] / ours["seconds"]
                 beside = f"{peer['seconds']:.2f} | {peer['peak_mb']:.0f} | {ratio:.1f} | {apart:.0e}"
-            more.append(
-                f"| {ours['n']} | {100 * tolerance:g} % "
-                f"| {ours['seconds']:.2f} | {ours['peak_mb']:.0f} | {beside} |"
-            )
+            mine = f"{100 * tolerance:g} % | {ours['seconds']:.2f} | {ours['peak_mb']:.0f}"
+            more.append(f"| {ours['n']} | {mine} | {beside} |")
     return TEXT.format(
         noise=100 * NOISE, columns=COLUMNS, empty=measured("empty")["peak_mb"],
         diagnoses="\n".join(lines), algebra="\n".join(more),

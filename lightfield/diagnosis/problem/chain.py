@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,14 +50,22 @@ class Link:
     source: Rows
     decay: Array
 
+    @cached_property
+    def _unchanged(self) -> bool:
+        same = len(self.source) == self.out.shape[1] and (self.source == np.arange(len(self.source))).all()
+        return bool(same and (self.decay == 1).all())
+
+    @cached_property
+    def _taken(self) -> tuple[Rows, Array]:
+        there = self.source >= 0
+        return np.where(there, self.source, 0), np.where(there, self.decay, 0.0)[:, None]
+
     def carry(self, state: Array) -> Array:
         """The old state, shape (s, k), as part of the new one, shape (s', k)."""
-        there = self.source >= 0
-        if not there.any():
-            return np.zeros((len(self.source), state.shape[1]))
-        if len(state) == len(there) and (self.source == np.arange(len(state))).all():
-            return state if (self.decay == 1).all() else self.decay[:, None] * state
-        return np.asarray((self.decay * there)[:, None] * state[np.where(there, self.source, 0)])
+        if self._unchanged:
+            return state
+        source, factor = self._taken
+        return factor * state[source] if len(state) else np.zeros((len(source), state.shape[1]))
 
 
 def alone(covariance: Array) -> Link:
