@@ -54,7 +54,7 @@ def _scene(args: argparse.Namespace) -> int:
             "this scene has single positions, no planes",
             where=str(args.what),
             rule="render and formula are compared on planes",
-            remedy="give planes_m instead of positions_m",
+            remedy="give planes_m instead of positions_m; `lightfield render` takes positions",
         )
     folder = output_folder(args.output or Path("compare"))
     rendering = traced(scene, args)

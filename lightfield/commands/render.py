@@ -46,14 +46,17 @@ def run(args: argparse.Namespace) -> int:
 
     dataset = to_dataset(rendering, wavelengths)
     written = [write_netcdf(dataset, folder / "maps.nc")]
-    if not args.no_exr and scene.detector.positions_m is None:
+    planes = scene.detector.positions_m is None
+    if not args.no_exr and planes:
         written += write_exr_planes(dataset, folder)
-    if not args.no_figures and scene.detector.positions_m is None:
+    if not args.no_figures and planes:
         from lightfield.report.light import light_figure
         from lightfield.report.style import save_png
 
         written.append(save_png(light_figure(dataset), folder / "maps.png"))
     print(balance(rendering))
+    if not planes and not (args.no_exr and args.no_figures):
+        print("single positions have no images: no EXR, no PNG")
     for path in written:
         print(path)
     return 0

@@ -79,5 +79,6 @@ def _listing(scene: Scene) -> str:
     for path, parameter in scene.parameters().items():
         value = scene.get(path)
         mark = " " if parameter.neutral is None or value == parameter.neutral else "*"
-        lines.append(f"{mark} {path:<34} {value!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
+        shown = f"{parameter.value:g}" if value is None else value
+        lines.append(f"{mark} {path:<34} {shown!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
     return "\n".join([*lines, "", "* departs from its neutral value"])

@@ -89,13 +89,16 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     if kind not in LAYOUTS:
         raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
     planes: NDArray[Any] = np.array(scene.detector.planes_m)
-    reach = scene.detector.width_m / 2
+    reach, (low, high) = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf)
+    if scene.tank is not None:
+        low, high = scene.tank.box_m[1]
     x: NDArray[Any] = np.linspace(-reach, reach, 21)
     y: NDArray[Any] = np.zeros(1)
     if kind == "half":
         x = np.linspace(0, reach, 11)
     elif kind == "grid":
-        x = y = np.linspace(-0.9 * reach, 0.9 * reach, 7)
+        x = np.linspace(-0.9 * reach, 0.9 * reach, 7)
+        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(0.9 * reach, 0.9 * high), 7)
     elif kind == "fine":
         gaps = np.diff(planes) if len(planes) > 1 else 0.2 * planes
         ends = [planes[:1] - gaps[:1], planes[-1:] + gaps[-1:]]
@@ -103,9 +106,8 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
     elif kind == "column":
         x = min(0.3, 0.9 * reach) * np.array([-1.0, 0.0, 1.0])
-        deep = scene.tank.lamp_depth_m if scene.tank is not None else np.inf
-        top = deep - min(0.1, 0.5 * deep)
-        y = np.linspace(-0.9 * reach, min(top, reach), 12)
+        top = high - min(0.1, 0.5 * high)
+        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(top, reach), 12)
     media = ("air", "water") if kind == "air" else ("water",)
     gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(planes, y, x, indexing="ij"))
     return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}

@@ -14,12 +14,15 @@ from lightfield.arrays import Array
 from lightfield.formula import field as analytic
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
+from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
+from lightfield.scene.all_parameters import neutral, paths_on
 from lightfield.scene.water.coefficients import scattering_per_m
 
 GAIN = "gain"
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
-READOUT = ("detector.background", "detector.saturation", "detector.saturation_quadratic")
-_TIME = ("lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s")
+READOUT = paths_on(Acts.READOUT)
+_TIME = paths_on(Acts.TIME)
+_AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
 
 
@@ -40,20 +43,12 @@ DiffuseSource = Callable[..., Diffuse]
 
 def has_diffuse_light(scene: Scene) -> bool:
     """Does the scene scatter or reflect any light?"""
-    water, tank = scene.water, scene.tank
-    return bool(
-        water.scattering_per_m > 0
-        or water.base != "none"
-        or water.sediment_g_per_m3 > 0
-        or water.chlorophyll_mg_per_m3 > 0
-        or (tank is not None and (tank.wall_albedo > 0 or tank.surface_reflectance > 0))
-    )
+    return not neutral(scene, DIFFUSE)
 
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    later = (*READOUT, *_TIME)
-    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in later}
+    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
 
 
 def beam_width_deg(scene: Scene, readings: Any) -> float:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.formula.field import air_mask, beam_angles, direct_field, layer_path_m, rays
 from lightfield.formula.path import Ray
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.lamp.profile import LN2
 from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
@@ -36,13 +38,6 @@ DEPTH: dict[str, Callable[[Scene, Ray, Array, Array], Array]] = {
         (sediment_absorption_per_m(1.0, w) + sediment_scattering_per_m(1.0, w)) * ray.water_m
     ),
 }
-BEAM = (
-    "lamp.hwhm_deg",
-    "lamp.shape_exponent",
-    "lamp.skirt_fraction",
-    "lamp.skirt_hwhm_deg",
-    "lamp.ellipticity",
-)
 
 
 def direct_jacobian(
@@ -85,7 +80,7 @@ def direct_jacobian(
     w = np.full(len(z), np.nan) if wavelength_nm is None else np.asarray(wavelength_nm, dtype=float)
     w = np.where(np.isnan(w), 0.5 * (low + high), w)
     beam: dict[str, Array] = {}
-    if point and scene.lamp.profile in GAUSSIAN_FAMILY and any(path in BEAM for path in paths):
+    if point and scene.lamp.profile in GAUSSIAN_FAMILY and any(acts_on(path) & Acts.BEAM for path in paths):
         beam = _beam_slopes(scene, ray, in_air)
     for column, path in enumerate(paths):
         if point and path in DEPTH:

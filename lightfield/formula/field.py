@@ -39,6 +39,7 @@ __all__ = [
     "receiver",
     "source",
     "time_factor",
+    "window_points",
 ]  # fmt: skip
 
 # Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.
@@ -181,15 +182,25 @@ def direct_field(
     if lamp.radius_m == 0.0:
         return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air)
     total = np.zeros(x.shape)
-    for u, v, weight in DISC:
-        moved = lamp.model_copy(
-            update={
-                "offset_x_m": lamp.offset_x_m + lamp.radius_m * u,
-                "offset_y_m": lamp.offset_y_m + lamp.radius_m * v,
-            }
-        )
-        total += weight * _point_source(scene, moved, x, y, z, wavelength_nm, in_air)
+    for point, share in window_points(lamp):
+        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air)
     return total
+
+
+def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
+    """The points that stand for the lamp's window, each as a lamp of its own, and the share of each."""
+    if lamp.radius_m == 0.0:
+        return [(lamp, 1.0)]
+    x, y, radius = lamp.offset_x_m, lamp.offset_y_m, lamp.radius_m
+    return [
+        (
+            lamp.model_copy(
+                update={"offset_x_m": x + radius * u, "offset_y_m": y + radius * v, "radius_m": 0.0}
+            ),
+            share,
+        )
+        for u, v, share in DISC
+    ]
 
 
 def _point_source(

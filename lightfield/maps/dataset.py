@@ -79,6 +79,9 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
         {"units": "nm", "standard_name": "radiation_wavelength"},
     )
     data: dict[str, Any] = {}
+    inside = getattr(rendering.grid, "inside", None)
+    cut = dims == DIMS and inside is not None and bool(np.any(inside < 1))
+    outside = {"comment": "NaN: cells that are not all in the tank"} if cut else {}
     for part in ("all", *PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
@@ -88,7 +91,7 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
         data[name] = (
             dims,
             mean,
-            {"units": units, "long_name": about, "ancillary_variables": f"{name}_stderr"},
+            {"units": units, "long_name": about, "ancillary_variables": f"{name}_stderr", **outside},
         )
         data[f"{name}_stderr"] = (
             dims,

@@ -81,7 +81,7 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
     """
     _check(path, image)
     channels: dict[str, NDArray[np.float32]] = {}
-    preview = spectrum_to_rgb(image.value, image.wavelength_nm)
+    preview = spectrum_to_rgb(np.nan_to_num(image.value), image.wavelength_nm)
     for index, name in enumerate("RGB"):
         channels[name] = _to_file(preview[..., index])
     for index, wavelength in enumerate(image.wavelength_nm):
@@ -193,6 +193,7 @@ def _response(text: str) -> tuple[list[float], list[float]]:
 def _check(path: str | os.PathLike[str], image: SpectralImage) -> None:
     where = str(path)
     expected = (image.wavelength_nm.size, image.y_m.size, image.x_m.size)
+    outside = np.isnan(image.value).all(axis=0)
     for name, array in (("value", image.value), ("stderr", image.stderr)):
         if array is None:
             continue
@@ -200,8 +201,11 @@ def _check(path: str | os.PathLike[str], image: SpectralImage) -> None:
             raise OutputError(
                 f"{name} has the wrong shape", where=where, found=array.shape, rule=f"must be {expected}"
             )
-        # An infinite standard error is honest (no photon came); an infinite value never is.
-        bad = ~np.isfinite(array) if name == "value" else np.isnan(array)
+        # An infinite standard error is honest (no photon came); an infinite value never is. Pixels outside
+        # the tank are NaN, in all channels alike.
+        bad = np.isnan(array) != outside
+        if name == "value":
+            bad |= np.isinf(array)
         if bad.any():
             raise OutputError(f"{name} has {np.count_nonzero(bad)} values that are not numbers", where=where)
     names = [channel_name(w) for w in image.wavelength_nm]

@@ -56,6 +56,7 @@ def spot_shape(value: Array, x_m: Array, y_m: Array, stderr: Array | None = None
     Parameters
     ----------
     value : array, shape (n_y, n_x)
+        NaN where nothing is known: a contour that meets such pixels is taken for one beyond the edge.
     x_m, y_m : arrays, shape (n_x,) and (n_y,), m: evenly spaced pixel centres
     stderr : array, shape (n_y, n_x), optional
         Standard error of `value`; gives the standard errors by simulation.
@@ -74,6 +75,20 @@ def spot_shape(value: Array, x_m: Array, y_m: Array, stderr: Array | None = None
         names = ("peak", "centre_x_m", "centre_y_m", "hwhm_x_m", "hwhm_y_m", "ellipticity")
         errors = dict(zip(names, map(float, np.nanstd(table, axis=0, ddof=1)), strict=True))
     return Spot(peak, x0, y0, hwhm_x, hwhm_y, errors, problem)
+
+
+def smoothed(value: Array, sigma: float, truncate: float = 4.0) -> Array:
+    """Gaussian mean of neighbouring pixels over those that are known; NaN stays NaN, shape (n_y, n_x)."""
+
+    def weighed(values: Array) -> Array:
+        return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=truncate))
+
+    value = np.asarray(value, float)
+    known = np.isfinite(value)
+    if known.all():
+        return weighed(value)
+    weight = np.where(known, weighed(known.astype(float)), 1.0)
+    return np.where(known, weighed(np.where(known, value, 0.0)) / weight, np.nan)
 
 
 def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, float, float, float], str]:
@@ -115,11 +130,12 @@ def _ellipse(points: Array) -> tuple[float, ...] | None:
 def _peak(value: Array, x_m: Array, y_m: Array) -> tuple[float, tuple[float, float]]:
     """Maximum and its place (row, column), from log E = quadratic form near the brightest pixels."""
     # Pixels are chosen on a smoothed map: chosen by their own noise, they would be too bright.
-    smooth = gaussian_filter(np.asarray(value, float), 1.0, mode="nearest")
+    smooth = smoothed(value, 1.0)
+    smooth = np.where(np.isnan(smooth), -np.inf, smooth)
     row, column = np.unravel_index(int(np.argmax(smooth)), value.shape)
     brightest, place = float(value[row, column]), (float(row), float(column))
     if not brightest > 0:
-        return float(np.max(value)), place
+        return float(np.nanmax(value)), place
     chosen = [(smooth > level * smooth[row, column]) & (value > 0) for level in LEVELS]
     many = [pixels for pixels in chosen if np.count_nonzero(pixels) >= ENOUGH]
     if not many:

@@ -16,6 +16,8 @@ from lightfield.render.response.grid import Grid, band_wavelengths, reference_of
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
+from lightfield.scene.acts import TRACED
+from lightfield.scene.all_parameters import only
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -58,6 +60,7 @@ class Rendering:
         Returns
         -------
         mean, stderr : arrays, shape (n, n_planes, n_y, n_x), W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)
+            NaN in cells of a plane that are not all in the tank.
         """
         scene = self.scene
         at = band_wavelengths(scene) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)[:, None]
@@ -84,11 +87,16 @@ class Rendering:
     def relative_maps(
         self, wavelengths_nm: Array, part: str = "all", intensity: Array | None = None
     ) -> tuple[Array, Array]:
-        """Maps for unit on-axis radiant intensity (or `intensity`, (n,)), shape (n, n_planes, n_y, n_x)."""
+        """Maps for unit on-axis radiant intensity (or `intensity`, (n,)), shape (n, n_planes, n_y, n_x).
+
+        NaN in cells that are not all in the tank; of cells around single positions the mean over their part
+        in it.
+        """
         water, tank = self.scene.water, self.scene.tank
         a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
-        mean, stderr = self.response.evaluate(a, b, rho, surface, hardening=water.hardening_per_m, part=part)
+        found = self.response.evaluate(a, b, rho, surface, hardening=water.hardening_per_m, part=part)
+        mean, stderr = map(self.grid.in_water, found)
         if intensity is None:
             return mean, stderr
         factor = np.asarray(intensity)[:, None, None, None]
@@ -161,42 +169,9 @@ def render_scene(
 
 def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, Any]:
     """All that a tally depends on, as plain values: geometry, beam, phase function, reference, software."""
-    irrelevant: dict[str, Any] = {
-        "lamp.power_w": 1.0,
-        "lamp.spectrum": "planck",
-        "lamp.temperature_k": 2900.0,
-        "lamp.spectrum_table": None,
-        "lamp.drift_per_hour": 0.0,
-        "lamp.warmup_fraction": 0.0,
-        "lamp.warmup_time_s": 600.0,
-        "lamp.window_index": 1.0,
-        "water.base": "none",
-        "water.table": None,
-        "water.absorption_per_m": 0.0,
-        "water.absorption_at": (),
-        "water.scattering_per_m": 0.0,
-        "water.chlorophyll_mg_per_m3": 0.0,
-        "water.cdom_440_per_m": 0.0,
-        "water.cdom_slope_per_nm": 0.014,
-        "water.sediment_g_per_m3": 0.0,
-        "water.temperature_c": 20.0,
-        "water.salinity_psu": 0.0,
-        "water.hardening_per_m": 0.0,
-        "detector.background": 0.0,
-        "detector.saturation": 0.0,
-        "detector.saturation_quadratic": 0.0,
-        "detector.bands_nm": ((500.0, 550.0),),
-        "detector.planes_m": (1.0,),
-        "detector.positions_m": None,
-        "detector.width_m": 1.0,
-        "detector.height_m": None,
-        "detector.pixels": 1,
-    }
-    if scene.tank:
-        reflects = float(scene.tank.surface_reflectance > 0)
-        irrelevant |= {"tank.wall_albedo": 0.0, "tank.surface_reflectance": reflects}
     return {
-        "scene": scene.with_values(irrelevant, validate=False).digest(),
+        "scene": only(scene, TRACED).digest(),
+        "reflects": bool(scene.tank and scene.tank.surface_reflectance > 0),
         "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
         "reference": asdict(reference),
         "software": software(),

@@ -32,7 +32,7 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
     wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
     high = 0.5 * float(np.diff(y).mean()) if y.size > 1 else 0.5
     extent = (x[0] - wide, x[-1] + wide, y[0] - high, y[-1] + high)
-    top = float(values.max())
+    top = float(np.nanmax(values))
     norm = LogNorm(top / 10**DECADES, top) if top > 0 else None
     with figure(max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + 1.85 * len(waves)) as fig:
         axes = fig.subplots(len(waves), len(planes), squeeze=False, sharex=True, sharey=True)
@@ -46,8 +46,9 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
                     cmap="magma",
                     norm=norm,
                 )
-                levels = sorted(part * float(light.max()) for part in PARTS)
-                if x.size > 1 and y.size > 1 and light.min() < levels[-1] < light.max():
+                dimmest, brightest = float(np.nanmin(light)), float(np.nanmax(light))
+                levels = sorted(part * brightest for part in PARTS)
+                if x.size > 1 and y.size > 1 and dimmest < levels[-1] < brightest:
                     axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
                 axis.grid(False)
                 axis.tick_params(labelsize=8.5)

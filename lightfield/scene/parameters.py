@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache, reduce
+from operator import attrgetter, or_
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from lightfield.scene.acts import Acts
 
 FOLDER_KEY = "folder"
 
@@ -30,6 +35,7 @@ class Parameter:
     high: float
     neutral: float | None
     value: float
+    acts_on: Acts
     open_ends: tuple[bool, bool] = (False, False)
 
     def allows(self, value: float) -> bool:
@@ -48,6 +54,7 @@ def number(
     default: Any,
     unit: str,
     meaning: str,
+    acts_on: Acts,
     *,
     low: float | None = None,
     high: float | None = None,
@@ -65,6 +72,8 @@ def number(
         Unit as printed, "1" for a ratio.
     meaning : str
         One clause for people.
+    acts_on : Acts
+        What of the way from the lamp to a reading it changes.
     low, high : float, optional
         Inclusive range.
     above, below : float, optional
@@ -72,9 +81,7 @@ def number(
     neutral : float, optional
         Value that switches the effect off.
     """
-    extra: dict[str, Any] = {"unit": unit}
-    if neutral is not None:
-        extra["neutral"] = neutral
+    extra = _extra(acts_on, unit, neutral)
     return Field(
         default,
         description=meaning,
@@ -87,7 +94,59 @@ def number(
     )
 
 
-def numbers_of(part: BaseModel, prefix: str = "") -> Iterator[Parameter]:
+def declare(
+    default: Any, meaning: str, acts_on: Acts, *, unit: str | None = None, neutral: Any = None
+) -> Any:
+    """Declare what is no single number: a word, a list, a file; arguments as for `number`."""
+    return Field(default, description=meaning, json_schema_extra=_extra(acts_on, unit, neutral))
+
+
+def _extra(acts_on: Acts, unit: str | None, neutral: Any) -> dict[str, Any]:
+    """What is kept with a field beside its type and range, as a JSON Schema shows it."""
+    given = {"unit": unit, "neutral": neutral}
+    names = [str(stage.name).lower() for stage in Acts if stage in acts_on]
+    return {**{key: value for key, value in given.items() if value is not None}, "acts_on": names}
+
+
+@cache
+def acts_of(model: type[BaseModel], name: str) -> Acts:
+    """What a field acts on; nothing, where it is not declared (names and descriptions)."""
+    extra = model.model_fields[name].json_schema_extra
+    stages = extra.get("acts_on", []) if isinstance(extra, dict) else []
+    return reduce(or_, (Acts[str(stage).upper()] for stage in stages), Acts(0))  # type: ignore[union-attr]
+
+
+def unit_of(model: type[BaseModel], name: str) -> str:
+    """Unit of a field, empty where it has none."""
+    extra = model.model_fields[name].json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+@cache
+def fields_on(model: type[BaseModel], what: Acts) -> tuple[str, ...]:
+    """Names of the fields of a part that act on any of these stages."""
+    return tuple(name for name in model.model_fields if acts_of(model, name) & what)
+
+
+@cache
+def _switches(model: type[BaseModel], what: Acts) -> tuple[Callable[[Any], Any], Any]:
+    """Reads the fields that act on any of these stages and have a neutral value; and these values."""
+    extras = {name: model.model_fields[name].json_schema_extra for name in fields_on(model, what)}
+    neutral = {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+    if not neutral:
+        return (lambda part: ()), ()
+    return attrgetter(*neutral), tuple(neutral.values()) if len(neutral) > 1 else next(iter(neutral.values()))
+
+
+def switched_off(part: BaseModel, what: Acts) -> bool:
+    """Is every field of a part that acts on any of these stages, and has a neutral value, at it?"""
+    read, neutral = _switches(type(part), what)
+    return bool(read(part) == neutral)
+
+
+def numbers_of(
+    part: BaseModel, prefix: str = "", absent: Mapping[str, float] = MappingProxyType({})
+) -> Iterator[Parameter]:
     """Every scalar number of a part and of the parts inside it, with dotted path.
 
     Parameters
@@ -96,12 +155,15 @@ def numbers_of(part: BaseModel, prefix: str = "") -> Iterator[Parameter]:
         Scene or piece of one.
     prefix : str
         Path of the part, ending with a dot, or empty.
+    absent : mapping of str to float
+        What numbers that were not given come to, by dotted path.
     """
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)
         if isinstance(value, BaseModel):
-            yield from numbers_of(value, f"{prefix}{name}.")
+            yield from numbers_of(value, f"{prefix}{name}.", absent)
             continue
+        value = absent.get(f"{prefix}{name}") if value is None else value
         extra = field.json_schema_extra
         if not isinstance(extra, dict) or "unit" not in extra or not isinstance(value, int | float):
             continue
@@ -115,12 +177,20 @@ def numbers_of(part: BaseModel, prefix: str = "") -> Iterator[Parameter]:
             high=high,
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
+            acts_on=acts_of(type(part), name),
             open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
 
 
 def _has(model: type[BaseModel], name: str, rule: str) -> bool:
     return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
+
+
+def told(part: BaseModel, name: str) -> str:
+    """A value as an error names it: `depth_m = 2.44`, and whether that is only the default."""
+    value = getattr(part, name)
+    shown = f"{value:g}" if isinstance(value, int | float) else value
+    return f"{name} = {shown}{'' if name in part.model_fields_set else ' (its default)'}"
 
 
 def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:
@@ -152,3 +222,4 @@ def _resolve(value: str, info: ValidationInfo) -> str:
 
 
 TablePath = Annotated[str, AfterValidator(_resolve)]
+Nanometres = Annotated[float, Field(strict=True, ge=200.0, le=2000.0)]

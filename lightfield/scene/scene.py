@@ -15,17 +15,22 @@ import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from lightfield.errors import SceneError
+from lightfield.scene.detector import Detector
+from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.messages import scene_error, unknown_key
-from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of
-from lightfield.scene.parts import Detector, Lamp, Tank, Water
+from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
+from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
+from lightfield.scene.water.water import Water
 from lightfield.storage import inputs, toml
 from lightfield.storage.files import atomic_path
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
 #: Every point of `water.absorption_at` is a parameter too: "water.absorption_at.450nm".
-AT = "water.absorption_at."
+AT_FIELD = "absorption_at"
+AT = f"water.{AT_FIELD}."
 TABLES = (
     ("lamp", "intensity_table"),
     ("lamp", "spectrum_table"),
@@ -45,18 +50,10 @@ class Scene(Part):
     detector: Detector = Field(default_factory=Detector, description="the receivers")
 
     @model_validator(mode="after")
-    def _detectors_are_in_the_tank(self) -> Scene:
-        if self.tank is None:
-            return self
-        tank, places = self.tank, [(0.0, 0.0, z) for z in self.detector.planes_m]
-        half, floor, top = tank.width_m / 2, tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m
-        back, end = -tank.behind_lamp_m, tank.length_m - tank.behind_lamp_m
-        for x, y, z in [*(self.detector.positions_m or ()), *places]:
-            if not (abs(x) <= half and floor <= y <= top and back <= z <= end):
-                raise ValueError(
-                    f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, |x| <= {half:g}, "
-                    f"{floor:g} <= y <= {top:g}, {back:g} <= z <= {end:g}; remedy: move it, enlarge the tank"
-                )
+    def _all_is_in_the_tank(self) -> Scene:
+        if self.tank is not None:
+            check_inside(self.detector, self.tank)
+            check_lamp_inside(self.lamp, self.tank)
         return self
 
     @model_validator(mode="after")
@@ -201,14 +198,33 @@ class Scene(Part):
 
     def parameters(self) -> dict[str, Parameter]:
         """Every scalar of the scene by dotted path; a scene without a tank has no tank parameters."""
-        known = {parameter.path: parameter for parameter in numbers_of(self)}
+        width, height = self.plane_size_m
+        absent = {"detector.width_m": width, "detector.height_m": height}
+        known = {parameter.path: parameter for parameter in numbers_of(self, absent=absent)}
         if self.water.base == "none":  # nothing that could be clearer
             absorption = known["water.absorption_per_m"]
             known[absorption.path] = replace(absorption, low=0.0)
+        for name, (low, high) in room_for_lamp_m(self.lamp, self.tank).items() if self.tank else ():
+            offset = known[f"lamp.{name}"]
+            known[offset.path] = replace(offset, low=max(offset.low, low), high=min(offset.high, high))
         for wavelength, value in self.water.absorption_at:
             path = f"{AT}{wavelength:g}nm"
-            known[path] = Parameter(path, "1/m", f"absorption at {wavelength:g} nm", 0.0, 100.0, None, value)
+            known[path] = Parameter(
+                path,
+                "1/m",
+                f"absorption at {wavelength:g} nm",
+                0.0,
+                100.0,
+                None,
+                value,
+                acts_of(Water, AT_FIELD),
+            )
         return known
+
+    @property
+    def plane_size_m(self) -> tuple[float, float]:
+        """Width and height of the detector planes; where nothing is said, clipped to the tank."""
+        return plane_size_m(self.detector, self.tank)
 
     def get(self, path: str) -> Any:
         """Value at a dotted path.
@@ -280,6 +296,7 @@ class Scene(Part):
                 owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
         if not data["water"]["absorption_at"]:
             del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
+        data["detector"]["width_m"] = self.plane_size_m[0]
         text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 

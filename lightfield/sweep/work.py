@@ -148,6 +148,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             response = _response(trace_file(target.path, number))
             for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
                 grid = scene_grid(scene)
+                mean, stderr = grid.in_water(mean), grid.in_water(stderr)
                 formula = _formula(scene, grid)
                 found = derive(
                     mean, stderr, None if formula is None else formula.bands(scene), grid, response.merged
@@ -239,7 +240,7 @@ _formulas: dict[str, Formula | None] = {}
 
 def _formula(scene: Scene, grid: Grid) -> Formula | None:
     """Geometry of the formula for a scene's lamp and detector, remembered for the next case."""
-    key = f"{scene.lamp!r}{scene.detector!r}"
+    key = f"{scene.lamp!r}{scene.detector!r}{scene.plane_size_m}"
     if key not in _formulas:
         if len(_formulas) > 4:
             _formulas.clear()

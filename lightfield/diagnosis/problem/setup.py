@@ -18,6 +18,8 @@ from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.fitting.least_squares import Parameter
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import only
 from lightfield.scene.scene import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
@@ -154,9 +156,7 @@ def _least_absorption(scene: Scene, layout: Layout) -> float:
     """Least absorption of the base water alone, in 1/m: how much clearer than its base water can be."""
     centres = [0.5 * (low + high) for low, high in scene.detector.bands_nm]
     known = layout.wavelength_nm[np.isfinite(layout.wavelength_nm)]
-    added = ("absorption_per_m", "chlorophyll_mg_per_m3", "cdom_440_per_m", "sediment_g_per_m3")
-    base = scene.water.model_copy(update=dict.fromkeys(added, 0.0))
-    return float(absorption_per_m(base, np.unique([*centres, *known])).min())
+    return float(absorption_per_m(only(scene, Acts.BASE).water, np.unique([*centres, *known])).min())
 
 
 def problem_of(

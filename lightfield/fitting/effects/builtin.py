@@ -113,7 +113,6 @@ EFFECTS: tuple[Effect, ...] = (
         "A halo that grows with distance: excess off the axis, wider at far planes.",
         "Measure at several ranges off axis; compare with filtered water; narrow the acceptance.",
         needs=("water",),
-        diffuse=True,
     ),
     Effect(
         "water_gradient",
@@ -163,7 +162,6 @@ EFFECTS: tuple[Effect, ...] = (
         "Extra decay in the blue and in a narrow band of the red, with a halo.",
         "Filter a sample and extract its pigment, or use a fluorometer.",
         needs=("vary_z", "water", "spectral", "known_base"),
-        diffuse=True,
     ),
     Effect(
         "sediment",
@@ -173,7 +171,6 @@ EFFECTS: tuple[Effect, ...] = (
         "Extra decay at all wavelengths, stronger in the blue, with a halo.",
         "Let the water settle overnight, or filter a sample and weigh the residue.",
         needs=("vary_z", "water", "spectral", "known_base"),
-        diffuse=True,
     ),
     Effect(
         "wall_reflection",
@@ -183,7 +180,6 @@ EFFECTS: tuple[Effect, ...] = (
         "A nearly uniform excess that grows with the flux that reaches the walls.",
         "Hang black cloth on the walls; a white card beside the beam shows how strong it is.",
         needs=("tank",),
-        diffuse=True,
     ),
     Effect(
         "surface_reflection",
@@ -193,7 +189,6 @@ EFFECTS: tuple[Effect, ...] = (
         "An excess near the surface, as from a second lamp above it.",
         "Float a dark sheet on the water; lower the lamp; read at several depths.",
         needs=("tank",),
-        diffuse=True,
     ),
     Effect(
         "background",
@@ -227,7 +222,6 @@ EFFECTS: tuple[Effect, ...] = (
         "Too dark off the axis; nearly the same as a narrower beam.",
         "Turn the detector on the axis and record its response against the angle.",
         needs=("off_axis",),
-        direct_only=True,
     ),
     Effect(
         "detector_tilt",
@@ -237,7 +231,6 @@ EFFECTS: tuple[Effect, ...] = (
         "A slope across the beam that depends on the direction of arrival.",
         "Turn the detector by 180 degrees about its axis and repeat: the slope changes sign.",
         needs=("vary_x", "off_axis"),
-        direct_only=True,
     ),
     Effect(
         "window_refraction",

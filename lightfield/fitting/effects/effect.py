@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
+
+from lightfield.scene.acts import DIFFUSE, Acts
+from lightfield.scene.all_parameters import acts_on
 
 Scale = Literal[
     "one", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
@@ -79,10 +83,6 @@ class Effect:
         What happens, what its residual looks like, how to check or remove it.
     needs : tuple of str
         Conditions on readings and scene without which it cannot be tested.
-    diffuse : bool
-        It acts through scattered or reflected light, which comes from the transport response.
-    direct_only : bool
-        It acts by the direction of arrival, known for direct light only: never combined with diffuse light.
     """
 
     name: str
@@ -92,8 +92,16 @@ class Effect:
     signature: str
     laboratory: str
     needs: tuple[Need, ...] = ()
-    diffuse: bool = False
-    direct_only: bool = False
+
+    @cached_property
+    def diffuse(self) -> bool:
+        """It acts through scattered or reflected light, which comes from the transport response."""
+        return any(acts_on(path) & DIFFUSE for path in self.paths)
+
+    @cached_property
+    def direct_only(self) -> bool:
+        """It acts by the direction of arrival, known for direct light only: not combined with diffuse."""
+        return any(acts_on(path) & Acts.RECEIVER for path in self.paths)
 
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""

@@ -21,7 +21,7 @@ from lightfield.render.reflected.light import ReflectedLight, applies
 from lightfield.render.response import store
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
-from lightfield.render.response.grid import Grid, angle_nodes, positions_grid, straight_path
+from lightfield.render.response.grid import Grid, angle_nodes, in_tank, positions_grid, straight_path
 from lightfield.render.response.response import (
     CLASSES,
     FROM_WALLS,
@@ -32,6 +32,8 @@ from lightfield.render.response.response import (
 )
 from lightfield.render.response.symmetry import mirror_images
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import without
 
 REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
 #: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
@@ -133,7 +135,7 @@ def _response(
     cache: bool,
 ) -> DiffuseResponse:
     """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    grid = positions_grid(*places, CELL_M)
+    grid = in_tank(positions_grid(*places, CELL_M), scene)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
@@ -164,7 +166,7 @@ def _response(
         rows = TransportResponse(
             np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
         )
-        tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
+        tallies = grid.in_water(images.averaged(stored["tallies"], beam_nodes.nodes))
         from_walls = np.isin(light_classes(histories), FROM_WALLS)
         if from_walls.any():
             tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
@@ -188,12 +190,13 @@ def sent_width_deg(hwhm_deg: float) -> float:
 def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     """The scene with everything neutral that is reweighed afterwards."""
     lamp = type(scene.lamp)(hwhm_deg=width_deg)
-    values: dict[str, Any] = {"water.gradient_per_m2": 0.0, "water.layer_absorption_per_m": 0.0}
+    values: dict[str, Any] = {}
     if scene.tank:
         values |= {"tank.surface_reflectance": float(surface)}
     if scene.water.phase.type == "henyey-greenstein":
         values["water.phase.g"] = 0.924
-    return scene.model_copy(update={"lamp": lamp}).with_values(values, validate=False)
+    plain = without(scene, Acts.LAYERS).model_copy(update={"lamp": lamp})
+    return plain.with_values(values, validate=False)
 
 
 def _trace(

@@ -14,20 +14,13 @@ from lightfield.arrays import Array
 from lightfield.render.response.beam_nodes import BeamNodes, is_round
 from lightfield.render.response.response import CLASSES, NEVER_SCATTERED, light_classes
 from lightfield.scene import Lamp
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import fields_on, unit_of
 
 Cells = NDArray[np.integer[Any]] | slice
 KEPT_BEAMS = 256
-BEAM = attrgetter(
-    "profile",
-    "hwhm_deg",
-    "shape_exponent",
-    "skirt_fraction",
-    "skirt_hwhm_deg",
-    "ellipticity",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "apparent_distance_m",
-)
+BEAM = attrgetter(*fields_on(Lamp, Acts.BEAM))
+ANGLES = tuple(name for name in fields_on(Lamp, Acts.BEAM) if unit_of(Lamp, name) == "deg")
 
 
 @dataclass(frozen=True)
@@ -180,5 +173,4 @@ def _stretched(lamp: Lamp, factor: float) -> Lamp:
     """The beam with all its angles multiplied."""
     if factor == 1:
         return lamp
-    names = ("hwhm_deg", "skirt_hwhm_deg", "tilt_x_deg", "tilt_y_deg")
-    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in names})
+    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in ANGLES})

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene.in_tank import cells_inside, rows_of
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: Readings nearer than this see a field that varies over shorter lengths, in proportion.
@@ -29,6 +30,8 @@ class Grid:
         Cells to tally; all when missing.
     merged : array of int, shape (n_planes, n_y, n_x), optional
         Number of the tally cell that a cell shares with its mirror images.
+    inside : array, shape (n_y, n_x), optional
+        Part of every cell that is in the tank; missing: all of all.
     """
 
     z_m: np.ndarray
@@ -38,6 +41,7 @@ class Grid:
     pitch_y_m: float
     occupied: np.ndarray | None = None
     merged: np.ndarray | None = None
+    inside: np.ndarray | None = None
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -48,6 +52,23 @@ class Grid:
         """x, y, z of the tallied cells: shape (n_planes, n_y, n_x), or (n_occupied,) where only some are."""
         z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
         return (x, y, z) if self.occupied is None else (x[self.occupied], y[self.occupied], z[self.occupied])
+
+    def in_water(self, values: np.ndarray) -> np.ndarray:
+        """Means over whole cells, of light that is in the tank alone, as means over what of them is in it.
+
+        Planes know only cells that are all in it: the others become NaN. Cells around listed positions are
+        divided by their part inside.
+
+        Parameters
+        ----------
+        values : array, shape (..., n_planes, n_y, n_x), or (..., n_occupied) where only some are tallied
+        """
+        if self.inside is None or (self.inside == 1).all():
+            return values
+        if self.occupied is None:
+            return np.where(self.inside == 1, values, np.nan)
+        part = np.broadcast_to(self.inside, self.shape)[self.occupied]
+        return np.asarray(values / np.where(part > 0, part, 1).astype(values.dtype))
 
 
 @dataclass(frozen=True)
@@ -92,12 +113,17 @@ def scene_grid(scene: Scene) -> Grid:
     """The grid that the scene's [detector] asks for; listed positions get cells of 0.1 m."""
     detector = scene.detector
     if detector.positions_m is not None:
-        return positions_grid(*np.asarray(detector.positions_m, float).T)
-    height = detector.width_m if detector.height_m is None else detector.height_m
-    pitch = detector.width_m / detector.pixels
-    rows = max(1, round(height / pitch))
-    x, y = cell_centres(detector.width_m, detector.pixels), cell_centres(height, rows)
-    return Grid(np.array(detector.planes_m, float), x, y, pitch, height / rows)
+        return in_tank(positions_grid(*np.asarray(detector.positions_m, float).T), scene)
+    width, height = scene.plane_size_m
+    columns, rows = detector.pixels, rows_of(detector, scene.tank)
+    x, y = cell_centres(width, columns), cell_centres(height, rows)
+    return in_tank(Grid(np.array(detector.planes_m, float), x, y, width / columns, height / rows), scene)
+
+
+def in_tank(grid: Grid, scene: Scene) -> Grid:
+    """The grid, knowing which part of its cells is in the scene's tank."""
+    inside = cells_inside(scene.tank, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m)
+    return replace(grid, inside=inside)
 
 
 def nearness(z_m: np.ndarray) -> float:

@@ -34,7 +34,7 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str) ->
     with figure(max(4.4, 1.3 + 1.74 * n), 5.7) as fig:
         axes = fig.subplots(3, n, squeeze=False, sharex=True, sharey=True)
         for column, plane in enumerate(planes):
-            extent, peak = _extent(plane), float(plane.render.max())
+            extent, peak = _extent(plane), float(np.nanmax(plane.render))
             for row, values in enumerate((plane.render, plane.formula)):
                 light = axes[row, column].imshow(
                     values / peak if peak > 0 else values,
@@ -200,7 +200,7 @@ def error_band(axis: Axes, x: np.ndarray, error: np.ndarray, noise: np.ndarray) 
 def _contours(axis: Axes, plane: PlaneComparison) -> None:
     beyond = plane.smooth_excess()
     for level, dash in CONTOURS.items():
-        if beyond.max() > level > beyond.min():
+        if np.nanmax(beyond) > level > np.nanmin(beyond):
             axis.contour(
                 plane.x_m,
                 plane.y_m,

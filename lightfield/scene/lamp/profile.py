@@ -14,7 +14,7 @@ from lightfield.errors import SceneError
 from lightfield.scene.lamp.photometry import intensity_table
 
 if TYPE_CHECKING:
-    from lightfield.scene.parts import Lamp
+    from lightfield.scene.lamp.lamp import Lamp
 
 LN2 = math.log(2.0)
 HALF_PI = 0.5 * math.pi

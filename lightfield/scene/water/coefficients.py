@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import switched_off
 from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
     chlorophyll_absorption_per_m,
@@ -22,7 +24,7 @@ from lightfield.scene.water.molecular import molecular_scattering_per_m
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
-    from lightfield.scene.parts import Water
+    from lightfield.scene.water.water import Water
 
 
 def is_grey(water: Water) -> bool:
@@ -33,13 +35,7 @@ def is_grey(water: Water) -> bool:
     water : Water
         Of a scene.
     """
-    return (
-        water.base == "none"
-        and water.chlorophyll_mg_per_m3 == 0.0
-        and water.cdom_440_per_m == 0.0
-        and water.sediment_g_per_m3 == 0.0
-        and not water.absorption_at
-    )
+    return switched_off(water, Acts.COLOUR)
 
 
 def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:

@@ -15,8 +15,10 @@ import xarray as xr
 from scipy.ndimage import gaussian_filter
 
 from lightfield.arrays import Array
-from lightfield.maps.spot import Spot, spot_shape
+from lightfield.errors import UsageError
+from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
+from lightfield.scene.in_tank import ROUNDING_M, cells_inside
 
 # (scene, x, y, z, wavelength_nm) -> absolute values in the unit of the maps, shape of x
 Formula = Callable[[Scene, Array, Array, Array, float], Array]
@@ -50,7 +52,7 @@ class PlaneComparison:
     wavelength_nm, z_m : float
     x_m, y_m : arrays, shape (n_x,) and (n_y,), m
     render, stderr, formula : arrays, shape (n_y, n_x), unit of the comparison
-        The formula is averaged over each cell, as the render is.
+        The formula is averaged over each cell, as the render is. NaN in cells outside the tank.
     axis : Profile of one ring: the cells at x = y = 0
     profile : Profile
     render_spot, formula_spot : Spot
@@ -74,7 +76,7 @@ class PlaneComparison:
 
     @property
     def ratio(self) -> Array:
-        """Formula over render, NaN where no light was rendered, shape (n_y, n_x)."""
+        """Formula over render, NaN where no light was rendered and outside the tank, shape (n_y, n_x)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.render > 0, self.formula / self.render, np.nan)
 
@@ -97,13 +99,15 @@ class PlaneComparison:
     def smooth_excess(self, width_cells: float = 1.5) -> Array:
         """The same after averaging neighbouring cells (Gaussian), for contours that noise does not tear."""
 
-        def smooth(values: Array, sigma: float) -> Array:
+        def mean(values: Array, sigma: float) -> Array:
             return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=6.0))
 
+        known = np.isfinite(self.render)
+        weight = np.where(known, mean(known.astype(float), width_cells), 1.0)
         # The square of a Gaussian kernel is one of width sigma / sqrt 2 over 4 pi sigma^2.
-        narrow = smooth(_finite(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)
-        formula, render = smooth(self.formula, width_cells), smooth(self.render, width_cells)
-        return excess(render, np.sqrt(narrow), formula)
+        narrow = mean(_finite(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)
+        formula, render = (smoothed(v, width_cells, 6.0) for v in (self.formula, self.render))
+        return excess(render, np.sqrt(narrow) / weight, formula)
 
     def excess_on_axis(self) -> float:
         """`smooth_excess` at x = y = 0."""
@@ -187,13 +191,26 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
         Default: the closed-form model of the scene, without any light that was scattered or reflected.
     scene : Scene, optional
         Default: the scene stored with the data set.
+
+    Raises
+    ------
+    UsageError
+        The data set has single positions, and no planes.
     """
+    if "x_m" not in dataset.dims:
+        raise UsageError(
+            "these maps are of single positions, not of planes",
+            rule="render and formula are compared on planes",
+            remedy="render the scene with planes_m instead of positions_m",
+        )
     if scene is None:
         scene = Scene.from_toml(dataset.attrs["scene_toml"], where="scene of the data set")
     if formula is None:
         formula = closed_form
     quantity = dataset.attrs["quantity"]
     x, y = dataset.x_m.values.astype(float), dataset.y_m.values.astype(float)
+    # Asked here too: maps of before planes were clipped to the tank have cells outside it.
+    outside = cells_inside(scene.tank, x, y, *(_pitch(c) or ROUNDING_M for c in (x, y))) < 1
     planes = []
     for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
         over = [wavelength]
@@ -202,8 +219,10 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
             over = list(low + (high - low) * (np.arange(BAND_SAMPLES) + 0.5) / BAND_SAMPLES)
         for number, z in enumerate(dataset.z_m.values.astype(float)):
             expected = np.mean([cell_mean(formula, scene, x, y, z, w) for w in over], axis=0)
-            render = dataset[quantity].values[index, number]
-            stderr = dataset[f"{quantity}_stderr"].values[index, number]
+            render, stderr = (
+                np.where(outside, np.nan, dataset[name].values[index, number])
+                for name in (quantity, f"{quantity}_stderr")
+            )
             planes.append(compare_plane(wavelength, z, x, y, render, stderr, expected))
     return Comparison(scene, quantity, dataset[quantity].attrs["units"], tuple(planes))
 
@@ -211,11 +230,12 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
 def compare_plane(
     wavelength_nm: float, z_m: float, x_m: Array, y_m: Array, render: Array, stderr: Array, formula: Array
 ) -> PlaneComparison:
-    """Compare one map with the formula's, both of shape (n_y, n_x)."""
+    """Compare one map with the formula's, both of shape (n_y, n_x), where the map knows values."""
+    formula = np.where(np.isnan(render), np.nan, formula)
     formula_spot = spot_shape(formula, x_m, y_m)
     known = not formula_spot.problem
     centre = (formula_spot.centre_x_m, formula_spot.centre_y_m) if known else (0.0, 0.0)
-    total, power = float(render.sum()), float(formula.sum())
+    total, power = float(np.nansum(render)), float(np.nansum(formula))
     total_stderr = float(np.sqrt(np.sum(_finite(stderr) ** 2)))
     return PlaneComparison(
         wavelength_nm=float(wavelength_nm),
@@ -235,27 +255,31 @@ def compare_plane(
 
 
 def excess(render: Array, stderr: Array, formula: Array) -> Array:
-    """Relative error of the formula that Monte Carlo noise cannot explain; zero where nothing is known."""
+    """Relative error of the formula that Monte Carlo noise cannot explain; zero where no light was rendered.
+
+    NaN outside the tank.
+    """
     beyond = np.abs(formula - render) - SIGMAS * stderr
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.maximum(beyond, 0) / render
-    return np.where(render > 0, relative, 0.0)
+    return np.where(render > 0, relative, np.where(np.isnan(render), np.nan, 0.0))
 
 
 def radial_profile(
     render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array, centre: tuple[float, float] = (0, 0)
 ) -> Profile:
-    """Means over rings one pixel wide that lie wholly on the plane.
+    """Means over rings one pixel wide that lie wholly on the plane and in the tank.
 
     Errors of different cells are taken as independent: a photon rarely meets a plane twice.
     """
     radius = np.hypot(*np.meshgrid(x_m - centre[0], y_m - centre[1]))
-    pitch = float(np.median(np.diff(x_m))) if x_m.size > 1 else 1.0
+    pitch = _pitch(x_m) or 1.0
     # Rounding, not flooring: with cells on a centred grid no cell then lies on the border of two rings.
     ring = np.round(radius / pitch).astype(int)
     reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
-    rings = max(1, int(reach / pitch + 0.5 + 1e-9))
-    inside = ring < rings
+    known = np.isfinite(render)
+    rings = max(1, min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1))))
+    inside = (ring < rings) & known
     count = np.bincount(ring[inside], minlength=rings)
     used = count > 0
 
@@ -285,7 +309,7 @@ def cell_mean(
     formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, wavelength_nm: float
 ) -> Array:
     """The formula averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_y, n_x)."""
-    half_x, half_y = (0.5 * float(np.median(np.diff(c))) if c.size > 1 else 0.0 for c in (x_m, y_m))
+    half_x, half_y = (0.5 * _pitch(c) for c in (x_m, y_m))
     total = np.zeros((y_m.size, x_m.size))
     for u, wu in zip(_NODES, _WEIGHTS, strict=True):
         for v, wv in zip(_NODES, _WEIGHTS, strict=True):
@@ -328,6 +352,11 @@ def verdict(comparison: Comparison) -> str:
     else:
         off = f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
     return f"{lost}; {where}; {off}."
+
+
+def _pitch(centres: Array) -> float:
+    """Size of evenly spaced cells, m; 0 for one alone."""
+    return float(np.median(np.diff(centres))) if centres.size > 1 else 0.0
 
 
 def _percent(part: float) -> str:

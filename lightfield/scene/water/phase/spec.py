@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import Part, TablePath, number
 from lightfield.storage.tables import read_columns, readable
 
@@ -14,24 +15,26 @@ class HenyeyGreenstein(Part):
     """Henyey-Greenstein (1941): one parameter, the mean cosine."""
 
     type: Literal["henyey-greenstein"] = "henyey-greenstein"
-    g: float = number(0.924, "1", "mean cosine of the scattering angle", above=-1.0, below=1.0)
+    g: float = number(0.924, "1", "mean cosine of the scattering angle", Acts.PHASE, above=-1.0, below=1.0)
 
 
 class TwoTermHenyeyGreenstein(Part):
     """alpha HG(g1) + (1 - alpha) HG(g2); g2 is negative for a backward lobe."""
 
     type: Literal["two-term-hg"] = "two-term-hg"
-    g1: float = number(0.9305, "1", "mean cosine of the first term", above=-1.0, below=1.0)
-    g2: float = number(-0.502, "1", "mean cosine of the second term", above=-1.0, below=1.0)
-    alpha: float = number(0.9967, "1", "weight of the first term", low=0.0, high=1.0)
+    g1: float = number(0.9305, "1", "mean cosine of the first term", Acts.PHASE, above=-1.0, below=1.0)
+    g2: float = number(-0.502, "1", "mean cosine of the second term", Acts.PHASE, above=-1.0, below=1.0)
+    alpha: float = number(0.9967, "1", "weight of the first term", Acts.PHASE, low=0.0, high=1.0)
 
 
 class FournierForand(Part):
     """Fournier and Forand (1994), in the 1999 form: Junge-distributed spheres."""
 
     type: Literal["fournier-forand"] = "fournier-forand"
-    n: float = number(1.10, "1", "refractive index of the particles relative to water", above=1.0, high=1.5)
-    mu: float = number(3.5835, "1", "slope of the Junge size distribution", above=3.0, below=5.0)
+    n: float = number(
+        1.10, "1", "refractive index of the particles relative to water", Acts.PHASE, above=1.0, high=1.5
+    )
+    mu: float = number(3.5835, "1", "slope of the Junge size distribution", Acts.PHASE, above=3.0, below=5.0)
 
 
 class Petzold(Part):
