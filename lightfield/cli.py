@@ -26,8 +26,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : sequence of str, optional
-        Arguments without the program's name. By default those of the process, which this is the program of:
-        then a signal while there is nothing to clean up ends the process there and then.
+        Arguments without the program's name. By default those of the process: then this is the program, and a
+        signal while there is nothing to clean up ends it there and then.
 
     Returns
     -------
@@ -43,6 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         with plain_output():
             return _run(list(sys.argv[1:] if argv is None else argv))
+    except KeyboardInterrupt:
+        print("lightfield: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
     finally:
         if program:
             _on_signals(_leave)
@@ -60,9 +63,6 @@ def _run(argv: list[str]) -> int:
         return code
     except LightfieldError as error:
         return _fail(error, str(error))
-    except KeyboardInterrupt:
-        print("lightfield: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone (`lightfield ... | head`): nothing to report.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -182,15 +182,15 @@ def numbers_of(
         )
 
 
+def _has(model: type[BaseModel], name: str, rule: str) -> bool:
+    return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
+
+
 def told(part: BaseModel, name: str) -> str:
     """A value as an error names it: `depth_m = 2.44`, and whether that is only the default."""
     value = getattr(part, name)
     shown = f"{value:g}" if isinstance(value, int | float) else value
     return f"{name} = {shown}{'' if name in part.model_fields_set else ' (its default)'}"
-
-
-def _has(model: type[BaseModel], name: str, rule: str) -> bool:
-    return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
 
 
 def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
-from lightfield.scene import Parameter, Scene
-from lightfield.scene.acts import Acts
+from lightfield.scene import Scene
 from lightfield.storage import inputs, toml
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
@@ -228,15 +227,16 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
 
 def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
     known = scene.parameters().get(path)
-    if known is None and path in COMPOUND:
-        unit, meaning = COMPOUND[path]
-        highest = 1.0 if path == ALBEDO else math.inf
-        known = Parameter(path, unit, meaning, 0.0, highest, None, 0.0, Acts.ABSORPTION | Acts.SCATTERING)
-    if known is None:
+    if known is None and path not in COMPOUND:
         return
     for value in values:
-        if not isinstance(value, int | float) or not known.allows(value):
-            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=known.range)
+        if known is not None:
+            allowed, rule = isinstance(value, int | float) and known.allows(value), known.range
+        else:
+            most = 1.0 if path == ALBEDO else math.inf
+            allowed, rule = isinstance(value, int | float) and 0 <= value <= most, f"0 to {most:g}"
+        if not allowed:
+            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=rule)
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:
