@@ -38,7 +38,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
-    from lightfield.readings import Readings
+    from lightfield.readings import read_table
     from lightfield.scene import Scene
 
     options = given(args)
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
             remedy="add --solver render, or leave them out",
         )
     scene = Scene.load(args.scene)
-    readings = Readings.load(args.what, scene)
+    readings = read_table(args.what, scene)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
     if args.fit_json:
         output_file(args.fit_json, args.what, args.scene)

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from lightfield.commands._line import prepared
 from lightfield.errors import UsageError
 from lightfield.storage.files import locked_folder
 
@@ -40,14 +41,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_experiments(scenes: Path, output: Path) -> int:
-    from lightfield.cli import main
-
     reports = []
     for name, lines in EXPERIMENTS.items():
         out = output / name
         for line in lines:
             print(f"$ lightfield {line.format(scene=scenes / name, out=out)}", flush=True)
-            code = main(list(_words(line, scenes / name, out)))
+            code = prepared(list(_words(line, scenes / name, out)))()
             if code:
                 return code
         reports.append(out / "index.html")

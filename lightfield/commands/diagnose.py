@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.readings import Readings
+    from lightfield.readings import read_table
     from lightfield.scene import Scene
 
     names = None
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         if not names:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
     scene = Scene.load(args.scene)
-    readings = Readings.load(args.data, scene)
+    readings = read_table(args.data, scene)
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, args.data, args.scene, *outputs[:k])

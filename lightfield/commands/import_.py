@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Import, write, and say what was found."""
     # Imported here: other sub-commands need not wait for it.
-    from lightfield.readings import ErrorBudget
+    from lightfield.readings import ErrorBudget, write_table
     from lightfield.readings.importing.importer import import_index
 
     if not args.output:
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
             calibration_percent=args.calibration_percent,
         ),
     )
-    readings.save(args.output)
+    write_table(readings, args.output)
     files = len(readings.metadata["instrument"]["files"])
     formats = ", ".join(readings.metadata["instrument"]["formats"])
     print(f"{files} files ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")

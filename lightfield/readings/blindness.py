@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.readings.readings import LoadWarning, Readings
+from lightfield.readings.columns import LoadWarning
+
+if TYPE_CHECKING:
+    from lightfield.readings.readings import Readings
 
 FEWEST_PLANES = (
     4  # amplitude and attenuation take two of them, a third effect of distance leaves nothing to check

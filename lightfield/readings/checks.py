@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings import units
+from lightfield.readings.columns import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
 from lightfield.readings.problems import Problems
-from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
+
+if TYPE_CHECKING:
+    from lightfield.readings.readings import Readings
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0

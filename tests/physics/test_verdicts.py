@@ -22,7 +22,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.verdict.verdict import json_schema
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
@@ -39,7 +39,7 @@ def found() -> dict[str, Diagnosis]:
     files = {kind: (DATA / f"{kind}.csv", DATA / "scene.toml") for kind in KINDS}
     files["identified"] = (STORY / "data.csv", STORY / "scene.toml")
     return {
-        kind: diagnose(Readings.load(data), Scene.load(scene), diffuse=quick)
+        kind: diagnose(read_table(data), Scene.load(scene), diffuse=quick)
         for kind, (data, scene) in files.items()
     }
 
@@ -186,7 +186,7 @@ def test_what_is_dissolved_or_floats_in_pure_water_is_named(file, name, path, tr
 
     With water that is unknown at every wavelength none of them can be tested.
     """
-    table, scene = Readings.load(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
+    table, scene = read_table(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
     verdict = diagnose(table, scene, diffuse=quick, advise=False).verdict
     assert (verdict.verdict, verdict.effects) == ("identified", [name])
     estimate = verdict.explanations[0].parameters[path]
@@ -229,9 +229,9 @@ def test_plan_with_traced_light_promises_what_diagnose_can_see(found):
 def test_four_numbers_say_little_and_say_so():
     """Three parameters leave one number: any effect that moves it explains it, unless rounding does."""
     table = ROOT / "scenes" / "unh_tow_tank"
-    bare = diagnose(Readings.load(table / "measured.csv"), open_water(), diffuse=None).verdict
+    bare = diagnose(read_table(table / "measured.csv"), open_water(), diffuse=None).verdict
     assert bare.verdict == "ambiguous" and len(bare.explanations) >= 3
     assert any("too few readings to estimate the noise" in w for w in bare.warnings)
-    rounded = Readings.load(table / "measured_with_rounding.csv")
+    rounded = read_table(table / "measured_with_rounding.csv")
     verdict = diagnose(rounded, open_water(), diffuse=None).verdict
     assert verdict.verdict == "none" and any("too few" in w for w in verdict.warnings)

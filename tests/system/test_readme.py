@@ -13,7 +13,7 @@ import pytest
 
 from lightfield import cli
 from lightfield.commands import _line
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,7 +78,7 @@ def test_the_scene_and_the_readings_shown_are_whole(tmp_path):
     assert scene.lamp.hwhm_deg == 3.81 and scene.detector.planes_m == (4.5, 6.5, 8.5)
     file = tmp_path / "readings.csv"
     file.write_text(csv, encoding="utf-8")
-    readings = Readings.load(file)
+    readings = read_table(file)
     assert readings.value.tolist() == [1.0] and readings.budget.position_mm == 1.0
 
 

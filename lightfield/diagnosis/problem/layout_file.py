@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lightfield.readings.table.read import load
+from lightfield.readings import read_table
 from lightfield.readings.text import read_text
 from lightfield.storage.inputs import READINGS
 
@@ -26,9 +26,9 @@ def load_layout(path: str | Path, scene: Any = None) -> Any:
     )
     names = [] if head is None else [name.strip().lower() for name in lines[head].split(",")]
     if head is None or "value" in names:
-        return load(path, scene, content)
+        return read_table(path, scene, content)
     filled = tuple(
         line if i < head or not line.strip() else f"{line},{'value' if i == head else '1'}"
         for i, line in enumerate(lines)
     )
-    return load(path, scene, replace(content, lines=filled))
+    return read_table(path, scene, replace(content, lines=filled))

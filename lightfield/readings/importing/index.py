@@ -8,8 +8,8 @@ from os.path import normpath
 from pathlib import Path
 
 from lightfield.readings import text
+from lightfield.readings.columns import MEDIA
 from lightfield.readings.problems import Problems
-from lightfield.readings.readings import MEDIA
 from lightfield.readings.sheet import UNITS, look_alike, read_sheet
 from lightfield.storage.inputs import INDEX
 

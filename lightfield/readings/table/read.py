@@ -13,8 +13,7 @@ import numpy as np
 from lightfield.readings import text
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
-from lightfield.readings.problems import Problems
-from lightfield.readings.readings import (
+from lightfield.readings.columns import (
     COLUMNS,
     DEFAULTS,
     NUMBER_COLUMNS,
@@ -24,8 +23,9 @@ from lightfield.readings.readings import (
     WORDS,
     ErrorBudget,
     LoadWarning,
-    Readings,
 )
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import Readings
 from lightfield.readings.sheet import Sheet, look_alike, read_sheet
 from lightfield.storage import toml
 from lightfield.storage.inputs import READINGS
@@ -33,7 +33,7 @@ from lightfield.storage.inputs import READINGS
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
-def load(path: str | PathLike[str], scene: Any = None, content: text.Text | None = None) -> Readings:
+def read_table(path: str | PathLike[str], scene: Any = None, content: text.Text | None = None) -> Readings:
     """Read a reading table.
 
     Parameters

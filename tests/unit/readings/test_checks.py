@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.errors import MeasurementError
-from lightfield.readings import Readings
+from lightfield.readings import Readings, read_table
 
 TANK = SimpleNamespace(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
 
@@ -126,7 +126,7 @@ def test_problems_of_file_and_scene_come_together_with_lines(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("z_m,value,x_m\n1,2,0\n1.5,nan,0\n2,2,7\n")
     with pytest.raises(MeasurementError) as caught:
-        Readings.load(path, scene())
+        read_table(path, scene())
     assert [line.split(":")[0] for line in caught.value.problems] == ["line 3", "line 4"]
 
 
@@ -243,7 +243,7 @@ def test_independent_readings_load_and_fit_their_scenes(reference):
     if not folders:
         pytest.skip(f"no hidden_effects cases at {reference}")
     for path in folders:
-        table = Readings.load(path, Scene.load(path.parent / "scene.toml"))
+        table = read_table(path, Scene.load(path.parent / "scene.toml"))
         rows = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
         assert len(table) == len(rows) - 1
         last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))

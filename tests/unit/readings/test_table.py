@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightfield.errors import LightfieldError, MeasurementError, OutputError
-from lightfield.readings import ErrorBudget, Readings
-from lightfield.readings.readings import COLUMNS
+from lightfield.readings import ErrorBudget, Readings, read_table, write_table
+from lightfield.readings.columns import COLUMNS
 from lightfield.readings.table.write import dumps
 
 FULL = """\
@@ -36,7 +36,7 @@ def load(tmp_path: Path):
     def load(content: str | bytes, scene: object = None) -> Readings:
         path = tmp_path / "readings.csv"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return Readings.load(path, scene)
+        return read_table(path, scene)
 
     return load
 
@@ -206,7 +206,7 @@ def test_what_is_not_text(load, content):
 def test_missing_file_and_folder(tmp_path):
     for path in (tmp_path / "none.csv", tmp_path):
         with pytest.raises(MeasurementError, match="cannot read the reading table"):
-            Readings.load(path)
+            read_table(path)
 
 
 @pytest.mark.parametrize(
@@ -334,8 +334,8 @@ def tables(draw) -> Readings:
 @given(table=tables())
 def test_what_is_written_is_read_back_to_the_last_bit(table, tmp_path_factory):
     path = tmp_path_factory.mktemp("trip") / "readings.csv"
-    table.save(path)
-    same(table, Readings.load(path))
+    write_table(table, path)
+    same(table, read_table(path))
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ def check_fuzzed(data: bytes, folder: Path) -> None:
     path = folder / "fuzz.csv"
     path.write_bytes(data)
     try:
-        readings = Readings.load(path)
+        readings = read_table(path)
     except LightfieldError as error:
         assert isinstance(error, MeasurementError) and str(error)
         return

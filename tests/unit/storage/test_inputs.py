@@ -11,7 +11,7 @@ import pytest
 
 from lightfield.errors import MeasurementError, OutputError, SceneError, UsageError
 from lightfield.maps.dataset import read_netcdf
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.scene import Scene
 from lightfield.storage import inputs
 from lightfield.storage.tables import read_columns
@@ -19,7 +19,7 @@ from lightfield.sweep.axes import read_plan
 
 READERS = {
     "scene": (Scene.load, SceneError),
-    "readings": (Readings.load, MeasurementError),
+    "readings": (read_table, MeasurementError),
     "plan": (read_plan, UsageError),
     "maps": (read_netcdf, OutputError),
     "table": (lambda path: read_columns(str(path), ("a", "b")), SceneError),
