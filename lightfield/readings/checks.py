@@ -58,10 +58,6 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
-    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
-    if len(size) > 2 and (next_largest := np.sort(size)[-2]) > 0:
-        beyond = (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
-        refuse(beyond, "value", "is beyond all others", f"at most {LARGEST_STEP:g} times the next largest")
     refuse(
         (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
         "time_s",
@@ -181,11 +177,27 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
             rule=f"detector.quantity = {quantity!r}",
             remedy="change it in the scene",
         )
+    _check_slips(readings, noted, lines)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
         noted.raise_any("does not fit the scene")
     return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
+
+
+def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+    """One number that is out of all proportion would drown all others in a fit."""
+    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
+    next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
+    beyond = (next_largest > 0) & (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
+    for k in np.flatnonzero(beyond).tolist():
+        noted.add(
+            "value is beyond all others",
+            place=lines[k],
+            found=readings.value[k].item(),
+            rule=f"at most {LARGEST_STEP:g} times the next largest",
+            remedy="correct it, or remove the row",
+        )
 
 
 def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
