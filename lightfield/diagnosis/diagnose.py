@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, re
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.verdict import calibration, compose, refutation
+from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -107,7 +107,7 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict for people, several lines."""
-        return compose.summary(self.verdict)
+        return text.summary(self.verdict)
 
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.

@@ -65,10 +65,6 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
-    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
-    if len(size) > 2 and (next_largest := np.sort(size)[-2]) > 0:
-        beyond = (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
-        refuse(beyond, "value", "is beyond all others", f"at most {LARGEST_STEP:g} times the next largest")
     refuse(
         (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
         "time_s",
@@ -195,6 +191,7 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
             remedy="change it in the scene",
         )
     _check_linear(readings, noted)
+    _check_slips(readings, noted, lines)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
@@ -217,6 +214,21 @@ def _check_linear(readings: Readings, noted: Problems) -> None:
             found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
             rule="light in linear units, from which a dark signal was subtracted once",
             remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
+        )
+
+
+def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+    """One number that is out of all proportion would drown all others in a fit."""
+    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
+    next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
+    beyond = (next_largest > 0) & (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
+    for k in np.flatnonzero(beyond).tolist():
+        noted.add(
+            "value is beyond all others",
+            place=lines[k],
+            found=readings.value[k].item(),
+            rule=f"at most {LARGEST_STEP:g} times the next largest",
+            remedy="correct it, or remove the row",
         )
 
 

@@ -87,7 +87,7 @@ def test_wrong_requests_end_with_code_2_an_explanation_and_no_file(index, case):
 def test_missing_index_and_missing_output(index):
     asked = ["--quantity", "irradiance", "--units", "counts", "--band", "500:550"]
     done = lightfield("import", index.parent / "none.csv", *asked, "-o", index.parent / "r.csv")
-    assert done.returncode == 2 and "none.csv: cannot be read" in done.stderr
+    assert done.returncode == 2 and "none.csv: cannot read the index" in done.stderr
     done = lightfield("import", index, *asked)
     assert done.returncode == 2 and "-o READINGS.csv" in done.stderr
     done = lightfield("import", index, *asked, "-o", index / "r.csv")

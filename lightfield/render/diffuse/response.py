@@ -31,7 +31,7 @@ from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.straight import from_behind, inhomogeneous
 from lightfield.render.reflected.light import ReflectedLight, lagrange
-from lightfield.render.response.beam_tallies import BeamTallies
+from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.response import (
     CLASSES,
     FROM_SURFACE,
@@ -328,7 +328,7 @@ class DiffuseResponse:
             noises = []
             for i in range(len(found)) if errors else ():
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                roots = relative_stderr[i, kind] * _roots(beams.thinning(i, kind, scene.lamp, mixed))
+                roots = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
                 noises.append(Noise(passed_on[i], roots, self.images))
             out[kind] = value, noises
         return out
@@ -391,14 +391,3 @@ class DiffuseResponse:
 @lru_cache(maxsize=64)
 def _interpolation(g_nodes: tuple[float, ...], g: float) -> Array:
     return lagrange(np.log1p(-np.array(g_nodes)).tolist(), float(np.log1p(-g)))
-
-
-def _roots(covariance: Array) -> Array:
-    """Lower triangular roots of the covariances of cells, shape (k, k, n_cells) as given."""
-    size = np.sqrt(np.einsum("wwh->wh", covariance))
-    lengths = np.where(size > 1e-150, size, np.inf)
-    few = 1e-5 * np.eye(len(size))  # sums in single precision are positive definite only up to that
-    correlation = np.moveaxis(covariance / (lengths[:, None] * lengths), 2, 0)
-    correlation += np.eye(len(size)) * np.isinf(lengths.T)[:, :, None]
-    roots = np.linalg.cholesky((correlation + few) / (1 + 1e-5))
-    return np.asarray(size[:, None] * np.moveaxis(roots, 0, 2))

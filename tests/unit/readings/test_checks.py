@@ -59,9 +59,9 @@ def test_times_are_seconds_since_the_lamp_was_switched_on(time_s):
 def test_one_value_beyond_all_others_is_a_slip(slip):
     """Squares of it drown all others, so that nothing could be said about them."""
     with pytest.raises(MeasurementError, match="reading 3: value is beyond all others"):
-        readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 0.5, slip])
-    readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 1e-8, 1e-20])
-    readings(z_m=[4.5, 5.5, 6.5], value=[1e8, 0.5, 0.3])
+        readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 0.5, slip]).check_against(scene())
+    readings(z_m=[4.5, 5.5, 6.5], value=[1.0, 1e-8, 1e-20]).check_against(scene())
+    readings(z_m=[4.5, 5.5, 6.5], value=[1e8, 0.5, 0.3]).check_against(scene())
 
 
 def test_corners_of_the_tank_belong_to_it():
