@@ -328,8 +328,8 @@ class DiffuseResponse:
             noises = []
             for i in range(len(found)) if errors else ():
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                roots = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
-                noises.append(Noise(passed_on[i], roots, self.images))
+                own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
+                noises.append(Noise(passed_on[i], own, self.images))
             out[kind] = value, noises
         return out
 
