@@ -17,8 +17,8 @@ from lightfield.render.response.response import (
     light_classes,
 )
 from lightfield.render.response.symmetry import merge_mirror_images, symmetric
-from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.settings import Progress, Settings
+from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
