@@ -154,7 +154,10 @@ class _Dispatch:
     def follow(self, left: list[Block]) -> None:
         """Work until no block is left."""
         self.queue = sorted({t for block in left for t in block.traces})
-        self.users = {t: {b.number for b in left if t in b.traces} for t in self.queue}
+        self.users = {t: set() for t in self.queue}
+        for block in left:
+            for t in block.traces:
+                self.users[t].add(block.number)
         self.pending = {block.number: set(block.traces) for block in left}
         for block in left:
             if not block.traces:
