@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from lightfield.fit import Array
 from lightfield.render import store
+from lightfield.render.bending import surrounded
+from lightfield.render.grid import positions_grid
 from lightfield.render.receivers import direct_at
 from lightfield.render.rendering import Rendering, render_scene, software
 from lightfield.render.shift import Shift
@@ -17,6 +19,8 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 PHOTONS = 3e6
 REL_ERROR = 0.01
+#: Largest cell around a reading.
+CELL_M = 0.1
 
 
 def rendered_light(
@@ -75,11 +79,8 @@ def _render(
     wet = ~dry & (z > 0)
     if not wet.any():
         return light, error
-    places = tuple(
-        (float(px), float(py), float(pz)) for px, py, pz in zip(x[wet], y[wet], z[wet], strict=True)
-    )
-    located = scene.with_values({"detector.positions_m": places}, validate=False)
-    rendering = render_scene(located, **settings)
+    grid = positions_grid(x[wet], y[wet], z[wet], CELL_M, scene.lamp.hwhm_deg, scene.tank)
+    rendering = render_scene(scene, grid=surrounded(grid, scene.tank), **settings)
     for channel in np.unique(channels[wet]):
         mine = wet & (channels == channel)
         light[mine], error[mine] = _wet_light(rendering, float(channel), x[mine], y[mine], z[mine])

@@ -15,6 +15,7 @@ from lightfield.render import store
 from lightfield.render.backend import use_backend
 from lightfield.render.beam_tallies import BeamTallies, Sent
 from lightfield.render.beamnodes import BeamNodes
+from lightfield.render.bending import surrounded
 from lightfield.render.dense_water import CLEAR_PER_M
 from lightfield.render.diffuse_response import DiffuseResponse, Traced
 from lightfield.render.grid import Grid, angle_nodes, positions_grid, straight_path
@@ -133,7 +134,7 @@ def _response(
     cache: bool,
 ) -> DiffuseResponse:
     """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    grid = positions_grid(*places, CELL_M)
+    grid = surrounded(positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank), scene.tank)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)

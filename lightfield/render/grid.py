@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 
 from lightfield.render.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene_parts import Tank
 from lightfield.water.iop import absorption_per_m, scattering_per_m
 
-#: Readings nearer than this see a field that varies over shorter lengths, in proportion.
-FAR_M, SHORTEST_STEP_M = 2.0, 0.02
+#: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
+#: the width of the tank: from these on cells are as large as asked for.
+BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
+#: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
+UNEVEN = 0.7
+SHORTEST_STEP_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,8 @@ class Grid:
         Cells to tally; all when missing.
     merged : array of int, shape (n_planes, n_y, n_x), optional
         Number of the tally cell that a cell shares with its mirror images.
+    fineness : float
+        How much smaller than in a tow tank everything is, see `fineness`.
     """
 
     z_m: np.ndarray
@@ -38,6 +45,7 @@ class Grid:
     pitch_y_m: float
     occupied: np.ndarray | None = None
     merged: np.ndarray | None = None
+    fineness: float = 1.0
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -48,6 +56,30 @@ class Grid:
         """x, y, z of the tallied cells: shape (n_planes, n_y, n_x), or (n_occupied,) where only some are."""
         z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
         return (x, y, z) if self.occupied is None else (x[self.occupied], y[self.occupied], z[self.occupied])
+
+    def padded(self, cells: int, tank: Tank | None) -> Grid:
+        """With more cells, none of them occupied, on every side, but in a tank only such as are all in it.
+
+        What was occupied and is not all in the tank is left to the cells beside it.
+        """
+        assert self.occupied is not None
+        more = np.arange(1, cells + 1)
+        x, y = (
+            np.concatenate([v[0] - pitch * more[::-1], v, v[-1] + pitch * more])
+            for v, pitch in ((self.x_m, self.pitch_x_m), (self.y_m, self.pitch_y_m))
+        )
+        wide = ((0, 0), (cells, cells), (cells, cells))
+        if tank is None:
+            return replace(self, x_m=x, y_m=y, occupied=np.pad(self.occupied, wide))
+        half, top = 0.5 * tank.width_m, tank.lamp_depth_m
+        first_x, last_x = _whole(x, self.pitch_x_m, -half, half)
+        first_y, last_y = _whole(y, self.pitch_y_m, top - tank.depth_m, top)
+        x, y = x[first_x : last_x + 1], y[first_y : last_y + 1]
+        inside = np.zeros((len(self.z_m), len(y), len(x)), bool)
+        plane, row, column = np.argwhere(self.occupied).T
+        row, column = row + cells - first_y, column + cells - first_x
+        inside[plane, np.clip(row, 0, len(y) - 1), np.clip(column, 0, len(x) - 1)] = True
+        return replace(self, x_m=x, y_m=y, occupied=inside)
 
 
 @dataclass(frozen=True)
@@ -100,27 +132,39 @@ def scene_grid(scene: Scene) -> Grid:
     return Grid(np.array(detector.planes_m, float), x, y, pitch, height / rows)
 
 
-def nearness(z_m: np.ndarray) -> float:
-    """How much smaller than in a tow tank everything is; 1 for readings 2 m and more from the lamp."""
-    return float(min(1.0, np.min(z_m) / FAR_M))
+def fineness(z_m: np.ndarray, hwhm_deg: float = BROAD_DEG, tank: Tank | None = None) -> float:
+    """How much smaller than in a tow tank everything is: 1 for a beam of 3.2 degrees from 4.5 m on."""
+    beam = np.min(z_m) * np.radians(min(hwhm_deg, BROAD_DEG))
+    room = min(tank.width_m, tank.depth_m) if tank else ROOMY_M
+    return float(min(1.0, beam / BROAD_M, room / ROOMY_M))
 
 
-def positions_grid(x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray, cell_m: float = 0.1) -> Grid:
+def positions_grid(
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    z_m: np.ndarray,
+    cell_m: float = 0.1,
+    hwhm_deg: float = BROAD_DEG,
+    tank: Tank | None = None,
+) -> Grid:
     """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
 
     Parameters
     ----------
     x_m, y_m, z_m : arrays, shape (n,), m
     cell_m : float, m
-        Largest cell, far from the lamp; near it the field bends over shorter lengths, see `nearness`.
+        Largest cell, where nothing is small, see `fineness`.
+    hwhm_deg : float
+        Half width of the beam.
+    tank : Tank, optional
     """
     planes = np.unique(np.round(z_m, 4))
-    near = nearness(planes)
-    (x, pitch_x), (y, pitch_y) = (_axis(v, near * cell_m, near * SHORTEST_STEP_M) for v in (x_m, y_m))
-    grid = Grid(planes, x, y, pitch_x, pitch_y)
+    fine = fineness(planes, hwhm_deg, tank)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, fine * cell_m, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine)
     occupied = np.zeros(grid.shape, bool)
     occupied[cell_of(grid, x_m, y_m, z_m)] = True
-    return Grid(planes, x, y, pitch_x, pitch_y, occupied)
+    return replace(grid, occupied=occupied)
 
 
 def cell_of(
@@ -145,9 +189,15 @@ def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndar
         return places, cell_m
     steps = gaps / gaps.min()
     regular = gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02)
-    pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else cell_m
+    pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else UNEVEN * cell_m
     count = round((places[-1] - places[0]) / pitch) + (1 if regular else 2)
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
+
+
+def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:
+    """First and last of the cells that are all between two walls."""
+    inside = np.flatnonzero((centres - 0.5 * pitch >= low - 1e-6) & (centres + 0.5 * pitch <= high + 1e-6))
+    return int(inside[0]), int(inside[-1])
 
 
 def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:

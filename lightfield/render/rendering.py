@@ -106,6 +106,7 @@ def render_scene(
     max_photons: float = 1e8,
     seed: int = 0,
     reference: Reference | None = None,
+    grid: Grid | None = None,
     progress: Progress | None = None,
     cache: bool = True,
     symmetry: bool = False,
@@ -122,6 +123,8 @@ def render_scene(
         Same seed and settings, same result.
     reference : Reference, optional
         Water to trace in; give scattering or wall albedo here to evaluate them in a scene that has none.
+    grid : Grid, optional
+        Cells to tally; default: those that the scene's detector asks for.
     progress : callable, optional
         Called with (photons so far, relative error so far, requested error).
     cache : bool
@@ -139,7 +142,7 @@ def render_scene(
         raise RenderError("impossible relative error", found=rel_error, rule="1e-5 to 1", remedy="try 0.02")
     if not 1e3 <= max_photons <= 1e12:
         raise RenderError("impossible photon budget", found=max_photons, rule="1e3 to 1e12", remedy="try 1e8")
-    grid = scene_grid(scene)
+    grid = scene_grid(scene) if grid is None else grid
     chosen = reference_of(scene) if reference is None else reference
     settings = Settings(rel_error, max_photons, seed, symmetry)
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}

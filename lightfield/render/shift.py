@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from scipy import sparse
 
-from lightfield.render.grid import Grid, cell_of, nearness
+from lightfield.render.bending import Cells, quadratic
+from lightfield.render.grid import Grid, cell_of
 
-NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
 #: Light from walls varies over the distance to them, not over the width of the beam.
-SMOOTH_WALLS = 11, 21
+SMOOTH_WALLS = 11, 21, 0.25
 #: The light at one g over that at another varies over more than the width of a beam, which is an angle.
 SMOOTH_RATIOS = 7, 21, 0.095
-#: Cells this near to each other are smoothed together, far from the lamp.
-SMOOTHED_M = 0.11
+#: The mean over a cell parts from its middle by no more than this; what says more is noise.
+MOST_BENT = 0.5
 
 
 class Shift:
@@ -27,77 +25,63 @@ class Shift:
     Parameters
     ----------
     grid : Grid
-        With occupied cells.
+        With occupied cells, `surrounded` by those that tell how the light bends.
     x_m, y_m, z_m : arrays, shape (n,), m
         Positions of the readings, each near an occupied cell.
     """
 
     def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
-        cx, cy, cz = (v.ravel() for v in grid.centres())
+        cells = Cells(grid)
         number = np.full(grid.shape, -1)
-        number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(len(cx))
+        number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
-        self.cell_z_m = cz
+        self.cell_z_m = cells.z
         # Readings of several colours at one place are moved alike.
         places = np.stack([x_m, y_m, z_m], axis=1)
         _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
         self._which = which.ravel()
         self._cell = self.cell[one_each]
-        self.dx, self.dy = x_m[one_each] - cx[self._cell], y_m[one_each] - cy[self._cell]
-        self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
-        n = len(cx)
-        # Of d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the log field at each cell: weights of all cells.
-        derivatives = np.zeros((5, n, n))
-        self.smooth = np.eye(n)
-        smoothed = SMOOTHED_M * nearness(grid.z_m)
-        for i in range(n):
-            near, terms, weights = _expansion(cx, cy, cz, i, NEIGHBOURS_1D, NEIGHBOURS_2D)
-            for row, term in zip(weights[1:], terms[1:] - 1, strict=True):
-                derivatives[term, i, near] = row
-            apart = np.maximum(np.abs(cx[near] - cx[i]), np.abs(cy[near] - cy[i]))
-            beside = np.count_nonzero(apart <= smoothed)
-            if beside > 2 and apart.max() <= 2 * smoothed:
-                self.smooth[i] = 0.0
-                self.smooth[i, near] = weights[0]
+        self.dx, self.dy = x_m[one_each] - cells.x[self._cell], y_m[one_each] - cells.y[self._cell]
+        # Variances of a place within its cell.
+        self._vx, self._vy = grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12
         # Straight to the readings, from the few cells around each.
-        self._expansion = sparse.csr_array(np.vstack([d[self._cell] for d in (*derivatives, self.smooth)]))
-        # Readings along one line through the axis do not show the curvature across it: that of a round field.
-        self.across: int | None = None
-        if np.ptp(cy) == 0 and np.abs(cy).max() < 1e-6:
-            self.across = 1
-        elif np.ptp(cx) == 0 and np.abs(cx).max() < 1e-6:
-            self.across = 0
-        self.radius_m = (cx if self.across == 1 else cy)[self._cell]
+        quadratics = [cells.quadratic(i) for i in self._cell.tolist()]
+        near = np.concatenate([q.near for q in quadratics])
+        row = np.repeat(np.arange(len(quadratics)), [len(q.near) for q in quadratics])
+        terms = np.concatenate([q.weights for q in quadratics], axis=1)
+        dx, dy = self.dx[row], self.dy[row]
+        bent = (
+            0.5 * (dx * dx - self._vx) * terms[3] + dx * dy * terms[4] + 0.5 * (dy * dy - self._vy) * terms[5]
+        )
+        change = terms[0] + dx * terms[1] + dy * terms[2] + bent
+        shape = len(quadratics), cells.size
+        self._terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in terms], format="csr")
+        self._shares = sparse.csr_array((change, (row, near)), shape)
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
-        """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n)."""
+        """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n).
+
+        The mean over cells of a Gaussian is nearly a Gaussian, wider by the variance v of a place in a cell.
+        Of slope g and bending k of its log those of the field itself are g / (1 + v k) and k / (1 + v k), and
+        the middle is 1 / sqrt(1 + v k) exp(-v g^2 / (2 (1 + v k))) of the mean, along x and along y.
+        """
         top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
-        expanded = (self._expansion @ log.reshape(-1, log.shape[-1]).T).T
-        *slopes, smooth = np.moveaxis(expanded.reshape(*log.shape[:-1], 6, -1), -2, 0)
-        here = field[..., self._cell]
-        middle = np.where(here > 1e-6 * top, np.exp(smooth), here) / self._mean_over_middle(slopes)
-        gx, gy, gxx, gxy, gyy = slopes
+        terms = (self._terms @ log.reshape(-1, log.shape[-1]).T).T
+        value, gx, gy, gxx, gxy, gyy = np.moveaxis(terms.reshape(*log.shape[:-1], 6, -1), -2, 0)
+        ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((self._vx, gxx), (self._vy, gyy)))
+        middle = -0.5 * (np.log(ux * uy) + self._vx * gx * gx / ux + self._vy * gy * gy / uy)
         dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
-        change = gx * dx + gy * dy + 0.5 * gxx * dx * dx + gxy * dx * dy + 0.5 * gyy * dy * dy
-        return np.asarray((middle * np.exp(np.clip(change, -3, 3)))[..., self._which])
-
-    def _mean_over_middle(self, slopes: list[np.ndarray]) -> np.ndarray:
-        """Mean of the field over each reading's cell, relative to its middle: 1 + h^2/24 f''/f along both
-        edges."""
-        gx, gy, gxx, _, gyy = slopes
-        if self.across is not None:
-            along, second = (gx, gxx) if self.across == 1 else (gy, gyy)
-            off = np.abs(self.radius_m) > 0.6 * min(self.pitch_m)
-            curvature = np.where(off, along / np.where(off, self.radius_m, 1.0), second)
-            gxx, gyy = (gxx, curvature) if self.across == 1 else (curvature, gyy)
-        hx, hy = self.pitch_m
-        mean = 1 + (hx * hx * (gxx + gx * gx) + hy * hy * (gyy + gy * gy)) / 24
-        return np.asarray(np.clip(mean, 0.8, 1.25))
+        change = (gx * dx + 0.5 * gxx * dx * dx) / ux + (gy * dy + 0.5 * gyy * dy * dy) / uy
+        change += gxy * dx * dy / (ux * uy)
+        here = field[..., self._cell]
+        lit = np.where(here > 1e-6 * top, np.exp(value), here)
+        bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
+        return np.asarray((lit * bent)[..., self._which])
 
     def spread(self, relative: np.ndarray, which: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Relative errors of the readings, or of some, from those of the cells, (n_cells, k) to (n, k)."""
-        return np.asarray((self.smooth @ relative)[self.cell[which]])
+        return np.asarray((self._shares @ relative)[self._which[which]])
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""
@@ -139,16 +123,7 @@ def _expansion(
     most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
     away = np.hypot(x[same] - x[i], y[same] - y[i])
     near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]
-    usable, weights = _quadratic(tuple(np.round(x[near] - x[i], 9)), tuple(np.round(y[near] - y[i], 9)))
+    usable, weights = quadratic(tuple(np.round(x[near] - x[i], 9)), tuple(np.round(y[near] - y[i], 9)))
     if len(near) < len(usable):
         return np.array([i]), usable[:1], np.ones((1, 1))
     return near, usable, weights
-
-
-@lru_cache(maxsize=1024)
-def _quadratic(dx: tuple[float, ...], dy: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Terms that neighbours at these places tell, and their weights; cells lie alike over most of a plane."""
-    x, y = np.array(dx), np.array(dy)
-    terms = np.stack([np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=1)
-    usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
-    return usable, np.linalg.pinv(terms[:, usable])
