@@ -60,7 +60,7 @@ def rendered_light(
     channels = np.where(np.isnan(wavelength), middle, wavelength)
     settings = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry}
     places = {"x": x, "y": y, "z": z, "dry": dry, "wavelength": channels}
-    key = {"kind": "readings", "scene": scene.digest(), "software": software(), **places, **settings}
+    key = {"kind": "light at readings", "scene": scene.digest(), "software": software(), **places, **settings}
     stored = store.load(key)
     if stored is None:
         light, error = _render(scene, x, y, z, dry, channels, **settings)

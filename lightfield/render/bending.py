@@ -79,16 +79,24 @@ class Cells:
         same = self._on_plane[self.z[i]]
         dx, dy = np.round(self.x[same] - self.x[i], 9), np.round(self.y[same] - self.y[i], 9)
         order = np.argsort(np.hypot(dx, dy), kind="stable")
-        order = order[np.maximum(np.abs(dx), np.abs(dy))[order] <= 2 * self._neighbour_m][:NEIGHBOURS_2D]
+        far = self._far(i)
+        order = order[np.maximum(np.abs(dx), np.abs(dy))[order] <= 2 * far][:NEIGHBOURS_2D]
         for across, along, aside in ((1, dx, self.y[same]), (0, dy, self.x[same])):
             if len(order) > 1 and np.abs(aside[order]).max() < ON_AXIS_M:
                 close = np.count_nonzero(np.abs(along) <= self._smoothed_m) > 2
                 order = order[: NEIGHBOURS_1D if close else 3]
                 return self._along_line(i, same[order], along[order], across)
-        return self._all_over(same[order], dx[order], dy[order])
+        return self._all_over(i, same[order], dx[order], dy[order])
+
+    def _far(self, i: int) -> float:
+        """Largest distance of the nearest neighbours that tell how the light bends at cell i, m.
+
+        Well outside the beam light varies over the distance to the axis.
+        """
+        return float(max(self._neighbour_m, 0.5 * np.hypot(self.x[i], self.y[i])))
 
     def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic | None:
-        if len(near) < 3 or not self._tells(step):
+        if len(near) < 3 or _nearest(step) > self._far(i):
             return None
         _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
         radius = (self.x if across == 1 else self.y)[i]
@@ -98,8 +106,8 @@ class Cells:
             return Quadratic(near, np.stack([value, slope, nothing, second, nothing, round_field]))
         return Quadratic(near, np.stack([value, nothing, slope, round_field, nothing, second]))
 
-    def _all_over(self, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
-        if len(near) < 6 or not (self._tells(dx) and self._tells(dy)):
+    def _all_over(self, i: int, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
+        if len(near) < 6 or max(_nearest(dx), _nearest(dy)) > self._far(i):
             return None
         terms, weights = quadratic(tuple(dx), tuple(dy))
         hx, hy = self.pitch_m
@@ -108,10 +116,10 @@ class Cells:
             return None
         return Quadratic(near, weights)
 
-    def _tells(self, step: np.ndarray) -> bool:
-        """Is one neighbour at least near enough along an axis?"""
-        away = np.abs(step[step != 0])
-        return bool(len(away)) and float(away.min()) <= self._neighbour_m
+
+def _nearest(step: np.ndarray) -> float:
+    """Distance of the nearest neighbour that is not level with the cell."""
+    return float(np.abs(step[step != 0]).min(initial=np.inf))
 
 
 def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
