@@ -51,6 +51,7 @@ class Cells:
         self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
         self._smoothed_m = SMOOTHED_M * min(1.0, grid.fineness / SMOOTHED_FROM)
         self._neighbour_m = NEIGHBOUR_M * grid.fineness
+        self._even = grid.even
         self._on_plane = {z: np.flatnonzero(self.z == z) for z in np.unique(self.z)}
 
     @property
@@ -72,32 +73,39 @@ class Cells:
         return Quadratic(near, weights)
 
     def bending(self, i: int) -> Quadratic | None:
-        """Least-squares quadratic through the neighbours of cell i; None where they do not tell it.
+        """Least-squares quadratic through the cells nearest to cell i; None where they do not determine it.
 
         Cells along one line through the axis do not show the curvature across it: that of a round field.
         """
         same = self._on_plane[self.z[i]]
         dx, dy = np.round(self.x[same] - self.x[i], 9), np.round(self.y[same] - self.y[i], 9)
-        order = np.argsort(np.hypot(dx, dy), kind="stable")
-        far = self._far(i)
-        order = order[np.maximum(np.abs(dx), np.abs(dy))[order] <= 2 * far][:NEIGHBOURS_2D]
+        order = np.argsort(np.hypot(dx, dy), kind="stable")[:NEIGHBOURS_2D]
         for across, along, aside in ((1, dx, self.y[same]), (0, dy, self.x[same])):
-            if len(order) > 1 and np.abs(aside[order]).max() < ON_AXIS_M:
+            if len(order) > 2 and np.abs(aside[order]).max() < ON_AXIS_M:
                 close = np.count_nonzero(np.abs(along) <= self._smoothed_m) > 2
                 order = order[: NEIGHBOURS_1D if close else 3]
                 return self._along_line(i, same[order], along[order], across)
-        return self._all_over(i, same[order], dx[order], dy[order])
+        return self._all_over(same[order], dx[order], dy[order])
 
-    def _far(self, i: int) -> float:
-        """Largest distance of the nearest neighbours that tell how the light bends at cell i, m.
+    def told(self, i: int) -> bool:
+        """Are these cells near enough for the light to bend between them as the quadratic does?"""
+        found = self.bending(i)
+        if found is None:
+            return False
+        radius = float(np.hypot(self.x[i], self.y[i]))
+        for at, pitch in zip((self.x, self.y), self.pitch_m, strict=True):
+            step = np.round(at[found.near] - at[i], 9)
+            away = np.abs(step).max()
+            if self._even:
+                far, nearest = max(self._neighbour_m, radius / 2), np.abs(step[step != 0]).min(initial=away)
+            else:  # what is moved off the middles of cells must not be extrapolated
+                far = max(1.5 * pitch, radius / 4)
+                nearest = max(step[step > 0].min(initial=np.inf), -step[step < 0].max(initial=-np.inf))
+            if away > 0 and (nearest > far or away > 2 * far):
+                return False
+        return True
 
-        Well outside the beam light varies over the distance to the axis.
-        """
-        return float(max(self._neighbour_m, 0.5 * np.hypot(self.x[i], self.y[i])))
-
-    def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic | None:
-        if len(near) < 3 or _nearest(step) > self._far(i):
-            return None
+    def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic:
         _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
         radius = (self.x if across == 1 else self.y)[i]
         round_field = slope / radius if abs(radius) > 0.6 * min(self.pitch_m) else second
@@ -106,20 +114,13 @@ class Cells:
             return Quadratic(near, np.stack([value, slope, nothing, second, nothing, round_field]))
         return Quadratic(near, np.stack([value, nothing, slope, round_field, nothing, second]))
 
-    def _all_over(self, i: int, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
-        if len(near) < 6 or max(_nearest(dx), _nearest(dy)) > self._far(i):
-            return None
+    def _all_over(self, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
         terms, weights = quadratic(tuple(dx), tuple(dy))
         hx, hy = self.pitch_m
         noise = np.linalg.norm(weights, axis=1) * np.array([1, hx, hy, hx * hx, hx * hy, hy * hy])[terms]
-        if len(terms) < 6 or (noise > NOISE_OF_BENDING).any():
+        if min(len(near), len(terms)) < 6 or (noise > NOISE_OF_BENDING).any():
             return None
         return Quadratic(near, weights)
-
-
-def _nearest(step: np.ndarray) -> float:
-    """Distance of the nearest neighbour that is not level with the cell."""
-    return float(np.abs(step[step != 0]).min(initial=np.inf))
 
 
 def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
@@ -144,7 +145,7 @@ def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
         number = np.cumsum(occupied).reshape(occupied.shape) - 1
         cells, more = Cells(replace(wide, occupied=occupied)), occupied.copy()
         for (plane, row, column), (low, left) in zip(asked, first, strict=True):
-            if cells.bending(int(number[plane, row, column])) is None:
+            if not cells.told(int(number[plane, row, column])):
                 more[plane, low : low + 3, left : left + 3] = True
         if (more == occupied).all():
             return replace(wide, occupied=occupied)

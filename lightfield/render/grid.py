@@ -16,7 +16,7 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 #: the width of the tank: from these on cells are as large as asked for.
 BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
 #: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
-UNEVEN = 0.7
+UNEVEN = 0.5
 SHORTEST_STEP_M = 0.02
 
 
@@ -36,6 +36,8 @@ class Grid:
         Number of the tally cell that a cell shares with its mirror images.
     fineness : float
         How much smaller than in a tow tank everything is, see `fineness`.
+    even : bool
+        Are what it is made for places in the middle of cells?
     """
 
     z_m: np.ndarray
@@ -46,6 +48,7 @@ class Grid:
     occupied: np.ndarray | None = None
     merged: np.ndarray | None = None
     fineness: float = 1.0
+    even: bool = True
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -160,8 +163,10 @@ def positions_grid(
     """
     planes = np.unique(np.round(z_m, 4))
     fine = fineness(planes, hwhm_deg, tank)
-    (x, pitch_x), (y, pitch_y) = (_axis(v, fine * cell_m, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
-    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine)
+    even = all(_is_even(v, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    largest = fine * cell_m * (1.0 if even else UNEVEN)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, largest, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
     occupied = np.zeros(grid.shape, bool)
     occupied[cell_of(grid, x_m, y_m, z_m)] = True
     return replace(grid, occupied=occupied)
@@ -181,16 +186,23 @@ def cell_of(
     return plane, row, column
 
 
-def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
-    """Cell centres along one axis and their pitch; steps shorter than the shortest are no even spacing."""
-    places = np.unique(np.round(values, 4))
-    gaps = np.diff(places)
+def _is_even(values: np.ndarray, shortest_m: float) -> bool:
+    """Are places along one axis whole steps apart? Steps shorter than the shortest are no even spacing."""
+    gaps = np.diff(np.unique(np.round(values, 4)))
     if len(gaps) == 0:
-        return places, cell_m
+        return True
     steps = gaps / gaps.min()
-    regular = gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02)
-    pitch = float(gaps.min() / ceil(gaps.min() / cell_m - 1e-6)) if regular else UNEVEN * cell_m
-    count = round((places[-1] - places[0]) / pitch) + (1 if regular else 2)
+    return bool(gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02))
+
+
+def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
+    """Cell centres along one axis and their pitch."""
+    places = np.unique(np.round(values, 4))
+    if len(places) == 1:
+        return places, cell_m
+    even, gap = _is_even(values, shortest_m), np.diff(places).min()
+    pitch = float(gap / ceil(gap / cell_m - 1e-6)) if even else cell_m
+    count = round((places[-1] - places[0]) / pitch) + (1 if even else 2)
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
 
 
