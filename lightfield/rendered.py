@@ -95,4 +95,4 @@ def _wet_light(rendering: Rendering, wavelength: float, x: Array, y: Array, z: A
     shift = Shift(rendering.grid, x, y, z)
     relative = np.divide(error, diffuse, out=np.zeros_like(error), where=np.isfinite(error) & (diffuse > 0))
     moved = shift.apply(diffuse)
-    return direct + moved, moved * np.linalg.norm(shift.spread(np.diag(relative)), axis=1)
+    return direct + moved, moved * np.sqrt(shift.shares.power(2) @ relative**2)

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from lightfield.errors import RenderError
 from lightfield.render.beam_tallies import BeamTallies
@@ -48,6 +49,8 @@ from lightfield.water.iop import absorption_per_m, scattering_per_m
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
+#: Cells darker than this part of the brightest have no relative error of their own.
+DARK = 1e-9
 
 
 class Traced(NamedTuple):
@@ -69,6 +72,24 @@ class Traced(NamedTuple):
     relative_stderr: Array
     rows: TransportResponse
     part: Array
+
+
+class Noise(NamedTuple):
+    """Monte Carlo errors of the light of one class and one trace.
+
+    Parameters
+    ----------
+    passed_on : list of n_waters sparse arrays, shape (n_cells, n_cells)
+        Change of the light in one cell with the relative error in another.
+    roots : array, shape (n_waters, n_waters, n_cells)
+        Relative errors in every cell as independent contributions, which waters share.
+    images : array of 0 and 1, shape (n_cells, n_sets)
+        Which cells share their photons.
+    """
+
+    passed_on: list[Any]
+    roots: Array
+    images: Array
 
 
 @dataclass(frozen=True)
@@ -216,7 +237,7 @@ class DiffuseResponse:
         at = np.array([middle if w is None else w for w in wavelengths_nm])
         return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
 
-    def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, Array]]:
+    def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, list[Noise]]]:
         """Light of every class in every cell, and its errors, in uniform waters; see `_classes`."""
         if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
             return self._classes(scene, a, b, range(CLASSES), errors)
@@ -232,22 +253,25 @@ class DiffuseResponse:
         parts = self._light(scene, a, b, errors=True)
         if not parts:
             return np.zeros((len(channel), 0))
-        total = sum((v for v, _ in parts.values()), np.full((len(a), len(self.straight_m)), 1e-300))
-        variance = sum((errors**2).sum(axis=2) for _, errors in parts.values())
-        total = np.maximum(total, np.sqrt(variance))
+        total = sum((v for v, _ in parts.values()), np.zeros((len(a), len(self.straight_m))))
+        per_light = 1 / np.maximum(total, DARK * total.max(axis=1, keepdims=True, initial=1e-290))
         open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
+        walls = (self.under_surface if open_top and self.under_surface else self).wall_smoother
         modes = []
-        for kind, (_, errors) in parts.items():
-            if kind in FROM_WALLS:
-                traced = self.under_surface if open_top and self.under_surface else self
-                errors = traced.wall_smoother @ errors
-            relative = errors / total[:, :, None]
-            found = np.zeros((len(channel), relative.shape[2]))
-            for water in np.unique(channel):
-                mine = channel == water
-                found[mine] = self.shift.spread(relative[water], mine)
-            modes.append(found)
-        return np.hstack(modes)
+        for kind, (_, noises) in parts.items():
+            for noise in noises:
+                found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
+                for water in np.unique(channel):
+                    mine = channel == water
+                    spread = self.shift.shares[mine] @ sparse.diags_array(per_light[water])
+                    if kind in FROM_WALLS:
+                        spread = spread @ sparse.csr_array(walls)
+                    passed_on = (spread @ noise.passed_on[water]).tocsr()
+                    each = [passed_on @ (root[:, None] * noise.images) for root in noise.roots[water]]
+                    found[mine] = np.hstack(each)
+                modes.append(found)
+        every = np.hstack(modes)
+        return every / np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
@@ -269,17 +293,16 @@ class DiffuseResponse:
 
     def _classes(
         self, scene: Scene, a: Array, b: Array, kinds: range, errors: bool
-    ) -> dict[int, tuple[Array, Array]]:
+    ) -> dict[int, tuple[Array, list[Noise]]]:
         """Light of some classes in every cell, and its errors before any smoothing, in uniform waters.
 
-        Of shapes (n_waters, n_cells) and (n_waters, n_cells, k), k independent contributions; none of these
-        unless asked for.
+        The light of shape (n_waters, n_cells); a noise for every node of g, if asked for.
         """
         tank = scene.tank
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         within, average = self._spread(scene)
         spread, b = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
-        out: dict[int, tuple[Array, Array]] = {}
+        out: dict[int, tuple[Array, list[Noise]]] = {}
         lit = [
             kind
             for kind in self.kinds
@@ -302,17 +325,15 @@ class DiffuseResponse:
             light = weights @ beams.contracted(kind, scene.lamp) * along
             found = average @ light.reshape(len(light), len(a), len(within), -1)
             value, passed_on = self._at_g(found, shares, part, errors)
-            modes = []
+            noises = []
             for i in range(len(found)) if errors else ():
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                thinning = beams.thinning(i, kind, scene.lamp, mixed)
-                roots = relative_stderr[i, kind] * _roots(thinning)
-                of_cells = np.einsum("wcd,wud,ds->wcus", passed_on[i], roots, self.images, optimize=True)
-                modes.append(of_cells.reshape(*value.shape, -1))
-            out[kind] = value, np.concatenate(modes, axis=2) if modes else np.zeros((*value.shape, 0))
+                roots = relative_stderr[i, kind] * _roots(beams.thinning(i, kind, scene.lamp, mixed))
+                noises.append(Noise(passed_on[i], roots, self.images))
+            out[kind] = value, noises
         return out
 
-    def _at_g(self, found: Array, shares: Array, part: Array, errors: bool) -> tuple[Array, Array]:
+    def _at_g(self, found: Array, shares: Array, part: Array, errors: bool) -> tuple[Array, list[list[Any]]]:
         """Light at one g from that at the nodes.
 
         The nodes are traced apart, and a fit would take the difference of their noise for that of g. But the
@@ -326,25 +347,31 @@ class DiffuseResponse:
         Returns
         -------
         value : array, shape (n_waters, n_cells)
-        passed_on : array, shape (n_nodes, n_waters, n_cells, n_cells)
+        passed_on : list of n_nodes lists of n_waters sparse arrays, shape (n_cells, n_cells)
             Change of the value in one cell with the relative error of a node's light in another; empty unless
             asked for.
         """
-        cells = np.eye(found.shape[2]) if errors else np.zeros(0)
         if len(found) < 2:
-            return found[0], found[..., None] * cells if errors else cells
+            return found[0], [[sparse.diags_array(light) for light in found[0]]] if errors else []
         flat = found.reshape(len(found), -1)
         mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (part, shares))
         lit = mean > 0
         ratio = np.divide(wanted, mean, out=np.ones_like(mean), where=lit)
         value = mean * (ratio @ self.ratio_smoother.T)
         if not errors:
-            return value, cells
+            return value, []
         ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
         common = part[:, None, None] * ratios
         apart = shares[:, None, None] * ratios - common * ratio
-        smoothed = mean[..., None] * self.ratio_smoother * apart[..., None, :]
-        return value, (common * value)[..., None] * cells + smoothed
+        smoother, waters = sparse.csr_array(self.ratio_smoother), range(len(mean))
+        return value, [
+            [
+                sparse.diags_array(common[i, w] * value[w])
+                + sparse.diags_array(mean[w]) @ smoother @ sparse.diags_array(apart[i, w])
+                for w in waters
+            ]
+            for i in range(len(found))
+        ]
 
     def _g_shares(self, scene: Scene) -> Array:
         """Lagrange interpolation in log(1 - g) over the traced nodes, shape (n_nodes,)."""

@@ -56,7 +56,8 @@ class Shift:
         change = terms[0] + dx * terms[1] + dy * terms[2] + bent
         shape = len(quadratics), cells.size
         self._terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in terms], format="csr")
-        self._shares = sparse.csr_array((change, (row, near)), shape)
+        #: Relative errors of the readings from those of the cells, shape (n, n_cells).
+        self.shares = sparse.csr_array((change, (row, near)), shape)[self._which]
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n).
@@ -78,10 +79,6 @@ class Shift:
         lit = np.where(here > 1e-6 * top, np.exp(value), here)
         bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
         return np.asarray((lit * bent)[..., self._which])
-
-    def spread(self, relative: np.ndarray, which: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Relative errors of the readings, or of some, from those of the cells, (n_cells, k) to (n, k)."""
-        return np.asarray((self._shares @ relative)[self._which[which]])
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

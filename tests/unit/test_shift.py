@@ -27,7 +27,6 @@ def test_cells_and_smoothing_shrink_with_a_small_tank() -> None:
     z = np.repeat([2.0, 5.0], 17)
     large, small = (positions_grid(k * x, 0 * x, k * z) for k in (1.0, 0.1))
     assert (small.pitch_x_m, small.pitch_y_m) == pytest.approx((0.1 * large.pitch_x_m, 0.1 * large.pitch_y_m))
-    each = np.eye(len(x))
-    weights = [Shift(grid, k * x, 0 * x, k * z).spread(each) for grid, k in ((large, 1.0), (small, 0.1))]
+    weights = [Shift(grid, k * x, 0 * x, k * z).shares.toarray() for grid, k in ((large, 1.0), (small, 0.1))]
     assert weights[1] == pytest.approx(weights[0], abs=1e-9)
     assert weights[0][8, 8] < 0.6
