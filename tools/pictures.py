@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lightfield.compare import compare
-from lightfield.dataset import to_dataset
-from lightfield.diagnose import diagnose
-from lightfield.hide import hide
-from lightfield.render.rendering import render_scene
-from lightfield.report.compare_figures import maps_figure
-from lightfield.report.diagnosis_figures import ladder_figure
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.experiments.hide import hide
+from lightfield.maps.dataset import to_dataset
+from lightfield.render.maps import render_scene
+from lightfield.report.compare.figures import maps_figure
+from lightfield.report.diagnosis.figures import ladder_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
+from lightfield.studies.compare.maps import compare
 
 ROOT = Path(__file__).resolve().parents[1]
 DPI = 80  # small files

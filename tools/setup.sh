@@ -65,7 +65,7 @@ make_venv() {
     stop "pip could not install the dependencies (see above)"
 }
 
-find_llvm() { "$VENV/bin/python" -I lightfield/render/llvm.py; }
+find_llvm() { "$VENV/bin/python" -I lightfield/render/backend/llvm.py; }
 
 # Names of the apt package of one version: Ubuntu 24.04 renamed some.
 offered_llvm() {

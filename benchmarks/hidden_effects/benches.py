@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lightfield.hide import SECONDS_PER_READING, positions
-from lightfield.measurements.readings import Readings
+from lightfield.experiments.hide import SECONDS_PER_READING, positions
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 Order = Literal["random", "plane"]
@@ -26,7 +26,7 @@ class Bench:
     Parameters
     ----------
     layout : str
-        Layout of `lightfield.hide`, or "colour": seven places per plane, five wavelengths each.
+        Layout of `lightfield.experiments.hide`, or "colour": seven places per plane, five wavelengths each.
     hwhm_deg, absorption_per_m : (low, high)
         The true beam and water are somewhere in here.
     beams : int

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hidden_effects.benches import BENCHES, Order, number_of, table_of, true_scene
-from lightfield import effects
-from lightfield.hide import draw_effect
+from lightfield.experiments.hide import draw_effect
+from lightfield.fitting import effects
 
 #: Size of a hidden effect over its typical size in the table of effects.
 STRENGTHS = (0.4, 2.0, 10.0)

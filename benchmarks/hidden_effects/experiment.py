@@ -17,12 +17,12 @@ from benchmarks.hidden_effects.catalogue import NOISE_KINDS, Trial
 from benchmarks.hidden_effects.follow_up import follow
 from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.hidden_effects.oracle import Oracle
-from lightfield import unknowns
-from lightfield.diagnose import Diagnosis, diagnose
-from lightfield.diagnosis.layout import layout_of
-from lightfield.diagnosis.setup import PLANE_GAIN_PERCENT
-from lightfield.forward import SceneForward, has_diffuse_light
-from lightfield.hide import FLOOR, measure
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
+from lightfield.experiments import unknowns
+from lightfield.experiments.hide import FLOOR, measure
+from lightfield.fitting.forward import SceneForward, has_diffuse_light
 
 #: Readings below this part of the largest one of their plane do not count in an error in per cent.
 BRIGHT = 0.05
@@ -57,7 +57,7 @@ class Tracing:
         return float((self._spent - self._before)[1])
 
     def __call__(self, scene: Any, *places: Any, **options: Any) -> Any:
-        from lightfield.render.diffuse import response_for, sent_width_deg
+        from lightfield.render.diffuse.source import response_for, sent_width_deg
 
         where = (np.asarray(p).tobytes() for p in places)
         options = {**options, "seed": self.sequence}

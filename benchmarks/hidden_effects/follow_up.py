@@ -9,10 +9,10 @@ import numpy as np
 
 from benchmarks.hidden_effects.catalogue import Trial
 from benchmarks.hidden_effects.lights import lit_scene, scene_of
-from lightfield.diagnose import Diagnosis, diagnose
-from lightfield.forward import SceneForward
-from lightfield.hide import FLOOR, SAMPLES, SECONDS_PER_READING
-from lightfield.rendered import rendered_light
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.experiments.hide import FLOOR, SAMPLES, SECONDS_PER_READING
+from lightfield.fitting.forward import SceneForward
+from lightfield.render.at_readings import rendered_light
 
 PHOTONS, REL_ERROR = 4e6, 0.003
 Row = dict[str, Any]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.hidden_effects.experiment import Tracing, summary, timed
-from lightfield.measurements.readings import Readings
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 Row = dict[str, Any]

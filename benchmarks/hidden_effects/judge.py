@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import effects
+from lightfield.fitting import effects
 
 Row = dict[str, Any]
 INVISIBLE_SIGMA = 2.0

@@ -10,21 +10,18 @@ import numpy as np
 
 from benchmarks.hidden_effects.benches import BENCHES, number_of, table_of, true_scene, with_held_out
 from benchmarks.hidden_effects.catalogue import Truth
-from lightfield.files import atomic_path
 from lightfield.scene import Scene
+from lightfield.scene.acts import AFTERWARDS
+from lightfield.scene.all_parameters import paths_on
+from lightfield.storage.files import atomic_path
 
 #: The error of the light is at most half the least noise of the readings, 0.4 %, and stated with it.
 PHOTONS, REL_ERROR = 1e8, 0.002
-#: What acts after the light has arrived, or on all light alike.
-AFTERWARDS = (
-    "detector.background", "detector.saturation", "detector.saturation_quadratic",
-    "lamp.drift_per_hour", "lamp.warmup_fraction", "lamp.warmup_time_s",
-)  # fmt: skip
 
 
 def lit_scene(truth: Truth) -> Scene:
     """The true scene without what acts after the light has arrived."""
-    optical = {path: value for path, value in truth.values if path not in AFTERWARDS}
+    optical = {path: value for path, value in truth.values if path not in paths_on(AFTERWARDS)}
     return true_scene(BENCHES[truth.bench], truth.beam).with_values(optical)
 
 
@@ -50,7 +47,7 @@ def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
         with np.load(path) as stored:
             if "places" in stored and np.array_equal(stored["places"], places):
                 return stored["light"], stored["stderr"]
-    from lightfield.rendered import rendered_light  # loads Mitsuba
+    from lightfield.render.at_readings import rendered_light  # loads Mitsuba
 
     seed = 1000 + number_of(path.stem) % 100_000
     light, stderr = rendered_light(

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import effects
-from lightfield.diagnosis.candidates import Candidate
-from lightfield.diagnosis.layout import layout_of
-from lightfield.diagnosis.problem import Problem
-from lightfield.diagnosis.setup import problem_of
-from lightfield.fit import Fit
-from lightfield.forward import DiffuseSource, SceneForward
-from lightfield.render.dense_water import trace_for
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.fitting import effects
+from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.least_squares import Fit
+from lightfield.render.diffuse.dense_water import trace_for
 from lightfield.scene import Scene
 
 Array = np.ndarray

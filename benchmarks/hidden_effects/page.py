@@ -16,7 +16,7 @@ from scipy import stats
 from benchmarks.hidden_effects import judge, pictures
 from benchmarks.hidden_effects.catalogue import SEQUENCES
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, of_stratum, rate, scores
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 
 Row = dict[str, Any]
 _FAILURES = 60

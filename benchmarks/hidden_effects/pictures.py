@@ -15,8 +15,8 @@ from scipy import stats
 
 from benchmarks.hidden_effects import judge
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, limits, of_stratum, pulls
-from lightfield import effects
-from lightfield.files import atomic_path
+from lightfield.fitting import effects
+from lightfield.storage.files import atomic_path
 
 Row = dict[str, Any]
 BLUE, GREY = "#2b6ca3", "#777777"

@@ -18,13 +18,13 @@ import xarray as xr
 
 from lightfield import __version__
 from lightfield.commands.sweep import progress_bar, summary
-from lightfield.files import atomic_path
-from lightfield.regime import LEVELS, reach, rows
-from lightfield.report.regime_figure import regime_figure
+from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path
+from lightfield.studies.regime import LEVELS, reach, rows
+from lightfield.studies.regime_sweep import regime_of, regime_plan
 from lightfield.sweep.plan import SweepSettings
-from lightfield.sweep.regime import regime_of, regime_plan
 from lightfield.sweep.runner import run_sweep
 
 HERE = Path(__file__).resolve().parent

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.transport import mcx, ours, report
-from lightfield.cache import cache_dir
-from lightfield.files import atomic_path
 from lightfield.render.backend import use_backend
-from lightfield.render.cuda import cuda_problem
+from lightfield.render.backend.cuda import cuda_problem
+from lightfield.storage.cache import cache_dir
+from lightfield.storage.files import atomic_path
 
 HERE = Path(__file__).resolve().parent
 TANK = {"width_m": 3.6, "depth_m": 2.4, "lamp_depth_m": 1.2, "length_m": 9.0, "behind_lamp_m": 0.0}

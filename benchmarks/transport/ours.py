@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.transport.clock import Clock
-from lightfield.render.rendering import Rendering, render_scene
+from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene
 
 A, B, G, HWHM_DEG = 0.05, 0.15, 0.92, 3.81

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lightfield.commands._tracing import given
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path, output_file, output_folder
+from lightfield.storage.files import atomic_path, output_file, output_folder
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -32,11 +32,11 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
-    from lightfield.fitreport import fit_readings
-    from lightfield.fittext import as_data, as_text
-    from lightfield.measurements.readings import Readings
-    from lightfield.render.diffuse import response_for
+    from lightfield.readings import Readings
+    from lightfield.render.diffuse.source import response_for
     from lightfield.scene import Scene
+    from lightfield.studies.compare.readings import fit_readings
+    from lightfield.studies.compare.text import as_data, as_text
 
     options = given(args)
     if options and args.solver != "render":

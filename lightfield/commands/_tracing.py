@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.commands._options import seed_number
-from lightfield.render.rendering import Rendering, render_scene
+from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from lightfield.commands import _compare_readings
 from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,18 +53,18 @@ def _scene(args: argparse.Namespace) -> int:
             "this scene has single positions, no planes",
             where=str(args.what),
             rule="render and formula are compared on planes",
-            remedy="give planes_m instead of positions_m",
+            remedy="give planes_m instead of positions_m; `lightfield render` takes positions",
         )
     folder = output_folder(args.output or Path("compare"))
     rendering = traced(scene, args)
-    from lightfield.dataset import to_dataset
+    from lightfield.maps.dataset import to_dataset
 
     print(balance(rendering))
     return _report(to_dataset(rendering), folder)
 
 
 def _maps(args: argparse.Namespace) -> int:
-    from lightfield.dataset import read_netcdf
+    from lightfield.maps.dataset import read_netcdf
 
     if given(args) or args.no_cache:
         raise UsageError(
@@ -81,8 +81,8 @@ def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
     from rich.console import Console
 
-    from lightfield.compare import compare, verdict
-    from lightfield.report.compare_page import terminal_table, write_comparison
+    from lightfield.report.compare.page import terminal_table, write_comparison
+    from lightfield.studies.compare.maps import compare, verdict
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)

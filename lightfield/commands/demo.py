@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.files import output_folder
+from lightfield.storage.files import output_folder
 
 # Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
 # and the folder of its results; one of them writes {out}/index.html. Both traces of the tow tank have the

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import atomic_path, output_file, output_folder
+from lightfield.storage.files import atomic_path, output_file, output_folder
 
 #: Of a ladder: the base model and two effects.
 MOST_RUNGS = 3
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print, write."""
     if args.schema:
-        from lightfield.diagnosis.verdict import json_schema
+        from lightfield.diagnosis.verdict.verdict import json_schema
 
         print(json.dumps(json_schema(), indent=2))
         return 0
@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.diagnose import diagnose
-    from lightfield.diagnosis.cascade import ALPHA
-    from lightfield.measurements.readings import Readings
+    from lightfield.diagnosis.diagnose import diagnose
+    from lightfield.diagnosis.search.cascade import ALPHA
+    from lightfield.readings import Readings
     from lightfield.scene import Scene
 
     names = None
@@ -92,15 +92,15 @@ def run(args: argparse.Namespace) -> int:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
-        from lightfield.diagnosis.view import view_of
-        from lightfield.report.diagnosis_page import write_diagnosis
+        from lightfield.report.diagnosis.drawn import view_of
+        from lightfield.report.diagnosis.page import write_diagnosis
 
         print(f"report: {write_diagnosis(view_of(found), args.report).resolve()}")
     return 0
 
 
 def _print_table() -> None:
-    from lightfield.effects import table
+    from lightfield.fitting.effects import table
 
     for effect in table().values():
         print(f"{effect.name} ({effect.family}): {effect.physics}")

@@ -7,8 +7,8 @@ import os
 import platform
 import sys
 
-from lightfield.doctor import check, versions
 from lightfield.errors import LightfieldError
+from lightfield.render.doctor import check, versions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

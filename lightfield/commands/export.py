@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.dataset import write_exr_planes
 from lightfield.errors import UsageError
+from lightfield.maps.dataset import write_exr_planes
 from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, label, open_store
 
 MOST = 64

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.files import output_file, output_folder
+from lightfield.storage.files import output_file, output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Hide, and write scene.toml, data.csv, truth.json."""
-    from lightfield.hide import hide
+    from lightfield.experiments.hide import hide
     from lightfield.scene import Scene
 
     if not 1e-5 <= args.noise <= 0.5:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from lightfield.errors import UsageError
-from lightfield.files import output_file
+from lightfield.storage.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Import, write, and say what was found."""
     # Imported here: other sub-commands need not wait for it.
-    from lightfield.measurements import ErrorBudget
-    from lightfield.measurements.importer import import_index
+    from lightfield.readings import ErrorBudget
+    from lightfield.readings.importing.importer import import_index
 
     if not args.output:
         raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")

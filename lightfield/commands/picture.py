@@ -9,8 +9,8 @@ import numpy as np
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import OutputError, UsageError
-from lightfield.files import MAKE_ROOM, atomic_path, output_file
 from lightfield.scene import Scene
+from lightfield.storage.files import MAKE_ROOM, atomic_path, output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

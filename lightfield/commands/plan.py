@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.files import atomic_path, output_file
+from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.plan import Plan
@@ -36,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Plan and print."""
-    from lightfield.diagnosis.layout_file import load_layout
     from lightfield.diagnosis.plan import plan
+    from lightfield.diagnosis.problem.layout_file import load_layout
     from lightfield.scene import Scene
 
     scene = Scene.load(args.scene)
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         output_file(args.json, args.layout, args.scene)
     diffuse = None
     if not args.no_trace:
-        from lightfield.render.diffuse import response_for
+        from lightfield.render.diffuse.source import response_for
 
         diffuse = response_for
     made = plan(layout, scene, diffuse)
@@ -65,7 +65,7 @@ def _unit(made: Plan, path: str) -> str:
 
 
 def _text(made: Plan) -> str:
-    from lightfield.diagnosis.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
+    from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
 
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
     for name, limit in sorted(made.limits.items()):

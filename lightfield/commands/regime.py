@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import seed_number
-from lightfield.files import atomic_path, output_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,12 +47,12 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from lightfield import regime
     from lightfield.commands.sweep import progress_bar, summary
-    from lightfield.report.regime_figure import regime_figure
+    from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
+    from lightfield.studies import regime
+    from lightfield.studies.regime_sweep import regime_of, regime_plan
     from lightfield.sweep.plan import SweepSettings
-    from lightfield.sweep.regime import regime_of, regime_plan
     from lightfield.sweep.runner import run_sweep
 
     plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))

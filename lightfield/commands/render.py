@@ -9,8 +9,8 @@ import numpy as np
 
 from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
-from lightfield.files import output_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import output_folder
 
 MOST_WAVELENGTHS = 2000  # one map each
 
@@ -42,18 +42,21 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     folder = output_folder(args.output)
     rendering = traced(scene, args)
-    from lightfield.dataset import to_dataset, write_exr_planes, write_netcdf
+    from lightfield.maps.dataset import to_dataset, write_exr_planes, write_netcdf
 
     dataset = to_dataset(rendering, wavelengths)
     written = [write_netcdf(dataset, folder / "maps.nc")]
-    if not args.no_exr and scene.detector.positions_m is None:
+    planes = scene.detector.positions_m is None
+    if not args.no_exr and planes:
         written += write_exr_planes(dataset, folder)
-    if not args.no_figures and scene.detector.positions_m is None:
-        from lightfield.report.light_figure import light_figure
+    if not args.no_figures and planes:
+        from lightfield.report.light import light_figure
         from lightfield.report.style import save_png
 
         written.append(save_png(light_figure(dataset), folder / "maps.png"))
     print(balance(rendering))
+    if not planes and not (args.no_exr and args.no_figures):
+        print("single positions have no images: no EXR, no PNG")
     for path in written:
         print(path)
     return 0

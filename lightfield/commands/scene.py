@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.files import output_file
 from lightfield.scene import Scene
+from lightfield.storage.files import output_file
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -82,5 +82,6 @@ def _listing(scene: Scene) -> str:
     for path, parameter in scene.parameters().items():
         value = scene.get(path)
         mark = " " if parameter.neutral is None or value == parameter.neutral else "*"
-        lines.append(f"{mark} {path:<34} {value!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
+        shown = f"{parameter.value:g}" if value is None else value
+        lines.append(f"{mark} {path:<34} {shown!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
     return "\n".join([*lines, "", "* departs from its neutral value"])

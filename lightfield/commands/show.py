@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.errors import OutputError
-from lightfield.files import output_folder
+from lightfield.storage.files import output_folder
 from lightfield.sweep.estimate import size
 from lightfield.sweep.results import axes_of, choose, open_store
 from lightfield.sweep.zarrfile import size_on_disk
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
         )
     from lightfield.report.style import save_png
-    from lightfield.report.sweep_figures import formula_figure, profiles_figure, tiles_figure
+    from lightfield.report.sweep import formula_figure, profiles_figure, tiles_figure
 
     folder = output_folder(args.output or args.store.with_name(f"{args.store.stem}-figures"))
     for name, draw in (("profiles", profiles_figure), ("formula", formula_figure), ("maps", tiles_figure)):

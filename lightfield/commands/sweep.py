@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lightfield.errors import UsageError
-from lightfield.files import output_folder
 from lightfield.scene import Scene
+from lightfield.storage.files import output_folder
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan

@@ -1,1 +1,1 @@
-"""Pieces of the diagnosis: noise, templates, adequacy test, search, rivals, ladder, verdict."""
+"""Which physical effect do readings show and the model lack?"""

@@ -12,9 +12,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lightfield import effects
-from lightfield.diagnosis.adequacy import Adequacy
-from lightfield.diagnosis.advice import (
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.search.preparation import whitened_test
+from lightfield.diagnosis.search.rivals import (
+    DETECTABLE_SIGMA,
+    SAME_CLASS_SIGMA,
+    Isolability,
+    Limit,
+    detection_limits,
+    isolability,
+)
+from lightfield.diagnosis.verdict.advice import (
     ROUGH,
     Advice,
     Way,
@@ -23,22 +36,10 @@ from lightfield.diagnosis.advice import (
     own_error,
     possible_places,
 )
-from lightfield.diagnosis.compose import units_of
-from lightfield.diagnosis.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
-from lightfield.diagnosis.preparation import whitened_test
-from lightfield.diagnosis.problem import Problem
-from lightfield.diagnosis.rivals import (
-    DETECTABLE_SIGMA,
-    SAME_CLASS_SIGMA,
-    Isolability,
-    Limit,
-    detection_limits,
-    isolability,
-)
-from lightfield.diagnosis.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.subspace import beside, orthonormal
-from lightfield.fit import Array, Fit
-from lightfield.forward import DiffuseSource, SceneForward
+from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.fitting import effects
+from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"

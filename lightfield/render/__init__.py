@@ -1,6 +1,1 @@
 """Light transport in Mitsuba 3: backend, plugins, tracer, transport response."""
-
-from lightfield.render.backend import prepare
-
-# Here, because importing Mitsuba loads an LLVM at once, and every module of this package may import Mitsuba.
-prepare()

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from lightfield.lamps.profile import relative_intensity
-from lightfield.lamps.spectrum import spectral_power
 from lightfield.render.backend import use_backend
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
+from lightfield.scene.lamp.profile import relative_intensity
+from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
@@ -92,8 +92,8 @@ def picture_dict(
     """Stock Mitsuba description of the tank, the lamp and a camera, at one wavelength."""
     import mitsuba as mi
 
-    from lightfield.render.build import phase_dict, surfaces
-    from lightfield.render.response import Reference
+    from lightfield.render.response.response import Reference
+    from lightfield.render.tracer.build import phase_dict, surfaces
 
     attenuation = max(absorption + scattering, 1e-6)
     water = {

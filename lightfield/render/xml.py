@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.files import atomic_path
-from lightfield.lamps.spectrum import spectral_power
 from lightfield.render.backend import use_backend
-from lightfield.render.grid import band_wavelengths, reference_of, scene_grid
-from lightfield.render.rendering import unit_power
+from lightfield.render.maps import unit_power
+from lightfield.render.response.grid import band_wavelengths, reference_of, scene_grid
 from lightfield.scene import Scene
-from lightfield.water.iop import absorption_per_m, scattering_per_m
+from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.storage.files import atomic_path
 
 KINDS = {
     "lightfield_lamp": "Emitter",
@@ -36,8 +36,8 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         Default: the middle of the first band.
     """
     use_backend()
-    from lightfield.render.build import phase_dict, surfaces
-    from lightfield.render.lamp import NUMBERS, WORDS
+    from lightfield.render.plugins.lamp import NUMBERS, WORDS
+    from lightfield.render.tracer.build import phase_dict, surfaces
 
     at = np.array([band_wavelengths(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])

@@ -11,8 +11,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from matplotlib.figure import Figure
 
 from lightfield import __version__
-from lightfield.files import atomic_path
 from lightfield.report.style import to_svg
+from lightfield.storage.files import atomic_path
 
 _FOLDER = Path(__file__).parent / "templates"
 

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 
 # One colour, one meaning, in every figure. In a page each is replaced by the CSS variable of its name.
 INK, MUTED, GRID, PAPER = "#1f2429", "#67707a", "#dde2e7", "#fefefe"

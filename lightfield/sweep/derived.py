@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.analytic import direct_field, optical_depth, rays
+from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
-from lightfield.lamps.profile import solid_angle_sr
-from lightfield.lamps.spectrum import spectral_power
-from lightfield.render.grid import Grid, band_wavelengths
-from lightfield.scene import Scene
-from lightfield.spot import ENOUGH, LEVELS, Spot, spot_shape
+from lightfield.formula.field import direct_field, optical_depth, rays, window_points
+from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
+from lightfield.render.response.grid import Grid, band_wavelengths
+from lightfield.scene import Lamp, Scene, Water
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.lamp.spectrum import spectral_power
 
-Array = NDArray[np.floating[Any]]
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
@@ -27,65 +27,49 @@ class Formula:
 
     Parameters
     ----------
-    field : array, shape (n_planes, n_y, n_x), m^-2
-        Averaged over every cell, in clear water and for unit on-axis intensity.
-    scene : Scene
-        Lamp and detector that it belongs to.
+    sources : tuple of (Lamp, array), array of shape (n_planes, n_y, n_x), m^-2
+        Points of the lamp's window, and the light of each, averaged over every cell, in clear water and for
+        unit on-axis intensity of the whole window.
     grid : Grid
     """
 
-    field: Array
-    scene: Scene
+    sources: tuple[tuple[Lamp, Array], ...]
     grid: Grid
 
     @classmethod
     def of(cls, scene: Scene, grid: Grid) -> Formula | None:
         """The formula of a scene's lamp and detector; None for a pencil beam, which has no formula."""
-        clear = scene.with_values(
-            {
-                "water.base": "none",
-                "water.absorption_per_m": 0.0,
-                "water.scattering_per_m": 0.0,
-                "water.chlorophyll_mg_per_m3": 0.0,
-                "water.cdom_440_per_m": 0.0,
-                "water.sediment_g_per_m3": 0.0,
-                "water.hardening_per_m": 0.0,
-                "water.gradient_per_m2": 0.0,
-                "water.layer_absorption_per_m": 0.0,
-            },
-            validate=False,
-        )
-        total = np.zeros(grid.shape)
         try:
-            for u, wu in zip(_NODES, _WEIGHTS, strict=True):
-                for v, wv in zip(_NODES, _WEIGHTS, strict=True):
-                    z, y, x = np.meshgrid(
-                        grid.z_m,
-                        grid.y_m + 0.5 * v * grid.pitch_y_m,
-                        grid.x_m + 0.5 * u * grid.pitch_x_m,
-                        indexing="ij",
-                    )
-                    total += 0.25 * wu * wv * direct_field(clear, x, y, z)
+            sources = [
+                (point, share * _cell_means(scene.model_copy(update={"water": Water(), "lamp": point}), grid))
+                for point, share in window_points(scene.lamp)
+            ]
         except LightfieldError:
             return None
-        return cls(total, scene, grid)
+        return cls(tuple(sources), grid)
 
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
-        # Within a cell the path changes far less than its attenuation length: the centre's will do.
-        ray = rays(scene.lamp, x, y, z)
-        maps = [
-            np.mean(
-                [
-                    i * np.exp(-optical_depth(scene.water, ray, z, w))
-                    for w, i in zip(band, power, strict=True)
-                ],
-                axis=0,
-            )
-            for band, power in zip(band_wavelengths(scene), intensity_of(scene), strict=True)
-        ]
-        return np.asarray(np.array(maps) * self.field)
+        maps = np.zeros((len(scene.detector.bands_nm), *self.grid.shape))
+        for point, field in self.sources:
+            # Within a cell the path changes far less than its attenuation length: the centre's will do.
+            ray = rays(point, x, y, z)
+            for total, band, power in zip(maps, band_wavelengths(scene), intensity_of(scene), strict=True):
+                for w, intensity in zip(band, power, strict=True):
+                    total += intensity / len(band) * field * np.exp(-optical_depth(scene.water, ray, z, w))
+        return maps
+
+
+def _cell_means(scene: Scene, grid: Grid) -> Array:
+    """Direct light averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_planes, n_y, n_x)."""
+    total = np.zeros(grid.shape)
+    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
+        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
+            x, y = grid.x_m + 0.5 * u * grid.pitch_x_m, grid.y_m + 0.5 * v * grid.pitch_y_m
+            at_z, at_y, at_x = np.meshgrid(grid.z_m, y, x, indexing="ij")
+            total += 0.25 * wu * wv * direct_field(scene, at_x, at_y, at_z)
+    return total
 
 
 def intensity_of(scene: Scene) -> Array:
@@ -107,7 +91,8 @@ def derive(
     Parameters
     ----------
     mean, stderr : arrays, shape (n_bands, n_planes, n_y, n_x)
-        Errors of different cells are taken as independent: a photon rarely meets a plane twice.
+        NaN outside the tank. Errors of different cells are taken as independent: a photon rarely meets a
+        plane twice.
     formula : array of that shape, optional
     grid : Grid
     merged : array of int, shape (n_planes, n_y, n_x), optional
@@ -125,7 +110,7 @@ def derive(
     axis = mean[..., near].mean(-1)
     axis_error = np.sqrt(((stderr * np.sqrt(images))[..., near] ** 2).sum(-1)) / near.sum()
     area = grid.pitch_x_m * grid.pitch_y_m
-    power, power_error = mean.sum((-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
+    power, power_error = np.nansum(mean, (-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
     width, width_error = np.full(axis.shape, np.nan), np.full(axis.shape, np.nan)
     for at in np.ndindex(axis.shape):
         width[at], width_error[at] = half_width(mean[at], known[at], grid)
@@ -141,7 +126,7 @@ def derive(
         with np.errstate(divide="ignore", invalid="ignore"):
             for name, model, render, error in (
                 ("axis", formula[..., near].mean(-1), axis, axis_error),
-                ("power", formula.sum((-2, -1)) * area, power, power_error),
+                ("power", np.sum(formula, (-2, -1), where=~np.isnan(mean)) * area, power, power_error),
             ):
                 ratio = np.where(render > 0, model / render, np.nan)
                 result[f"formula_error_{name}"] = ratio - 1
@@ -155,10 +140,12 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
     Parameters
     ----------
     value, stderr : arrays, shape (n_y, n_x)
+        NaN where nothing is known.
     grid : Grid
     """
-    bright = value > 0.5 * value.max()
-    if not bright.any() or value.max() <= 0:
+    brightest = np.nanmax(value)
+    bright = value > 0.5 * brightest
+    if not bright.any() or brightest <= 0:
         return float("nan"), float("nan")
     noise = float(np.median(stderr[bright] / value[bright]))
     # The spot is found on cells that are known to 2 %: noise of more than that bends its contour and its top.

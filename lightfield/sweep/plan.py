@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError
-from lightfield.render.grid import Grid, band_wavelengths, scene_grid
-from lightfield.render.rendering import transport_key
-from lightfield.render.response import Reference
-from lightfield.render.store import digest_of
+from lightfield.render.maps import transport_key
+from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.response.response import Reference
+from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
+from lightfield.scene.acts import ATTENUATION, TRACED, Acts
+from lightfield.scene.all_parameters import only, without
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import Axis, checked_axes
 from lightfield.sweep.cases import Cases
-from lightfield.water.iop import absorption_per_m, scattering_per_m
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256
@@ -159,7 +161,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
         raise UsageError(
             "a sweep needs detector planes",
             found="detector.positions_m",
-            remedy="give detector.planes_m instead",
+            remedy="give detector.planes_m instead; single positions: `lightfield render`, case by case",
         )
     transport, keys, grids = _transport_axes(cases)
     if len({grid.shape for grid in grids}) > 1:
@@ -190,8 +192,7 @@ def _transport_axes(cases: Cases) -> tuple[list[int], list[str], list[Grid]]:
 
 def _key(scene: Scene) -> str:
     """What a trace depends on beside the reference; light off the surface is told apart afterwards."""
-    if scene.tank is not None:
-        scene = scene.with_values({"tank.surface": "none", "tank.surface_reflectance": 0.0}, validate=False)
+    scene = only(scene, TRACED | Acts.PLACES)
     try:
         return digest_of(transport_key(scene, scene_grid(scene), Reference(0.0, 0.0, 0.0)))
     except (OSError, ValueError, TypeError) as error:  # its cases fail with their own message
@@ -280,16 +281,10 @@ def _trace(
 ) -> Trace:
     a, b, rho, surface = waters[:, 0].min(), *(float(column.max()) for column in waters[:, 1:].T)
     reference = Reference(float(a), b, rho)
-    scene = cases.build(int(members[0]), validate=False)
+    scene = without(cases.build(int(members[0]), validate=False), ATTENUATION)
     plain: dict[str, Any] = {
-        "water.base": "none",
-        "water.table": None,
-        "water.chlorophyll_mg_per_m3": 0.0,
-        "water.cdom_440_per_m": 0.0,
-        "water.sediment_g_per_m3": 0.0,
         "water.absorption_per_m": reference.absorption_per_m,
         "water.scattering_per_m": b,
-        "water.hardening_per_m": 0.0,
     }
     if scene.tank is not None:
         plain |= {"tank.wall_albedo": rho, "tank.surface_reflectance": surface}

@@ -12,7 +12,7 @@ import xarray as xr
 
 from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
-from lightfield.scene_errors import unknown_key
+from lightfield.scene.messages import unknown_key
 from lightfield.sweep.axes import apply
 
 
@@ -109,7 +109,7 @@ def label(values: Mapping[str, Any]) -> str:
 
 
 def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
-    """One case as the data set of a rendering, for `lightfield.dataset.write_exr_planes`.
+    """One case as the data set of a rendering, for `lightfield.maps.dataset.write_exr_planes`.
 
     Raises
     ------

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from lightfield.errors import LightfieldError, OutputError, RenderError
-from lightfield.files import NO_ROOM
+from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
-from lightfield.sweep.layout import quantity_of
 from lightfield.sweep.plan import Block, Plan
+from lightfield.sweep.schema import quantity_of
 from lightfield.sweep.store import SweepStore
 from lightfield.sweep.work import BlockDone, Target, TraceDone, do_block, do_trace
 

@@ -24,12 +24,12 @@ import numpy as np
 
 from lightfield import __version__
 from lightfield.errors import OutputError
-from lightfield.files import atomic_path
-from lightfield.render.store import FORMAT as TRANSPORT_FORMAT
+from lightfield.render.response.store import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
-from lightfield.sweep.layout import MESSAGE, attributes, axes_as_plain, coordinates, layout
 from lightfield.sweep.plan import Plan
+from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, layout
 
 FORMAT = 1  # of the store; raised whenever the same plan would give other numbers
 

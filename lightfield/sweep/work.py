@@ -16,21 +16,21 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError, OutputError
-from lightfield.files import atomic_path
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
-from lightfield.render.grid import Grid, band_wavelengths, scene_grid
-from lightfield.render.rendering import render_scene
-from lightfield.render.response import Reference, TransportResponse
+from lightfield.render.maps import render_scene
+from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Progress
 from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive, intensity_of
-from lightfield.sweep.layout import derived_variables
 from lightfield.sweep.plan import Block, SweepSettings, Trace
+from lightfield.sweep.schema import derived_variables
 from lightfield.sweep.store import trace_file
 from lightfield.sweep.zarrfile import Variable
-from lightfield.water.iop import absorption_per_m, is_grey, scattering_per_m
 
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
 # One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
@@ -148,6 +148,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             response = _response(trace_file(target.path, number))
             for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
                 grid = scene_grid(scene)
+                mean, stderr = grid.in_water(mean), grid.in_water(stderr)
                 formula = _formula(scene, grid)
                 found = derive(
                     mean, stderr, None if formula is None else formula.bands(scene), grid, response.merged
@@ -239,7 +240,7 @@ _formulas: dict[str, Formula | None] = {}
 
 def _formula(scene: Scene, grid: Grid) -> Formula | None:
     """Geometry of the formula for a scene's lamp and detector, remembered for the next case."""
-    key = f"{scene.lamp!r}{scene.detector!r}"
+    key = f"{scene.lamp!r}{scene.detector!r}{scene.plane_size_m}"
     if key not in _formulas:
         if len(_formulas) > 4:
             _formulas.clear()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numcodecs import Blosc
 
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 
 DIMENSIONS = "_ARRAY_DIMENSIONS"  # where xarray looks for the names of the dimensions
 

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import chi2
 
-from lightfield.analytic import direct_field, paper_model, predict, readout, time_factor
 from lightfield.errors import SceneError
+from lightfield.formula.field import direct_field, paper_model, predict, readout, time_factor
 from lightfield.scene import Detector, Lamp, Scene, Water
 
 LN2 = math.log(2)
@@ -206,7 +206,7 @@ def test_spectral_water() -> None:
     model = Scene(water=Water(base="pure"), detector=SCALAR)
     w = np.array([450.0, 600.0, np.nan])
     e = direct_field(model, np.zeros(3), np.zeros(3), np.full(3, 5.0), wavelength_nm=w)
-    from lightfield.water.iop import absorption_per_m, scattering_per_m
+    from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
     c = absorption_per_m(model.water, [450.0, 600.0, 525.0]) + scattering_per_m(
         model.water, [450.0, 600.0, 525.0]

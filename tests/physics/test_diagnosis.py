@@ -15,8 +15,8 @@ import pytest
 from analytic_readings import readings
 from scipy import stats
 
-from lightfield.diagnose import diagnose
-from lightfield.diagnosis.cascade import ALPHA
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.search.cascade import ALPHA
 
 SINGLE = {
     "apparent_source": {"lamp.apparent_distance_m": 0.8},

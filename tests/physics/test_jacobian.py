@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.analytic import direct_field
-from lightfield.jacobian import BEAM, DEPTH, direct_jacobian
+from lightfield.formula.derivatives import DEPTH, direct_jacobian
+from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
 
 PLACES = np.random.default_rng(3).uniform([-0.8, -0.8, 4.5], [0.8, 0.8, 8.5], (60, 3)).T
 MEDIUM = np.where(np.arange(60) % 5 == 0, "air", "water")
@@ -31,7 +32,8 @@ BUSY = {
     "water.cdom_440_per_m": 0.1,
     "water.sediment_g_per_m3": 0.2,
 }
-OTHERS = ("lamp.tilt_x_deg", "lamp.offset_x_m", "lamp.apparent_distance_m", "water.chlorophyll_mg_per_m3")
+OTHERS = ("lamp.offset_x_m", "water.chlorophyll_mg_per_m3")
+BEAM = [path for path, known in Scene().parameters().items() if known.acts_on & Acts.BEAM]
 
 
 @pytest.mark.parametrize("path", [*DEPTH, *BEAM, *OTHERS])

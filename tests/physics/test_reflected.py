@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.lamps.profile import solid_angle_sr
-from lightfield.render.from_lamp import fresnel, image_of_lamp
-from lightfield.render.reflected import ReflectedLight
+from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
+from lightfield.render.reflected.light import ReflectedLight
 from lightfield.scene import Scene
+from lightfield.scene.lamp.profile import solid_angle_sr
 
 SCENE = """
 [lamp]
@@ -50,7 +50,7 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
 
     Evaluated at 5 x 5 points of each cell, because the tracer counts whole cells.
     """
-    from lightfield.render.rendering import render_scene
+    from lightfield.render.maps import render_scene
 
     values = {"tank.wall_albedo": albedo, "tank.surface_reflectance": float(top == "surface"), **beam}
     scene = Scene.from_toml(SCENE).with_values(values)

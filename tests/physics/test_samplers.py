@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lightfield.lamps.profile import inverse_cdf_table, relative_intensity, sample
 from lightfield.scene import Lamp
-from lightfield.water.phase import HenyeyGreenstein, PhaseFunction, TwoTermHenyeyGreenstein, parse_phase
-from lightfield.water.phase_tables import FournierForand, petzold
+from lightfield.scene.lamp.profile import inverse_cdf_table, relative_intensity, sample
+from lightfield.scene.water.phase.function import PhaseFunction
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
+from lightfield.scene.water.phase.of_scene import parse_phase
+from lightfield.scene.water.phase.tabulated import FournierForand, petzold
 
 SAMPLES = 400_000
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lightfield.analytic import direct_field, paper_model
-from lightfield.measurements.readings import Readings
+from lightfield.formula.field import direct_field, paper_model
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenes" / "unh_tow_tank"

@@ -8,14 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lightfield.render.tracer.settings import Settings
 
-from lightfield.hide import scan
-from lightfield.render.grid import scene_grid
-from lightfield.render.rendering import Rendering, render_scene, transport_key
-from lightfield.render.response import Reference
-from lightfield.render.store import digest_of
-from lightfield.rendered import rendered_light
+from lightfield.experiments.hide import scan
+from lightfield.render.at_readings import rendered_light
+from lightfield.render.backend import limited_threads, use_backend
+from lightfield.render.maps import Rendering, render_scene, transport_key
+from lightfield.render.response.grid import scene_grid
+from lightfield.render.response.response import Reference
+from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
+from lightfield.scene.acts import TRACED, Acts
+from lightfield.scene.all_parameters import acts_on
 
 SCENE = Scene.from_dict(
     {
@@ -52,7 +56,7 @@ def test_light_at_readings_is_rendered_once(tmp_path: Path, monkeypatch: pytest.
         asked.append(settings["seed"])
         return np.full(len(x), float(len(asked))), np.full(len(x), 0.5)
 
-    monkeypatch.setattr("lightfield.rendered._render", render)
+    monkeypatch.setattr("lightfield.render.at_readings._render", render)
     table = scan(SCENE, "line", "random", np.random.default_rng(0))
     first = rendered_light(SCENE, table)
     again = rendered_light(SCENE, table)
@@ -106,3 +110,29 @@ def test_the_key_holds_all_that_a_trace_depends_on() -> None:
     corners = (0.0, 0.0, 4.5), (0.2, 0.2, 4.5), (0.0, 0.2, 4.5), (0.2, 0.0, 4.5)
     asked = [SCENE.with_values({"detector.positions_m": corners[:count]}) for count in (2, 3, 4)]
     assert len({key(scene) for scene in asked}) == 3
+
+
+def test_what_the_key_leaves_out_does_not_change_the_trace() -> None:
+    """One photon after the other goes the same way, whatever any other field says."""
+    use_backend()
+    from lightfield.render.tracer.accumulate import trace_until
+
+    reference = Reference(0.1, 0.2, 0.2)
+    lit = SCENE.with_values({"tank.surface_reflectance": 0.5, "lamp.warmup_fraction": 0.1})
+
+    def tally(scene: Scene) -> np.ndarray:
+        with limited_threads(1):  # one order of summation
+            return trace_until(scene, scene_grid(scene), reference, Settings(1.0, 2e3, 1, False))[0].tally
+
+    expected = tally(lit)
+    numbers = lit.parameters()
+    left_out = [path for path in numbers if not acts_on(path) & (TRACED | Acts.PLACES)]
+    assert {"lamp.power_w", "water.absorption_per_m", "tank.wall_albedo", "detector.saturation"} < set(
+        left_out
+    )
+    for path in left_out:
+        now = numbers[path]
+        step = 0.2 * (abs(now.value) or min(1.0, now.high))
+        value = now.value + (step if now.value + step <= now.high else -step)
+        np.testing.assert_array_equal(tally(lit.with_values({path: value}, validate=False)), expected, path)
+    assert not np.array_equal(tally(lit.with_values({"lamp.hwhm_deg": 4.0})), expected)

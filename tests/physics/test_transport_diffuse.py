@@ -10,10 +10,10 @@ from montecarlo import chi_square_p
 from scipy import stats
 
 from lightfield.render.backend import use_backend
-from lightfield.render.dense_water import dense_water, trace_for
-from lightfield.render.diffuse import DiffuseResponse, response_for
-from lightfield.render.grid import cell_of
-from lightfield.render.rendering import render_scene
+from lightfield.render.diffuse.dense_water import dense_water, trace_for
+from lightfield.render.diffuse.source import DiffuseResponse, response_for
+from lightfield.render.maps import render_scene
+from lightfield.render.response.grid import cell_of
 from lightfield.scene import Scene
 
 PLACES = np.array([(x, 0.0, z) for z in (4.5, 8.5) for x in (-0.6, -0.3, 0.0, 0.3, 0.6)])

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores
 
-from lightfield.analytic import direct_field
-from lightfield.render.receivers import window_points
-from lightfield.render.rendering import Rendering, render_scene
+from lightfield.formula.field import direct_field
+from lightfield.render.direct import window_points
+from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene
 
 BAND = np.array([525.0])

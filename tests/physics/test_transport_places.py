@@ -15,10 +15,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from lightfield.render.diffuse import response_for
-from lightfield.render.receivers import direct_at
-from lightfield.render.rendering import render_scene
-from lightfield.rendered import rendered_light
+from lightfield.render.at_readings import rendered_light
+from lightfield.render.diffuse.source import response_for
+from lightfield.render.direct import direct_at
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 
 Places = list[tuple[int, int]]

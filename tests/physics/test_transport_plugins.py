@@ -10,10 +10,10 @@ import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.errors import RenderError
-from lightfield.lamps.profile import relative_intensity
 from lightfield.render.backend import use_backend
-from lightfield.render.grid import Grid, cell_centres
+from lightfield.render.response.grid import Grid, cell_centres
 from lightfield.scene import Lamp
+from lightfield.scene.lamp.profile import relative_intensity
 
 A = 0.2
 

@@ -9,9 +9,9 @@ import pytest
 from montecarlo import same_light_p
 
 from lightfield.render.backend import use_backend
-from lightfield.render.grid import scene_grid
-from lightfield.render.rendering import Rendering, render_scene
-from lightfield.render.response import Reference, TransportResponse
+from lightfield.render.maps import Rendering, render_scene
+from lightfield.render.response.grid import scene_grid
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict(
@@ -62,10 +62,10 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
     Absorption is moved by up to 0.5 per m from that of the trace: more than from 500 to 600 nm in any water.
     """
     use_backend()
-    from lightfield.render.accumulate import response_from
-    from lightfield.render.build import prepare
-    from lightfield.render.histories import Histories
-    from lightfield.render.walk import trace
+    from lightfield.render.tracer.accumulate import response_from
+    from lightfield.render.tracer.build import prepare
+    from lightfield.render.tracer.histories import Histories
+    from lightfield.render.tracer.walk import trace
 
     reference = Reference(0.05, 0.2, 0.5)
     setup = prepare(SCENE, scene_grid(SCENE), reference)

@@ -13,11 +13,11 @@ import pytest
 from montecarlo import chi_square_p, normal_scores
 from scipy import stats
 
-from lightfield.lamps.profile import relative_intensity
 from lightfield.render.backend import use_backend
-from lightfield.render.emission import Emission
+from lightfield.render.tracer.emission import Emission
 from lightfield.scene import Lamp
-from lightfield.water.phase import parse_phase
+from lightfield.scene.lamp.profile import relative_intensity
+from lightfield.scene.water.phase.of_scene import parse_phase
 
 SAMPLES = 1 << 20
 PHASES: dict[str, dict[str, Any]] = {

@@ -16,11 +16,11 @@ import pytest
 from scipy import stats
 
 from lightfield.render.backend import use_backend
-from lightfield.render.emission import Emission
-from lightfield.render.histories import Histories
-from lightfield.render.planes import Crossing
-from lightfield.render.response import Bookkeeping
-from lightfield.render.walk import Water, trace
+from lightfield.render.response.response import Bookkeeping
+from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.histories import Histories
+from lightfield.render.tracer.planes import Crossing
+from lightfield.render.tracer.walk import Water, trace
 from lightfield.scene import Lamp
 
 BLACK = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from montecarlo import chi_square_p, normal_scores
 
-from lightfield.render.grid import scene_grid
-from lightfield.render.rendering import render_scene
-from lightfield.render.symmetry import merge_mirror_images
+from lightfield.render.maps import render_scene
+from lightfield.render.response.grid import scene_grid
+from lightfield.render.response.symmetry import merge_mirror_images
 from lightfield.scene import Scene
 
 WATER = {"absorption_per_m": 0.05, "scattering_per_m": 0.15}

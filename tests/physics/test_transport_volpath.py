@@ -20,7 +20,7 @@ from montecarlo import with_rows
 from scipy import stats
 
 from lightfield.render.backend import use_backend
-from lightfield.render.rendering import render_scene
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 
 HWHM_DEG = float(np.degrees(np.sqrt(np.log(2) / 157)))  # I = exp(-157 theta^2)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores, with_rows
 
-from lightfield.lamps.profile import relative_intensity
-from lightfield.render.rendering import render_scene
+from lightfield.render.maps import render_scene
 from lightfield.scene import Lamp, Scene
+from lightfield.scene.lamp.profile import relative_intensity
 
 A = 0.15
 TANK = {"width_m": 2.0, "depth_m": 1.5, "length_m": 9.0, "behind_lamp_m": 0.5, "lamp_depth_m": 0.6}

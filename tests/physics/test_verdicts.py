@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 from analytic_readings import scene as open_water
 
-from lightfield.diagnose import Diagnosis, diagnose
-from lightfield.diagnosis.cascade import ALPHA
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
-from lightfield.diagnosis.verdict import json_schema
-from lightfield.fitreport import fit_readings
-from lightfield.measurements.readings import Readings
-from lightfield.render.diffuse import response_for
+from lightfield.diagnosis.search.cascade import ALPHA
+from lightfield.diagnosis.verdict.verdict import json_schema
+from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "tests" / "data" / "verdicts"

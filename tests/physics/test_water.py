@@ -11,18 +11,18 @@ from scipy.integrate import trapezoid
 
 from lightfield.errors import SceneError
 from lightfield.scene import Water
-from lightfield.water.constituents import (
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
     chlorophyll_absorption_per_m,
     chlorophyll_scattering_per_m,
     sediment_absorption_per_m,
     sediment_scattering_per_m,
 )
-from lightfield.water.data import columns_of, list_presets
-from lightfield.water.iop import absorption_per_m, scattering_per_m
-from lightfield.water.molecular import molecular_scattering_per_m, refractive_index
-from lightfield.water.phase import HenyeyGreenstein, TwoTermHenyeyGreenstein
-from lightfield.water.phase_tables import FournierForand, TabulatedPhase, petzold
+from lightfield.scene.water.library import columns_of, list_presets
+from lightfield.scene.water.molecular import molecular_scattering_per_m, refractive_index
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
+from lightfield.scene.water.phase.tabulated import FournierForand, TabulatedPhase, petzold
 
 NAMES = ("jerlov-II", "jerlov-measured-II")
 

@@ -270,8 +270,8 @@ def no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     def started() -> None:
         pytest.fail("the backend was started")
 
-    monkeypatch.setattr("lightfield.render.backend._start", lambda backend: started())
-    monkeypatch.setattr("lightfield.render.backend._active", None)
+    monkeypatch.setattr("lightfield.render.backend.choice._start", lambda backend: started())
+    monkeypatch.setattr("lightfield.render.backend.choice._active", None)
 
 
 def one_clear_line(message: str, words: list[str]) -> None:

@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 
 from lightfield import cli
-from lightfield.diagnosis.verdict import json_schema
+from lightfield.diagnosis.verdict.verdict import json_schema
 
 SCENE = """
 [lamp]

@@ -12,8 +12,8 @@ import pytest
 from scipy.stats import chi2
 
 from lightfield import cli
-from lightfield import doctor as examination
 from lightfield.commands import doctor as command
+from lightfield.render import doctor as examination
 from lightfield.render.known_case import Check, render_known_case
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lightfield.measurements import Readings
+from lightfield.readings import Readings
 
 WAVELENGTH = np.arange(480.0, 580.0, 0.5)
 

@@ -19,9 +19,9 @@ import pytest
 import xarray as xr
 
 from lightfield import cli
-from lightfield.dataset import read_netcdf
+from lightfield.maps.dataset import read_netcdf
 from lightfield.render.backend import use_backend
-from lightfield.render.rendering import render_scene
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 
 SCENE = """
@@ -52,7 +52,7 @@ _tracing.progress_bar = bar
 # Stops in the middle of writing a file: half of its bytes are on the disk.
 IN_WRITE = """
 import os, time
-import lightfield.files as files
+import lightfield.storage.files as files
 from contextlib import contextmanager
 whole = files.atomic_path
 @contextmanager
@@ -152,7 +152,7 @@ def same(maps: xr.Dataset, others: xr.Dataset) -> None:
 
 def test_a_second_writer_is_left_alone(tmp_path):
     """Half-written files of a process that still lives are not leftovers."""
-    from lightfield.files import atomic_path, output_folder
+    from lightfield.storage.files import atomic_path, output_folder
 
     with atomic_path(tmp_path / "maps.nc") as temporary:
         temporary.write_text("half")
@@ -217,7 +217,7 @@ def test_an_entry_under_a_wrong_name_is_not_taken(place, monkeypatch, capsys):
 def test_a_stop_while_the_walk_is_recorded_is_still_a_stop(monkeypatch, stop) -> None:
     """Dr.Jit reports whatever ends its loop as a RuntimeError, even Ctrl-C."""
     use_backend()
-    from lightfield.render.planes import Planes
+    from lightfield.render.tracer.planes import Planes
 
     def stopped(*_: object) -> None:
         raise stop

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
-from lightfield.measurements import Readings
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]

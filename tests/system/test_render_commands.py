@@ -11,8 +11,8 @@ import pytest
 from matplotlib.image import imread
 
 from lightfield.cli import main
-from lightfield.dataset import read_netcdf
-from lightfield.exr import read_spectral_exr
+from lightfield.maps.dataset import read_netcdf
+from lightfield.maps.exr import read_spectral_exr
 
 SCENE = """
 name = "small"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lightfield.render import llvm
+from lightfield.render.backend import llvm
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL_TOOLS = ("sh", "env", "sed", "cat", "printf", "uname", "ln", "echo", "true")
@@ -26,13 +26,13 @@ class Machine:
             self.bin,
             self.libraries,
             self.checkout / ".venv/bin",
-            self.checkout / "lightfield/render",
+            self.checkout / "lightfield/render/backend",
         ):
             place.mkdir(parents=True)
         for tool in REAL_TOOLS:
             if found := shutil.which(tool):
                 (self.bin / tool).symlink_to(found)
-        shutil.copy(ROOT / "lightfield/render/llvm.py", self.checkout / "lightfield/render")
+        shutil.copy(ROOT / "lightfield/render/backend/llvm.py", self.checkout / "lightfield/render/backend")
         self.script(self.checkout / ".venv/bin/python", f'exec "{sys.executable}" "$@"')
         self.user(root=False, sudo=False)
 

@@ -13,7 +13,6 @@ import re
 import resource
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,6 @@ from typing import Any
 import psutil
 import pytest
 import xarray as xr
-
-from lightfield.cli import main
-
-sys.path.insert(0, str(Path(__file__).parent))
 from sweeping import (
     BUDGET,
     SCENE,
@@ -36,6 +31,8 @@ from sweeping import (
     sweep,
     wait_for_blocks,
 )
+
+from lightfield.cli import main
 
 BLOCKS = 16
 

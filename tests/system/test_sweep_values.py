@@ -15,10 +15,10 @@ import xarray as xr
 import zarr
 
 from lightfield.cli import main
-from lightfield.compare import closed_form
-from lightfield.exr import read_spectral_exr
-from lightfield.render.rendering import render_scene
+from lightfield.maps.exr import read_spectral_exr
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.studies.compare.maps import closed_form
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.runner import Progress, run_sweep
@@ -194,3 +194,25 @@ def test_a_dry_run_prints_the_plan_and_writes_nothing(
     assert main([*words, "-o", str(tmp_path / "s.zarr")]) == 0
     assert "traces: 1, 50 cases evaluated from each" in capsys.readouterr().out
     assert [f.name for f in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_cells_outside_the_tank_are_unknown_in_store_and_images(tmp_path: Path) -> None:
+    """A lamp that is lowered in a shallow tank: planes of one shape, the water above and below it known."""
+    scene = Scene.from_dict(
+        {"tank": {"width_m": 1.0, "depth_m": 0.8, "length_m": 3.0},
+         "detector": {"planes_m": [1.0], "pixels": 10}}
+    )  # fmt: skip
+    _, done = swept(tmp_path / "s.zarr", ("tank.lamp_depth_m=0.2,0.4",), 2e4, scene)
+    assert done.failed == 0
+    data = xr.open_zarr(tmp_path / "s.zarr").load()
+    half_cell = 0.5 * np.diff(data.y_m.values, axis=-1)[..., :1]
+    for case, depth in enumerate((0.2, 0.4)):
+        one = data.isel({"tank.lamp_depth_m": case})
+        y, half = one.y_m.values, np.ravel(half_cell[case])[0]
+        inside = (y + half < depth + 1e-6) & (y - half > depth - 0.8 - 1e-6)
+        known = np.isfinite(one.irradiance.values[0, 0])
+        np.testing.assert_array_equal(known, np.repeat(inside[:, None], 10, axis=1))
+        assert np.isfinite(one.plane_power).all() and np.isfinite(one.formula_error_on_axis).all()
+    assert main(["export", str(tmp_path / "s.zarr"), "--exr", str(tmp_path / "exr")]) == 0
+    image = read_spectral_exr(next((tmp_path / "exr").glob("*0.2*/*.exr")))
+    np.testing.assert_array_equal(np.isnan(image.value[0]), np.isnan(data.irradiance.values[0, 0, 0]))

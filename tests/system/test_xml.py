@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from lightfield import cli
-from lightfield.render.rendering import render_scene
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 
 # Asymmetric, so that a map that is turned or taken from another plane is found out.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.advice import FLOOR, REPEATS, Places, Way, best_places, error_of_mean
+from lightfield.diagnosis.verdict.advice import FLOOR, REPEATS, Places, Way, best_places, error_of_mean
 
 
 def straight_lines(own: float) -> tuple[list[Way], Places, np.ndarray]:

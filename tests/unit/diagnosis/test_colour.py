@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.analytic import direct_field
-from lightfield.diagnose import diagnose
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
-from lightfield.fitreport import fit_readings
-from lightfield.hide import measure, scan
-from lightfield.measurements.readings import Readings
+from lightfield.experiments.hide import measure, scan
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
 
 BANDS = ((440.0, 460.0), (490.0, 510.0), (540.0, 560.0), (590.0, 610.0))
 

@@ -7,9 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.layout import layout_of
-from lightfield.diagnosis.noise import Budget, Noise, Whitener, smooth_stderr
-from lightfield.diagnosis.robust import (
+from lightfield.diagnosis.adequacy.robust import (
     noise_scale,
     outliers,
     scatter_law,
@@ -17,6 +15,8 @@ from lightfield.diagnosis.robust import (
     serial_correlation,
     unstated_error,
 )
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener, smooth_stderr
 
 RNG = np.random.default_rng(5)
 

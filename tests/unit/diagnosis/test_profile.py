@@ -8,9 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.problem import Problem
-from lightfield.diagnosis.profile import profiled, restarted
-from lightfield.fit import Parameter
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.profile import profiled, restarted
+from lightfield.fitting.least_squares import Parameter
 
 SIGMA = 0.05
 OMEGA = 1.0

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
-from lightfield.diagnosis.repeats import plane_gain, repeats_of
-from lightfield.diagnosis.setup import PLANE_GAIN_PERCENT, budget_of
-from lightfield.measurements.readings import Readings
+from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
+from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT, budget_of
+from lightfield.readings import Readings
 
 ASSUMED = PLANE_GAIN_PERCENT / 100
 

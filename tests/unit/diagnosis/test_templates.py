@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield import effects
-from lightfield.diagnosis.setup import problem_of
-from lightfield.diagnosis.templates import bank
-from lightfield.forward import SceneForward
-from lightfield.hide import scan
+from lightfield.diagnosis.adequacy.templates import bank
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.experiments.hide import scan
+from lightfield.fitting import effects
+from lightfield.fitting.forward import SceneForward
 from lightfield.scene import Scene
 
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
-from lightfield.analytic import direct_field
-from lightfield.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
-from lightfield.diagnosis.verdict import Verdict, json_schema
+from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 from lightfield.errors import FitError, UsageError
-from lightfield.fitreport import fit_readings
-from lightfield.fittext import as_data, as_text
-from lightfield.measurements.readings import Readings
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
+from lightfield.studies.compare.text import as_data, as_text
 
 HIDDEN = {"lamp.tilt_x_deg": 0.25, "detector.background": 0.01}
 
@@ -76,7 +76,9 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
     light = direct_field(found.scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
     for more, said in ((0.0, False), (0.05, True)):
         fresh = light * (1 + more * (np.abs(r.x_m) > 0.3))
-        monkeypatch.setattr("lightfield.rendered.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f))
+        monkeypatch.setattr(
+            "lightfield.render.at_readings.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f)
+        )
         verdict = found.rendered().verdict
         assert verdict.ladder[-1].rendered_error_percent is not None
         assert any("does not confirm the fit" in w for w in verdict.warnings) == said

@@ -1,0 +1,1 @@
+"""Is anything still missing? Templates, score tests, robust noise."""

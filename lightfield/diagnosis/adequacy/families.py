@@ -1,0 +1,161 @@
+"""No known effect explains the readings: is the misfit at least a function of one coordinate?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
+from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.fitting.least_squares import Fit
+
+COORDINATES = ("x", "y", "angle", "plane", "time", "signal", "wavelength")
+_ITERATIONS = 10
+_MAX_LEVELS = 40
+#: Slow changes with the angle that may come with a ripple.
+_SLOW_TERMS = 4
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """How well a free factor that depends on one coordinate alone describes the readings.
+
+    Parameters
+    ----------
+    score : float
+        Sum of squares over the variance scale, plus ln(n) for each of the `terms`.
+    explained : float
+        Part of the misfit of the base model (beyond noise) that it takes away.
+    worst_at : float
+        Where along the coordinate the factor departs most from one; NaN for a label.
+    period_deg : float, optional
+        Of a factor that is periodic in the angle.
+    """
+
+    name: str
+    score: float
+    terms: int
+    explained: float
+    worst_at: float
+    period_deg: float | None = None
+
+
+def _levels(coordinate: Array, limit: int) -> Array | None:
+    values, label = np.unique(np.round(coordinate, 3), return_inverse=True)
+    if not 2 <= len(values) <= limit:
+        return None
+    return np.asarray((label[:, None] == np.arange(len(values))) * 1.0)
+
+
+def _cosines(coordinate: Array, terms: int) -> Array:
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    return np.cos(np.pi * np.outer(u, np.arange(1, terms + 1)))
+
+
+def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array]]:
+    """Basis (n, k) and coordinate (n,) of each family that the layout can show."""
+    n = layout.size
+    limit = min(_MAX_LEVELS, n // 4)
+    out: dict[str, tuple[Array, Array]] = {}
+    for name, coordinate in (("x", layout.x_m), ("y", layout.y_m)):
+        if np.ptp(coordinate) > 1e-6:
+            basis = _levels(coordinate, limit)
+            out[name] = (_cosines(coordinate, min(30, n // 4)) if basis is None else basis, coordinate)
+    angle = np.degrees(layout.angle_rad)
+    if np.ptp(angle) > 1e-6:
+        out["angle"] = (_cosines(angle, min(30, n // 4)), angle)
+    if layout.plane.max() > 0:
+        out["plane"] = ((layout.plane[:, None] == np.arange(layout.plane.max() + 1)) * 1.0, layout.z_m)
+    if layout.has_time:
+        minutes = (layout.time_s - layout.time_s.min()) / 60
+        out["time"] = (_cosines(minutes, min(40, n // 6)), minutes)
+    level = np.log10(np.maximum(prediction, 1e-3 * prediction.max()))
+    out["signal"] = (_cosines(level, 5), prediction)
+    if layout.channel.max() > 0:
+        out["wavelength"] = (
+            (layout.channel[:, None] == np.arange(layout.channel.max() + 1)) * 1.0,
+            layout.wavelength_nm,
+        )
+    return out
+
+
+def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Array, Array, float]]:
+    """The best ripple of the angle, on top of slow changes: name, basis, coordinate and period, degrees."""
+    layout, factor = problem.layout, problem.keep * base.prediction
+    angle, best = np.degrees(layout.angle_rad), (0.0, 0.0)
+    slow = _cosines(angle, _SLOW_TERMS)
+    free = orthonormal(np.hstack([base.jacobian, whiten(factor[:, None] * slow)]))
+    residual = beside(free, base.residual[:, None])
+    for period in ripple_periods_rad(layout).tolist():
+        waves = whiten(factor[:, None] * np.stack(ripples(layout, period, 2), axis=1))
+        explained = float(((orthonormal(beside(free, waves)).T @ residual) ** 2).sum())
+        best = max(best, (explained, period))
+    if best[1] == 0:
+        return []
+    basis = np.hstack([slow, np.stack(ripples(layout, best[1], 2), axis=1)])
+    return [("angle", basis, angle, float(np.degrees(best[1])))]
+
+
+def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
+    """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
+    unit = orthonormal(basis - basis.mean(0), 1e-6)
+    model, keep, value = problem.model(), problem.keep, problem.value
+    u, factor = base.u.copy(), np.ones(problem.layout.size)
+    best = (base.chi2, factor)
+    for _ in range(_ITERATIONS):
+        prediction = model.predict(u)
+        residual = whiten(keep * (value - prediction * factor))
+        nuisance = whiten((keep * factor)[:, None] * model.jacobian(u, prediction))
+        shape = whiten((keep * prediction)[:, None] * unit)
+        both = np.hstack([nuisance, shape])
+        length = np.linalg.norm(both, axis=0) + 1e-300
+        # A function of the angle can stand in for the beam width: such directions are left alone.
+        step = np.linalg.lstsq(both / length, residual, rcond=1e-3)[0] / length
+        for part in (1.0, 0.3, 0.1):
+            moved = np.clip(u + part * step[: len(u)], model.low, model.high)
+            scaled = factor + part * unit @ step[len(u) :]
+            rest = whiten(keep * (value - model.predict(moved) * scaled))
+            if (chi2 := float(rest @ rest)) < best[0]:
+                best, u, factor = (chi2, scaled), moved, scaled
+                break
+        else:
+            break
+    return best[0], unit.shape[1], best[1]
+
+
+def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> list[Coordinate]:
+    """Families of free factors, best first.
+
+    Parameters
+    ----------
+    whiten : Whitener
+        Without serial correlation, which would take a misfit in time for noise.
+    phi : float
+        Pure-error variance scale.
+    """
+    n = int(problem.keep.sum())
+    noise = phi * (n - len(base.u))
+    families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
+    out = []
+    for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
+        chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
+        terms += period is not None
+        departure = np.abs(factor - np.median(factor)) * (base.prediction > 0.05 * base.prediction.max())
+        explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, 1e-12)
+        out.append(
+            Coordinate(
+                name,
+                chi2 / phi + terms * np.log(n),
+                terms,
+                float(explained),
+                float(coordinate[departure.argmax()]),
+                period,
+            )
+        )
+    return sorted(out, key=lambda c: c.score)

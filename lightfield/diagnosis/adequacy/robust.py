@@ -1,0 +1,317 @@
+"""Gross outliers, serial correlation and noise scale, judged beside the richest linear model so that no
+effect is lost.
+
+Points that carry a missing effect look like outliers of the base model. Here a reading is an outlier only
+when the base model, every effect's template and every smooth unknown together cannot reach it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, special
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.subspace import orthonormal
+from lightfield.diagnosis.adequacy.templates import Template
+from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.fitting.least_squares import Fit
+
+MAX_OUTLIERS = 0.08
+_MANY = 80
+#: Readings this many spreads off are proposed as outliers.
+_PROPOSED = 3.0
+#: Correlations considered, all equally likely beforehand.
+RHO_GRID = np.linspace(0.0, 0.95, 20)
+#: Spread of ln(variance of the noise over the stated one) in the prior.
+SCALE_SPREAD = 0.5
+#: An overstated part of the error budget must not make the readings look better than they can be.
+_SMALLEST_SCALE = 0.5
+#: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
+#: reading; by how much its log likelihood must be larger; beside how many readings to spare.
+_FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
+_OVERWHELMING, _ENOUGH = 6.0, 20
+
+
+@dataclass(frozen=True)
+class Serial:
+    """Lag-one correlation of the noise in scan order: what is known of it beside the richest model.
+
+    Parameters
+    ----------
+    rho : float
+        Mean of the posterior.
+    levels : tuple of float
+        Equally likely values, which stand for the posterior in simulations.
+    """
+
+    rho: float = 0.0
+    levels: tuple[float, ...] = (0.0,)
+
+
+def rich_basis(
+    fit: Fit, templates: tuple[Template, ...], unknowns: Mapping[str, Array], with_time: bool = True
+) -> Array:
+    """Orthonormal basis of base model, effects and smooth unknowns, shape (n, k)."""
+    n = len(fit.residual)
+    parts = [fit.jacobian, *(t.columns for t in templates), unknowns["x"]]
+    if n >= _MANY:
+        parts.append(unknowns["plane"])
+    if with_time:
+        parts.append(unknowns["time"])
+    return orthonormal(np.hstack(parts))
+
+
+def outliers(residual: Array, basis: Array, keep: Array) -> NDArray[np.bool_]:
+    """Readings that a model misses: externally studentised residuals (Cook and Weisberg 1982, section 2.2).
+
+    A Cauchy regression proposes them. Each is then judged by least squares on the readings that are left,
+    with the error of the prediction itself: a reading that alone fixes a parameter is never an outlier.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened residual of the fit.
+    basis : array, shape (n, k)
+        Orthonormal basis of what the model can still do.
+    """
+    n, usable = len(keep), keep > 0
+    bad = usable & (_cauchy_misfit(residual, basis, keep) > _PROPOSED)
+    most = max(int(MAX_OUTLIERS * n) - int(n - keep.sum()), 0)
+    level = (0.005 if n >= _MANY else 0.0005) / n
+    while bad.any():
+        t, nu = _studentised(residual, basis, usable & ~bad)
+        proposed = np.flatnonzero(bad)
+        weakest = int(proposed[t[proposed].argmin()])
+        if t[weakest] > -special.stdtrit(nu, level) and bad.sum() <= most:
+            break
+        bad[weakest] = False
+    return np.asarray(bad)
+
+
+def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
+    """|misfit| of a Cauchy regression in units of its robust spread."""
+    n, weight, misfit = len(keep), keep.copy(), np.abs(residual)
+    spread = 1.0
+    for _ in range(8):
+        root = np.sqrt(weight)
+        misfit = residual - basis @ np.linalg.lstsq(basis * root[:, None], residual * root, rcond=None)[0]
+        inflate = np.sqrt(n / max(n - 0.8 * basis.shape[1], 0.25 * n))
+        spread = 1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate
+        spread = max(spread, 1e-9 * float(np.abs(misfit).max()), 1e-300)  # most readings may fit exactly
+        weight = keep / (1 + (misfit / (2.5 * spread)) ** 2)
+    return np.asarray(np.abs(misfit) / spread)
+
+
+def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tuple[Array, int]:
+    """|misfit| of readings that were not used over its standard error, and the degrees of freedom."""
+    u, s, vt = np.linalg.svd(basis[judges], full_matrices=False)
+    firm = s > 1e-6
+    misfit = residual - basis @ (vt[firm].T @ ((u[:, firm].T @ residual[judges]) / s[firm]))
+    nu = max(int(judges.sum()) - int(firm.sum()), 1)
+    sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), 1e-9 * np.abs(misfit).max(), 1e-300)
+    loose = basis @ vt.T
+    # Directions that the judges leave open could have produced any misfit.
+    open_part = (loose[:, ~firm] ** 2).sum(1) > 1e-6
+    variance = 1 + ((loose[:, firm] / s[firm]) ** 2).sum(1)
+    return np.where(open_part, 0.0, np.abs(misfit) / (sigma * np.sqrt(variance))), nu
+
+
+def scattered(bad: NDArray[np.bool_], misfit: Array, layout: Layout) -> NDArray[np.bool_]:
+    """Outliers without those that share a place and a sign: a shadow or a cloud is a finding, not a slip of
+    the pen.
+
+    Parameters
+    ----------
+    bad : array of bool, shape (n,)
+        All readings left out so far.
+    misfit : array, shape (n,)
+        Reading minus model.
+    """
+    alone = bad.copy()
+    for coordinate in (layout.x_m, layout.y_m, layout.z_m):
+        _, label = np.unique(np.round(coordinate, 3), return_inverse=True)
+        size, hit = np.bincount(label), np.bincount(label, weights=bad)
+        above = np.bincount(label, weights=bad & (misfit > 0))
+        together = (hit >= 3) & (hit > 0.4 * size) & (len(size) > 2) & ((above == 0) | (above == hit))
+        alone &= ~together[label]
+    return alone
+
+
+def serial_correlation(
+    residual: Array, rich: Array, keep: Array, layout: Layout, stated: float | None
+) -> Serial:
+    """Posterior of an AR(1) correlation in scan order from the restricted likelihood (Patterson and Thompson
+    1971, Biometrika 58, 545), which does not mistake for independence what the rich model took out.
+
+    Correlated noise is quiet from one reading to the next, so that the stated errors have a say: noise of
+    the stated size is not both correlated and rough. Their scale has a wide Student prior.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened by the quoted errors alone.
+    rich : array, shape (n, k)
+        Orthonormal basis of what the rich model can do.
+    stated : float, optional
+        Expected variance of the residual; None where the table quotes no errors.
+    """
+    order = layout.order[keep[layout.order] > 0]
+    gap, same = np.diff(layout.position[order]), np.diff(layout.channel[order]) == 0
+    if (same & (gap <= 2)).sum() < 20:
+        return Serial()
+    rows = np.column_stack([rich, residual])[order]
+    evidence = []
+    for rho in RHO_GRID:
+        lag = np.where(same, rho ** np.maximum(gap, 1.0), 0.0)[:, None]
+        root = np.sqrt(1 - lag**2)
+        white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
+        evidence.append(_log_evidence(white, stated) - float(np.log(root).sum()))
+    weight = np.exp(np.array(evidence) - max(evidence))
+    share = np.cumsum(weight) / weight.sum()
+    levels = tuple(float(RHO_GRID[int(np.searchsorted(share, p))]) for p in (0.1, 0.3, 0.5, 0.7, 0.9))
+    return Serial(float(weight @ RHO_GRID / weight.sum()), levels)
+
+
+def _log_evidence(white: Array, stated: float | None) -> float:
+    """Restricted likelihood of a residual beside columns, both whitened, the variance scale integrated out.
+
+    Parameters
+    ----------
+    white : array, shape (n, k + 1)
+        Columns and, last, residual.
+    """
+    log_scale = np.linspace(-3.0, 9.0, 121)
+    prior = np.zeros_like(log_scale)
+    if stated is not None:
+        # Student's t with 4 degrees of freedom, up to a constant.
+        prior = -2.5 * np.log1p(((log_scale - np.log(stated)) / SCALE_SPREAD) ** 2 / 4)
+    q, r = np.linalg.qr(white[:, :-1])
+    rest = white[:, -1] - q @ (q.T @ white[:, -1])
+    nu = len(white) - r.shape[1]
+    log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
+    return float(special.logsumexp(log_likelihood) - np.log(np.abs(np.diag(r))).sum())
+
+
+def scatter_law(
+    residual: Array, rich: Array, keep: Array, sigma: Array, prediction: Array, most: float
+) -> Array | None:
+    """Standard errors from the scatter itself, shape (n,), where the stated ones have another shape.
+
+    Stated errors may be too small or too large by a factor. But one error for bright and dark readings alike,
+    or one in per cent without a dark floor, weighs the readings wrongly, and no factor mends that. The law
+    tried instead is s^2 = c0 + c2 f^2; its likelihood is the restricted one of the residual beside the rich
+    model (Patterson and Thompson 1971, Biometrika 58, 545).
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened by the stated errors.
+    rich : array, shape (n, k)
+        Whitened likewise.
+    sigma, prediction : array, shape (n,)
+        Stated errors and model.
+    most : float
+        Largest factor on a stated variance that is believed beside a dark floor.
+
+    Returns
+    -------
+    array or None
+        None: the stated errors are as good as any, or too small for more than a wrong shape.
+    """
+    kept = keep > 0
+    level = np.clip(prediction, 0, None)[kept]
+    top, stated = float(level.max()), sigma[kept]
+    rows = np.column_stack([rich, residual])[kept]
+    if top <= 0 or len(rows) - rich.shape[1] < _ENOUGH:
+        return None
+    best, _ = _profile(rows)
+    law = None
+    for floor in _FLOORS:
+        shape = np.hypot(floor * top, level)
+        evidence, variance = _profile(rows * (stated / shape)[:, None])
+        evidence -= float(np.log(shape / stated).sum())
+        limit = most * stated**2 + (_DARK * top) ** 2
+        if evidence > best + (_OVERWHELMING if law is None else 0.0) and (variance * shape**2 < limit).all():
+            best, law = evidence, np.sqrt(variance) * np.hypot(floor * top, np.clip(prediction, 0, None))
+    return law
+
+
+def _profile(white: Array) -> tuple[float, float]:
+    """Restricted log likelihood of a residual (last column) beside the others at its best scale, and that."""
+    q, r = np.linalg.qr(white[:, :-1])
+    rest = white[:, -1] - q @ (q.T @ white[:, -1])
+    nu = len(white) - r.shape[1]
+    variance = max(float(rest @ rest) / nu, 1e-300)
+    return -0.5 * nu * float(np.log(variance)) - float(np.log(np.abs(np.diag(r))).sum()), variance
+
+
+def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, most: float) -> Array:
+    """Factor on the stated errors for an error in proportion to the reading that they leave out, shape (n,).
+
+    Stated errors tell how well a reading repeats; what goes with its place (position, a restless lamp,
+    photons of a simulation) is often missing, and counts where it is bright.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Whitened by the stated errors.
+    relative : array, shape (n,)
+        Reading over its stated error.
+    most : float
+        Largest factor on a variance that is believed.
+    """
+    kept = keep > 0
+    rows, bright = np.column_stack([rich, residual])[kept], relative[kept] ** 2
+    if not bright.any():
+        return np.ones_like(relative)
+    evidence, shares = [], np.linspace(0.0, 1.0, 11) * (most - 1) / float(bright.max())
+    for share in shares:
+        root = np.sqrt(1 + share * bright)[:, None]
+        evidence.append(_log_evidence(rows / root, 1.0) - float(np.log(root).sum()))
+    best = int(np.argmax(evidence))
+    # Without evidence of two standard deviations the stated errors are taken as they are.
+    share = shares[best] if evidence[best] - evidence[0] > 2.0 else 0.0
+    return np.asarray(np.sqrt(1 + share * relative**2))
+
+
+def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array) -> float:
+    """Variance factor of the quoted errors beside the rest of the error budget, by restricted likelihood.
+
+    What is left beside the rich basis has the covariance phi + extra. In the eigenvectors of `extra` that is
+    a sum of independent terms, so that directions which the rest of the budget fills say little about phi
+    (Patterson and Thompson 1971, Biometrika 58, 545).
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Residual whitened by the quoted errors alone (`plain`).
+    extra : array, shape (n, n)
+        Covariance of the other terms of the budget.
+    """
+    kept = np.flatnonzero(keep > 0)
+    spare = len(kept) - rich.shape[1]
+    if spare < 4:  # nothing is left to estimate it from
+        return 1.0
+    outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
+    white = plain(plain(extra).T)[np.ix_(kept, kept)]
+    more, directions = np.linalg.eigh(outside.T @ white @ outside)
+    more, square = np.maximum(more, 0.0), (directions.T @ (outside.T @ residual[kept])) ** 2
+
+    def deviance(log_phi: float) -> float:
+        variance = np.exp(log_phi) + more
+        return float(np.sum(np.log(variance) + square / variance))
+
+    largest = max(float(square.sum()) / spare, 2 * _SMALLEST_SCALE)
+    bounds = (np.log(_SMALLEST_SCALE), np.log(2 * largest))
+    grid = np.linspace(*bounds, 40)
+    best = grid[int(np.argmin([deviance(x) for x in grid]))]
+    width = grid[1] - grid[0]
+    found = optimize.minimize_scalar(
+        deviance, bounds=(max(best - width, bounds[0]), best + width), method="bounded"
+    )
+    return float(np.exp(found.x))

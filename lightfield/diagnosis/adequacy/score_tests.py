@@ -1,0 +1,231 @@
+"""Is anything still missing? Score tests of every absent effect and of smooth unknowns, calibrated together.
+
+Valid when the errors are Gaussian with the covariance of the noise module up to one unknown scale, and the
+model is nearly linear in its parameters over their uncertainty. Nominal p-values are never used as they are:
+the smallest one is compared with the smallest ones of a parametric bootstrap that repeats the whole
+calculation (Westfall & Young 1993), which takes care of their number, their correlations, one-sided effects,
+and shapes that mean nothing without amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.templates import Template, bank
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.fitting.least_squares import Fit, Whiten
+
+#: Family-wise level at which the base model is given up.
+ALPHA = 0.01
+SPANS = ("x", "plane", "time")
+SCANS = ("bump", "ripple", "step", "one plane")
+#: A template that keeps less than this part of its length beside the free parameters is absorbed by them.
+ABSORBED = 1e-3
+#: Scatter up to this many times the quoted variance is put down to errors quoted too small.
+VARIANCE_EXCESS = 4.0
+#: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
+FEWEST_SPARE = 4
+_CERTAIN = 1000
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score test of one effect at one shape.
+
+    Parameters
+    ----------
+    direction : array, shape (n, q)
+        Orthonormal directions of the projected template.
+    to_amplitude : array, shape (q, q)
+        Amplitudes = to_amplitude @ direction.T @ residual.
+    length : float
+        Length of the projected template per unit (first) amplitude: 1/length is its standard error at phi =
+        1.
+    """
+
+    template: Template
+    direction: Array
+    to_amplitude: Array
+    length: float
+    testable: bool
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.template.candidate.key
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """Verdict of the test on one fit.
+
+    Parameters
+    ----------
+    p : float
+        Family-wise probability of so bad a worst test if nothing were missing.
+    phi, nu : float, int
+        Pure-error variance scale from what neither an effect nor a smooth unknown can reach; its degrees of
+        freedom.
+    tests : mapping
+        Nominal p of each test: (effect, form), or "~" and the unknown's name.
+    excess_p : float
+        Probability of so large a scatter, were the errors quoted up to a factor 2 too small.
+    scale_taken : bool
+        Too few readings to estimate the scale of the noise: the stated errors are taken as they are.
+    critical_p : float
+        Nominal p of the worst test that is undercut with probability ALPHA where nothing is missing.
+    """
+
+    p: float
+    phi: float
+    nu: int
+    tests: Mapping[object, float]
+    scores: tuple[Score, ...]
+    amplitudes: tuple[Array, ...]
+    excess_p: float
+    scale_taken: bool = False
+    critical_p: float = ALPHA
+
+    @property
+    def worst(self) -> object:
+        return min(self.tests, key=lambda k: self.tests[k])
+
+    def passes(self, alpha: float) -> bool:
+        """Nothing is missing at family-wise level `alpha`, and the scatter is credible."""
+        return self.p > alpha and self.excess_p > 0.001
+
+
+def _score(template: Template, free: Array) -> Score:
+    rest = beside(free, template.columns)
+    before, after = np.linalg.norm(template.columns, axis=0), np.linalg.norm(rest, axis=0)
+    visible = after > ABSORBED * np.maximum(before, 1e-300)
+    q = template.columns.shape[1]
+    if not visible.any():
+        return Score(template, np.zeros((len(rest), 0)), np.zeros((q, 0)), 0.0, False)
+    u, s, vt = np.linalg.svd(rest[:, visible] / after[visible], full_matrices=False)
+    strong = s > 1e-3 * s[0]
+    to_amplitude = np.zeros((q, int(strong.sum())))
+    to_amplitude[visible] = (vt[strong].T / s[strong]) / after[visible][:, None]
+    return Score(template, u[:, strong], to_amplitude, float(after[visible][0]), True)
+
+
+class AdequacyTest:
+    """The test, ready for fits that share one whitening.
+
+    Parameters
+    ----------
+    unknowns : mapping of array, shape (n, k)
+        Whitened smooth unknowns, spans and scans.
+    noise : callable
+        Gives whitened noise, shape (n, n_bootstrap), when a fit is tested.
+    errors_stated : bool
+        The table quotes standard errors, so that their scale can be doubted.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        whiten: Whiten,
+        unknowns: Mapping[str, Array],
+        noise: Callable[[], Array],
+        errors_stated: bool,
+        scale: float = 1.0,
+    ) -> None:
+        self.problem, self.whiten, self.unknowns = problem, whiten, unknowns
+        self.noise, self.errors_stated, self.scale = noise, errors_stated, scale
+
+    @cached_property
+    def replicates(self) -> Array:
+        """Whitened noise, shape (n, n_bootstrap)."""
+        return self.noise()
+
+    def on(self, problem: Problem) -> AdequacyTest:
+        """The same test of a problem whose forward model has changed a little."""
+        return AdequacyTest(problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale)
+
+    def __call__(self, fit: Fit) -> Adequacy:
+        """Test one fit."""
+        n_kept = int(self.problem.keep.sum())
+        bound = fit.at_bound()
+        free = orthonormal(fit.jacobian[:, ~bound], 1e-9)
+        scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten))
+        testable = [s for s in scores if s.testable]
+        spans = {k: orthonormal(beside(free, self.unknowns[k])) for k in SPANS if self.unknowns[k].shape[1]}
+        together = np.hstack(list(spans.values()) or [np.zeros((len(free), 0))])
+        spans["all"] = orthonormal(together)
+        scans = {k: self._unit(free, self.unknowns[k]) for k in SCANS}
+        directions = [s.direction for s in testable]
+        reach = orthonormal(np.hstack([free, *directions, together, scans["step"], scans["one plane"]]))
+        if n_kept - reach.shape[1] < 8:
+            reach = orthonormal(np.hstack([free, *directions, *[v for k, v in spans.items() if k == "x"]]))
+        spare = n_kept - reach.shape[1]
+        taken = spare < FEWEST_SPARE
+        nu = _CERTAIN if taken else spare
+        null = beside(free, self.replicates)
+        null_p, labels, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
+        observed = beside(free, fit.residual[:, None])
+        seen_p, _, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
+        worst = float(seen_p.min())
+        p = (1 + int((null_p.min(0) <= worst).sum())) / (1 + null_p.shape[1])
+        excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
+        return Adequacy(
+            p,
+            float(phi[0]),
+            nu,
+            dict(zip(labels, map(float, seen_p[:, 0]), strict=True)),
+            scores,
+            tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
+            float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
+            taken,
+            float(np.quantile(null_p.min(0), ALPHA)),
+        )
+
+    @staticmethod
+    def _unit(free: Array, columns: Array) -> Array:
+        before = np.linalg.norm(columns, axis=0)
+        rest = beside(free, columns)
+        after = np.linalg.norm(rest, axis=0)
+        visible = after > 0.05 * np.maximum(before, 1e-300)
+        return np.asarray(rest[:, visible] / after[visible])
+
+    @staticmethod
+    def _p_values(
+        residuals: Array,
+        scores: list[Score],
+        spans: Mapping[str, Array],
+        scans: Mapping[str, Array],
+        reach: Array | None,
+        nu: int,
+    ) -> tuple[Array, list[object], Array]:
+        total = (residuals**2).sum(0)
+        phi = np.ones_like(total)
+        if reach is not None:
+            phi = np.maximum(total - ((reach.T @ residuals) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
+        best: dict[object, Array] = {}
+        for score in scores:
+            projected = score.direction.T @ residuals
+            q = len(projected)
+            if q == 1:
+                z = projected[0] / np.sqrt(phi)
+                if score.template.candidate.one_sided:
+                    sign = np.sign(score.to_amplitude[np.abs(score.to_amplitude).argmax()])
+                    p = np.where(sign * z > 0, special.stdtr(nu, -sign * z), 1.0)
+                else:
+                    p = 2 * special.stdtr(nu, -np.abs(z))
+            else:
+                p = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
+            best[score.key] = np.minimum(best[score.key], p) if score.key in best else p
+        for name, basis in spans.items():
+            if q := basis.shape[1]:
+                best["~" + name] = special.fdtrc(q, nu, ((basis.T @ residuals) ** 2).sum(0) / q / phi)
+        for name, columns in scans.items():
+            if k := columns.shape[1]:
+                z = np.abs(columns.T @ residuals).max(0) / np.sqrt(phi)
+                best["~" + name] = np.minimum(2 * k**0.7 * special.stdtr(nu, -z), 1.0)
+        return np.stack(list(best.values())), list(best), phi

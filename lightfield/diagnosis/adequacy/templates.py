@@ -1,0 +1,170 @@
+"""What each absent effect, and each smooth unknown, would add to the readings at a given fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.fitting.least_squares import Fit, Parameter, Whiten
+
+BUMP_WIDTH_M = 0.06
+#: Cycles over the angles that the readings span: effects change slower than this.
+SLOWEST_RIPPLE, MOST_RIPPLES = 4.0, 40
+#: As soon as there is a surface the lid is gone, and with it what it reflects: that is a step, not a slope.
+OPENS_THE_TOP = "tank.surface_reflectance"
+_TIME_TERMS = 6
+
+
+@dataclass(frozen=True)
+class Template:
+    """Whitened derivatives of the readings with respect to an effect's amplitudes, at one shape.
+
+    Parameters
+    ----------
+    columns : array, shape (n, n_amplitudes)
+    """
+
+    candidate: Candidate
+    shape: tuple[float, ...]
+    columns: Array
+
+
+def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
+    """Templates of every candidate form whose parameters the fit does not move."""
+    moved = set(fit.paths)
+    there = [c.effect for c in problem.candidates if moved & {p.path for p in c.amplitudes}]
+    values = fit.values
+    raw: list[Array] = []
+    labels: list[tuple[Candidate, tuple[float, ...], int]] = []
+    for candidate in problem.candidates:
+        if moved & {p.path for p in candidate.parameters}:
+            continue
+        if not all(candidate.effect.combines_with(e) or candidate.effect is e for e in there):
+            continue
+        for shape in candidate.grid:
+            with_shape = values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
+            # All that scatters shares one phase function: its change alone is no sign of more of it, and
+            # would compare two traces, with all their noise.
+            shared = candidate.effect.diffuse and candidate.shapes
+            at = problem.forward.predict(with_shape) if shared else fit.prediction
+            for parameter in candidate.amplitudes:
+                raw.append(problem.keep * _slope(problem, with_shape, parameter, at))
+            labels.append((candidate, shape, len(candidate.amplitudes)))
+    if not raw:
+        return ()
+    white = whiten(np.stack(raw, axis=1))
+    templates, first = [], 0
+    for candidate, shape, count in labels:
+        templates.append(Template(candidate, shape, white[:, first : first + count]))
+        first += count
+    return tuple(templates)
+
+
+def _slope(problem: Problem, values: Mapping[str, float], parameter: Parameter, at: Array) -> Array:
+    """Change of the readings per unit of a parameter at its neutral value, where they are `at`."""
+    step = parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+
+    def predict(steps: int) -> Array:
+        return problem.forward.predict(
+            {**values, parameter.path: parameter.value(parameter.start + steps * step)}
+        )
+
+    if parameter.path == OPENS_THE_TOP:
+        return np.asarray((predict(2) - predict(1)) / step)
+    return np.asarray((predict(1) - at) / step)
+
+
+def _cosines(coordinate: Array, terms: int) -> list[Array]:
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    return [np.cos(k * np.pi * u) for k in range(1, terms + 1)]
+
+
+def _levels(coordinate: Array) -> int:
+    return len(np.unique(np.round(coordinate, 4)))
+
+
+def _transverse(layout: Layout) -> list[Array]:
+    """Cosines in x and in y, as many as half their number of positions."""
+    out: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        levels = _levels(coordinate)
+        if levels > 1:
+            out += _cosines(coordinate, max(1, min(10, levels // 2)))
+    return out
+
+
+def _per_plane(layout: Layout) -> list[Array]:
+    """A free level and slow cosines across the beam at every distance and channel."""
+    _, label = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
+    count = int(label.max()) + 1
+    terms = min(3, max(1, layout.size // (5 * count) - 1))
+    across: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        levels = _levels(coordinate)
+        if levels > 2:
+            across += _cosines(coordinate, terms if levels >= 10 else 1)
+    return [(label == k) * shape for k in range(count) for shape in [np.ones(layout.size), *across]]
+
+
+def _bumps(layout: Layout) -> list[Array]:
+    out: list[Array] = []
+    for coordinate in (layout.x_m, layout.y_m):
+        places = np.unique(np.round(coordinate, 3))
+        if len(places) > 2:
+            places = places[:: max(1, len(places) // 40)]
+            out += [np.exp(-(((coordinate - place) / BUMP_WIDTH_M) ** 2)) for place in places]
+    return out
+
+
+def ripple_periods_rad(layout: Layout) -> Array:
+    """Periods in the angle from the axis, shorter than any effect's, no shorter than readings show."""
+    levels, extent = len(np.unique(np.round(layout.angle_rad, 4))), float(np.ptp(layout.angle_rad))
+    cycles = np.arange(SLOWEST_RIPPLE, levels / 2, 0.5)
+    return np.asarray(extent / cycles[:: max(1, ceil(len(cycles) / MOST_RIPPLES))])
+
+
+def ripples(layout: Layout, period_rad: float, phases: int) -> list[Array]:
+    """Cosines of the angle from the axis at several phases of half a turn."""
+    return [np.cos(2 * np.pi * layout.angle_rad / period_rad + np.pi * k / phases) for k in range(phases)]
+
+
+def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[str, Array]:
+    """Readings' changes by unknown causes, each an array of shape (n, k), before whitening.
+
+    "x", "plane", "time" are spans (any combination); "bump", "ripple", "step", "one plane" scans (any single
+    column).
+    Transverse unknowns are measured in units of the noise; those of time and of single places act as factors.
+    """
+    factor = np.clip(prediction, 0, None)
+    spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
+    scans: dict[str, list[Array]] = {
+        "bump": _bumps(layout), "step": [], "one plane": [],
+        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, 4)],
+    }  # fmt: skip
+    if layout.has_time:
+        phase = layout.phase_of_scan
+        spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= 80 else 2)
+        scans["step"] = [np.sign(phase - at) for at in np.linspace(-0.4, 0.4, 17)]
+    if layout.plane.max() > 0:
+        scans["one plane"] = [(layout.plane == k) * 1.0 for k in range(int(layout.plane.max()) + 1)]
+    empty = np.zeros((layout.size, 0))
+    out: dict[str, Array] = {}
+    for name, columns in {**spans, **scans}.items():
+        unit = sigma if name in ("x", "plane") else factor
+        out[name] = unit[:, None] * np.stack(columns, axis=1) if columns else empty
+    return out
+
+
+def whitened_unknowns(problem: Problem, whiten: Whitener) -> dict[str, Array]:
+    """`smooth_unknowns` of the readings that are kept, whitened."""
+    noise = whiten.noise
+    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction)
+    return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}

@@ -1,0 +1,221 @@
+"""Which physical effect is missing? Readings and a scene in; a verdict, a ladder and advice out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from lightfield import __version__
+from lightfield.arrays import Array
+from lightfield.diagnosis import ledger
+from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
+from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
+from lightfield.diagnosis.search.preparation import Prepared, prepare
+from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.verdict import compose
+from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting import effects
+from lightfield.fitting.effects import Effect
+from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path
+
+#: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
+FRESH_PHOTONS = 1.5e6
+#: A fresh render whose error is larger than this many times what is expected contradicts the fit.
+CONFIRMED = 1.15
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict and everything it rests on.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Plain data, as written to JSON.
+    steps : list of Step
+        The ladder with its fits.
+    """
+
+    verdict: Verdict
+    forward: SceneForward
+    readings: Any
+    prepared: Prepared
+    finding: Finding
+    steps: list[Step]
+    seed: int
+    untestable: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def scene(self) -> Scene:
+        """The fitted scene of the last rung."""
+        return self.forward.scene_at(self.steps[-1].fit.values)
+
+    @property
+    def prediction(self) -> Array:
+        """Readings of the last rung, shape (n,)."""
+        return self.steps[-1].fit.prediction
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Standard error of every reading as the diagnosis used it, shape (n,)."""
+        scale = compose.error_scale(self.prepared, self.finding)
+        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
+        return np.sqrt(np.diag(covariance))
+
+    def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
+        """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
+
+        Parameters
+        ----------
+        max_photons : float
+            Photon budget of the trace.
+        """
+        from lightfield.render.at_readings import rendered_light  # loads the renderer
+
+        step, problem, verdict = self.steps[-1], self.prepared.problem, self.verdict
+        light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
+        model = self.forward.read(light, step.fit.values)
+        up = self.forward.read(light + error, step.fit.values)
+        counted = bright(problem)
+        fresh = percent(problem, model, counted)
+        stderr = float(100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2)))
+        last = verdict.ladder[-1].model_copy(
+            update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
+        )
+        warnings = list(verdict.warnings)
+        if fresh > CONFIRMED * np.hypot(last.error_percent, stderr):
+            warnings.append(
+                f"the fresh render does not confirm the fit ({fresh:.2g} % against "
+                f"{last.error_percent:.2g} %): the explanation is no better than the former"
+            )
+        ladder = [*verdict.ladder[:-1], last]
+        return replace(self, verdict=verdict.model_copy(update={"ladder": ladder, "warnings": warnings}))
+
+    def summary(self) -> str:
+        """The verdict for people, several lines."""
+        return compose.summary(self.verdict)
+
+    def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
+        """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
+
+        Parameters
+        ----------
+        folder : path-like
+        command : str
+            What the ledger calls this run.
+
+        Returns
+        -------
+        Diagnosis
+            The same, with its number in the ledger.
+        """
+        target = Path(folder)
+        rows = []
+        known = ledger.fingerprint(self.readings)
+        number = ledger.runs(target, known) + 1
+        verdict = self.verdict.model_copy(update={"run": number})
+        for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
+            name = f"rung{k}.toml"
+            self.forward.scene_at(step.fit.values).save(target / name)
+            rows.append(
+                rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
+                | {"scene": name}
+            )
+        with atomic_path(target / "verdict.json") as temporary:
+            temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        ledger.append(target, rows, command, known)
+        return replace(self, verdict=verdict)
+
+
+def diagnose(
+    readings: Any,
+    scene: Scene,
+    *,
+    diffuse: DiffuseSource | str | None = "trace",
+    only: Sequence[str] | None = None,
+    alpha: float = ALPHA,
+    seed: int = 0,
+    advise: bool = True,
+) -> Diagnosis:
+    """Find the smallest sets of physical effects beside which nothing is missing in the model.
+
+    Parameters
+    ----------
+    readings : Readings
+        A reading table.
+    scene : Scene
+        What the experimenter believes. Gain, beam half-width and absorption are refitted; an effect that the
+        scene already switches on stays on.
+    diffuse : "trace", None or callable
+        Where scattered and reflected light comes from: traced by the renderer and kept in its cache, not at
+        all (then scattering, walls and surface cannot be tested), or a function that takes what
+        `render.diffuse.response_for` does: a scene, three arrays of positions, `share`, `dense_per_m`.
+    only : sequence of str, optional
+        Names of the effects to consider; default: the whole table.
+    alpha : float
+        Family-wise false-alarm probability of the test of the base model.
+    seed : int
+        Of the bootstrap.
+    advise : bool
+        Work out held-out errors and the next measurement.
+
+    Raises
+    ------
+    FitError
+        Too few readings.
+    MeasurementError
+        Readings that do not belong to this scene.
+    UsageError
+        Unknown effect.
+    """
+    # On many small matrices more BLAS threads only get in each other's way.
+    with threadpool_limits(1, "blas"):
+        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise)
+
+
+def _diagnose(
+    readings: Any,
+    scene: Scene,
+    diffuse: DiffuseSource | str | None,
+    only: Sequence[str] | None,
+    alpha: float,
+    seed: int,
+    advise: bool,
+) -> Diagnosis:
+    readings = readings.check_against(scene)
+    source, reason = source_of(scene, diffuse)
+    scene = spectral(scene, readings)
+    chosen: list[Effect] = (
+        [effects.get(name) for name in only] if only is not None else list(effects.table().values())
+    )
+    budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
+    source, dense = remembered(source), None
+    known: tuple[Fitted, ...] = ()
+    for traces_left in reversed(range(TRACES)):
+        forward = SceneForward(scene, readings, source, dense_per_m=dense)
+        problem, untestable = problem_of(forward, readings, chosen, reason)
+        rng = np.random.default_rng(seed)
+        prepared = prepare(problem, quoted, budget, rng, alpha, known)
+        dense, known = prepared.to_trace_per_m, prepared.known
+        if dense is not None and traces_left:
+            continue
+        finding = search(prepared, budget.tolerance, rng, alpha)
+        dense = forward.to_trace(one.fit.values for one in finding.contenders)
+        if dense is None:
+            break
+    best = finding.accepted[0] if finding.accepted else None
+    starts = [finding.level.base, *([best.fit] if best else [])]
+    phi = finding.level.bench.phi
+    steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
+    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    verdict = verdict.model_copy(update={"lightfield_version": __version__})
+    return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

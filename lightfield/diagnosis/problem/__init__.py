@@ -1,0 +1,1 @@
+"""A diagnosis set up: readings, layout, noise, candidates."""

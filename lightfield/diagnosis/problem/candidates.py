@@ -1,0 +1,194 @@
+"""The effects that could be missing here: forms with absolute bounds, and those that cannot be tested, with
+reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.layout import Layout
+from lightfield.fitting.effects import Effect, Form, Free
+from lightfield.fitting.forward import has_diffuse_light
+from lightfield.fitting.least_squares import Parameter
+
+#: Finite differences step by this part of the typical size: little physics, much for the single precision
+#: in which the response of the diffuse light is kept.
+STEP = 1e-2
+
+REASONS: Mapping[str, str] = {
+    "vary_x": "all readings have the same x",
+    "vary_y": "all readings have the same y",
+    "vary_z": "all readings are at one distance",
+    "off_axis": "all readings are on the axis",
+    "time": "the readings carry no times",
+    "tank": "the scene has no [tank]",
+    "water": "no reading was taken in water",
+    "air_and_water": "needs readings in air and in water",
+    "spectral": "needs readings at three wavelengths or more",
+    "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What turns the relative numbers of the table of effects into absolute ones."""
+
+    scene: Any
+    layout: Layout
+    signal: float
+    band_nm: float
+
+    @property
+    def hwhm_deg(self) -> float:
+        return float(self.scene.get("lamp.hwhm_deg"))
+
+    def met(self, need: str) -> bool:
+        """Is a condition of the table fulfilled by these readings and this scene?"""
+        layout = self.layout
+        if need in ("vary_x", "vary_y", "vary_z"):
+            return layout.varies(need[-1] + "_m")
+        return {
+            "off_axis": bool(layout.angle_rad.max() > 1e-6),
+            "time": layout.has_time,
+            "tank": self.scene.tank is not None,
+            "water": bool((~layout.air).any()),
+            "air_and_water": bool(layout.air.any() and (~layout.air).any()),
+            "spectral": int(layout.channel.max()) >= 2,
+            # In fewer than three bands it is the bands that are missing, not the spectrum.
+            "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
+        }[need]
+
+    def scale(self, per: str) -> tuple[float, float]:
+        """Factor and offset that turn a number of the table into the scene's unit."""
+        time = self.layout.time_s
+        span_s = float(np.ptp(time)) if self.layout.has_time else 1.0
+        near, far = float(self.layout.z_m.min()), float(self.layout.z_m.max())
+        return {
+            "one": (1.0, 0.0),
+            "signal": (self.signal, 0.0),
+            "inverse_signal": (1.0 / self.signal, 0.0),
+            "hwhm": (self.hwhm_deg, 0.0),
+            "hours": (span_s / 3600, 0.0),
+            "seconds": (span_s, 0.0),
+            "inverse_hours": (3600 / span_s, 0.0),
+            "range": (max(far - near, 1e-3), near),
+            "band": (self.band_nm, 0.0),
+        }[per]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One form of one effect, ready to be tested.
+
+    Parameters
+    ----------
+    amplitudes, shapes : tuple of Parameter
+        `start` of an amplitude is its neutral coordinate.
+    typical : tuple of float
+        Size of each amplitude worth asking about, in its coordinate.
+    grid : tuple of tuple of float
+        Start points of the shapes, every combination.
+    one_sided : bool
+        A single amplitude whose neutral value is its lower bound.
+    """
+
+    effect: Effect
+    form: Form
+    amplitudes: tuple[Parameter, ...]
+    typical: tuple[float, ...]
+    shapes: tuple[Parameter, ...]
+    grid: tuple[tuple[float, ...], ...]
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return (self.effect.name, self.form.name)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return self.amplitudes + self.shapes
+
+    @property
+    def one_sided(self) -> bool:
+        return len(self.amplitudes) == 1 and self.amplitudes[0].start <= self.amplitudes[0].low
+
+
+def _parameter(
+    free: Free, setting: Setting, known: Mapping[str, Any], shape: bool
+) -> tuple[Parameter, float, Array]:
+    factor, offset = setting.scale(free.per)
+    now = float(setting.scene.get(free.path))
+    coordinate = "inverse-square" if free.inverse_square else "linear"
+    low, high = offset + factor * free.low, offset + factor * free.high
+    if not free.inverse_square:
+        declared = known[free.path]
+        low = low if declared.low is None else max(low, declared.low)
+        high = high if declared.high is None else min(high, declared.high)
+    grid = offset + factor * np.array(free.grid)
+    parameter = Parameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
+    start = float(np.clip(parameter.coordinate_of(now), low, high))
+    if shape:
+        grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))
+        start = float(grid[0])
+    return Parameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
+
+
+def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, Any]) -> Candidate | None:
+    usable = [f for f in form.amplitudes if f.path in known and all(setting.met(n) for n in f.needs)]
+    if not usable:
+        return None
+    amplitudes = [_parameter(free, setting, known, shape=False) for free in usable]
+    shapes = [_parameter(free, setting, known, shape=True) for free in form.shapes if free.path in known]
+    return Candidate(
+        effect,
+        form,
+        tuple(p for p, _, _ in amplitudes),
+        tuple(t for _, t, _ in amplitudes),
+        tuple(p for p, _, _ in shapes),
+        tuple(tuple(map(float, point)) for point in product(*(g for _, _, g in shapes))),
+    )
+
+
+def candidates(
+    setting: Setting, effects: Iterable[Effect], base: Iterable[str], without_diffuse: str | None = None
+) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+    """Testable forms of the effects, and the reason for each effect that cannot be tested.
+
+    Parameters
+    ----------
+    base : iterable of str
+        Paths that the base model frees already.
+    without_diffuse : str, optional
+        Why scattered and reflected light cannot be predicted, when it cannot.
+    """
+    known = setting.scene.parameters()
+    taken = set(base)
+    found: list[Candidate] = []
+    untestable: dict[str, str] = {}
+    for effect in effects:
+        missing = [REASONS[need] for need in effect.needs if not setting.met(need)]
+        if effect.diffuse and without_diffuse:
+            missing.append(without_diffuse)
+        if effect.direct_only and has_diffuse_light(setting.scene):
+            missing.append("the scene has diffuse light, whose direction of arrival is not known")
+        if missing:
+            untestable[effect.name] = "; ".join(missing)
+            continue
+        forms = [
+            f for f in (_resolve(effect, form, setting, known) for form in effect.forms) if f is not None
+        ]
+        forms = [f for f in forms if not taken & {p.path for p in f.amplitudes}]
+        if not forms:
+            untestable[effect.name] = (
+                "its parameters are free in the base model, or this scene has none of them"
+            )
+        found.extend(forms)
+    return tuple(found), untestable

@@ -1,0 +1,108 @@
+"""Where, when and in what order the readings were taken: all that the tests need to know of a layout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+
+Labels = NDArray[np.int_]
+
+#: Correlation lengths of a smooth error of the model: across the beam and along it, in metres.
+ACROSS_M, ALONG_M = 0.25, 1.5
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Positions, channels and scan order of n readings.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m, time_s, wavelength_nm : array, shape (n,)
+        NaN where unknown.
+    air : array of bool, shape (n,)
+    channel, plane, visit : array of int, shape (n,)
+        Labels: wavelength; distance and medium; stay at one distance, as the table says or, where it does
+        not, between two moves to another distance.
+    order : array of int, shape (n,)
+        Readings in scan order within each channel, channels one after the other.
+    position : array, shape (n,)
+        Place of each reading in the scan (0, 1, 2...; readings of one moment share it).
+    """
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    time_s: Array
+    wavelength_nm: Array
+    air: NDArray[np.bool_]
+    channel: Labels
+    plane: Labels
+    visit: Labels
+    order: Labels
+    position: Array
+
+    @property
+    def size(self) -> int:
+        return len(self.z_m)
+
+    @property
+    def has_time(self) -> bool:
+        """Do the readings carry times that differ?"""
+        return bool(np.isfinite(self.time_s).all() and np.ptp(self.time_s) > 0)
+
+    @property
+    def phase_of_scan(self) -> Array:
+        """Time from -0.5 (first reading) to 0.5 (last), shape (n,); zeros without times."""
+        if not self.has_time:
+            return np.zeros(self.size)
+        return np.asarray((self.time_s - self.time_s.min()) / np.ptp(self.time_s) - 0.5)
+
+    @property
+    def angle_rad(self) -> Array:
+        """Angle from the lamp's axis, shape (n,)."""
+        return np.asarray(np.arctan2(np.hypot(self.x_m, self.y_m), self.z_m))
+
+    @cached_property
+    def alike(self) -> Array:
+        """Correlation of an error that varies smoothly over places, shape (n, n); none from water to air."""
+        x, y, z = (np.subtract.outer(v, v) ** 2 for v in (self.x_m, self.y_m, self.z_m))
+        kernel = np.exp(-0.5 * ((x + y) / ACROSS_M**2 + z / ALONG_M**2))
+        return np.asarray(kernel * (self.air[:, None] == self.air[None]))
+
+    def varies(self, name: str) -> bool:
+        """Does a coordinate ("x_m", "y_m", "z_m") take different values?"""
+        return bool(np.ptp(getattr(self, name)) > 1e-6)
+
+
+def layout_of(readings: Any) -> Layout:
+    """The layout of a reading table."""
+    x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
+    time = np.asarray(readings.time_s, float)
+    wavelength = np.asarray(readings.wavelength_nm, float)
+    air = np.asarray(readings.medium) == "air"
+    _, channel = np.unique(np.nan_to_num(np.round(wavelength, 3), nan=-1.0), return_inverse=True)
+    _, plane = np.unique(np.round(z, 3) + 1e4 * air, return_inverse=True)
+    known = bool(np.isfinite(time).all())
+    sequence = time if known else np.arange(len(z), dtype=float)
+    by_time = np.argsort(sequence, kind="stable")
+    named = np.asarray(readings.visit, float)
+    if np.isfinite(named).all():
+        _, visit = np.unique(np.stack([plane, named], axis=1), axis=0, return_inverse=True)
+        position = np.unique(sequence, return_inverse=True)[1] if known else np.arange(len(z))
+    elif known and np.ptp(time) > 0:
+        turn = np.r_[True, np.diff(plane[by_time]) != 0]
+        visit = np.empty(len(z), int)
+        visit[by_time] = np.cumsum(turn) - 1
+        _, position = np.unique(sequence, return_inverse=True)
+    else:
+        visit, position = plane.copy(), np.arange(len(z))
+    return Layout(
+        x, y, z, time, wavelength, air, channel, plane, visit,
+        np.lexsort((sequence, channel)), position.astype(float),
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""The gain of a visit, from readings repeated at one place in several visits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.layout import layout_of
+
+#: Visits of one place from which a gain error can be told from the readings' own errors.
+FEWEST_VISITS = 3
+#: Deviations beyond this many robust standard deviations are outliers, not repositioning.
+_OUTLIER = 4.0
+#: The value assumed without repeats counts like this many degrees of freedom: three repeats that agree by
+#: chance must not promise perfect repositioning.
+_PRIOR_DOF = 1.0
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Deviations of repeated readings from the mean of their place and wavelength, in visit order.
+
+    Parameters
+    ----------
+    deviation, stderr, time_s : array, shape (n,)
+        Relative deviation; its stated error; when (NaN: unknown).
+    place : array of int, shape (n,)
+        Label of place and wavelength.
+    reference : bool
+        Whether they were marked as readings of a reference position.
+    """
+
+    deviation: Array
+    stderr: Array
+    time_s: Array
+    place: Any
+    reference: bool
+
+    @property
+    def visits(self) -> int:
+        """Visits of the place that was visited most often."""
+        return int(np.bincount(self.place).max())
+
+
+def repeats_of(readings: Any) -> Repeats | None:
+    """The repeated readings of a table: those of the reference positions if any are marked, else all.
+
+    Parameters
+    ----------
+    readings : Readings
+
+    Returns
+    -------
+    Repeats or None
+        None where no place was read with known errors in three visits.
+    """
+    layout = layout_of(readings)
+    value, stderr = np.asarray(readings.value, float), np.asarray(readings.stderr, float)
+    usable = ~np.asarray(readings.saturated) & np.isfinite(stderr) & (stderr > 0) & (value > 10 * stderr)
+    marked = usable & (np.asarray(readings.role) == "reference")
+    for chosen in (marked, usable):
+        columns = (layout.x_m, layout.y_m, layout.z_m, layout.air, layout.channel)
+        _, place = np.unique(np.round(np.stack(columns, axis=1), 4), axis=0, return_inverse=True)
+        rows: list[tuple[float, float, float, int]] = []
+        for label in np.unique(place[chosen]):
+            here = np.flatnonzero(chosen & (place == label))
+            visits = [here[layout.visit[here] == v] for v in np.unique(layout.visit[here])]
+            if len(visits) < FEWEST_VISITS:
+                continue
+            means = np.array([value[v].mean() for v in visits])
+            errors = np.array([np.sqrt((stderr[v] ** 2).sum()) / len(v) for v in visits])
+            middle = float(np.median(means))
+            times = [float(layout.time_s[v].mean()) for v in visits]
+            rows += [
+                (m / middle - 1, e / middle, t, int(label))
+                for m, e, t in zip(means, errors, times, strict=True)
+            ]
+        if rows:
+            deviation, error, time, labels = (np.array(c) for c in zip(*rows, strict=True))
+            return Repeats(
+                deviation, error, time, np.unique(labels, return_inverse=True)[1], chosen is marked
+            )
+    return None
+
+
+def plane_gain(repeats: Repeats, assumed: float) -> float:
+    """Relative gain error of a visit beyond the stated errors of the readings.
+
+    The variance at which the deviations, a straight line in time taken out where four visits allow it (a
+    drift of the lamp is an effect, not an error), have their expected chi-square (Paule and Mandel 1982).
+
+    Parameters
+    ----------
+    assumed : float
+        Value without repeats, which counts as one degree of freedom.
+    """
+    count = repeats.visits
+    columns = [(repeats.place == k).astype(float) for k in range(int(repeats.place.max()) + 1)]
+    if count > FEWEST_VISITS and np.isfinite(repeats.time_s).all() and np.ptp(repeats.time_s) > 0:
+        columns.append((repeats.time_s - repeats.time_s.mean()) / np.ptp(repeats.time_s))
+    tangent = np.stack(columns, axis=1)
+    rest = repeats.deviation - tangent @ np.linalg.lstsq(tangent, repeats.deviation, rcond=None)[0]
+    spread = max(1.4826 * float(np.median(np.abs(rest))), float(np.median(repeats.stderr)))
+    kept = np.abs(rest) < _OUTLIER * spread
+    tangent, deviation, error = tangent[kept], repeats.deviation[kept], repeats.stderr[kept]
+    dof = len(deviation) - int(np.linalg.matrix_rank(tangent))
+    if dof < 1:
+        return assumed
+
+    def excess(variance: float) -> float:
+        weight = 1 / np.sqrt(error**2 + variance)
+        whitened, basis = weight * deviation, weight[:, None] * tangent
+        left = whitened - basis @ np.linalg.lstsq(basis, whitened, rcond=None)[0]
+        return float(left @ left) - dof
+
+    found = brentq(excess, 0.0, 1.0, xtol=1e-12) if excess(0.0) > 0 > excess(1.0) else 0.0
+    # Wavelengths of one visit share its gain: they are no further evidence.
+    independent = min(dof, count - 1)
+    pooled = (independent * found + _PRIOR_DOF * assumed**2) / (independent + _PRIOR_DOF)
+    return float(np.sqrt(pooled))

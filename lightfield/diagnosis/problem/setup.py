@@ -1,0 +1,252 @@
+"""From a scene and a reading table to the problem of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.candidates import Setting, candidates
+from lightfield.diagnosis.problem.layout import Layout, layout_of
+from lightfield.diagnosis.problem.noise import Budget, errors_stated
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
+from lightfield.errors import FitError
+from lightfield.fitting.effects import Effect
+from lightfield.fitting.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.fitting.least_squares import Parameter
+from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import only
+from lightfield.scene.scene import AT
+from lightfield.scene.water.coefficients import absorption_per_m
+
+#: Assumed when the table does not say, in per cent and mm.
+PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
+#: Half widths are looked for within this factor of the guess.
+_WIDTH_FACTOR = 5.0
+#: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
+_WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
+_FEWEST_TO_SPARE = 1
+#: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
+TRACES = 3
+
+
+def budget_of(readings: Any) -> Budget:
+    """The stated error budget; what is missing is estimated from repeats or assumed, and named."""
+    stated, assumed = readings.budget, []
+    gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
+    repeats = repeats_of(readings) if gain is None else None
+    if repeats is not None:
+        gain = 100 * plane_gain(repeats, PLANE_GAIN_PERCENT / 100)
+        where = "the reference position" if repeats.reference else "one position"
+        assumed.append(f"plane_gain_percent = {gain:.2g} from {repeats.visits} repeats of {where}")
+    elif gain is None:
+        assumed.append(
+            f"plane_gain_percent = {PLANE_GAIN_PERCENT:g} for every stay of several readings at one distance"
+        )
+    if position is None:
+        assumed.append(f"position_mm = {POSITION_MM:g}")
+    if tolerance is None:
+        assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
+    if not errors_stated(np.asarray(readings.stderr, float)):
+        assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
+    return Budget(
+        (PLANE_GAIN_PERCENT if gain is None else gain) / 100,
+        (POSITION_MM if position is None else position) / 1000,
+        (TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
+        gain is not None,
+        tuple(assumed),
+    )
+
+
+def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
+    """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
+
+    The scene's values are guesses. Where they are far from what the readings show at once, the fit starts
+    from that: in the flank of a wrong beam, or behind a wall of absorption, it would not find its way.
+
+    Parameters
+    ----------
+    forward : SceneForward
+    value : array, shape (n,)
+    """
+    scene, names = forward.scene, forward.gain_names
+    start = dict.fromkeys(READOUT, 0.0)  # a gain is found from the light: a background would hide it
+    light = value - scene.detector.background
+    free = []
+    if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
+        hwhm, seen = scene.lamp.hwhm_deg, forward.width_seen_deg
+        begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
+        low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
+        begin = start["lamp.hwhm_deg"] = min(begin, high)
+        free.append(Parameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
+    if scene.water.absorption_at and scene.water.base == "none":
+        free += _spectrum(scene, layout, len(names) == 1)
+    elif layout.varies("z_m") and not layout.air.all():
+        now, clearest = scene.water.absorption_per_m, -_least_absorption(scene, layout)
+        more = _decay_per_m(layout, light) - _decay_per_m(layout, forward.predict(start))
+        if abs(more) * float(np.ptp(layout.z_m[~layout.air])) > _ABSORPTION_GUESS:
+            start["water.absorption_per_m"] = begin = max(now + more, clearest)
+        else:
+            begin = now
+        low, high = min(clearest, now), max(now, begin) + 3.0
+        free.append(Parameter("water.absorption_per_m", low, high, begin, 1e-4))
+    unit = forward.predict(start)
+    least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
+    gains = []
+    for k, name in enumerate(names):
+        mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
+        brightest = mine[np.argsort(unit[mine])[-max(3, len(mine) // 10) :]]
+        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], 1e-300)))
+        if not np.isfinite(gain) or gain <= 0:
+            gain = 1.0
+        gains.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
+    return (*gains, *free)
+
+
+def _decay_per_m(layout: Layout, light: Array) -> float:
+    """By how much the logarithm of light times r^2 falls with the distance in water, roughly; 0 if unknown.
+
+    From the brightest place of every distance and channel.
+    """
+    wet = np.flatnonzero(~layout.air)
+    squared = layout.x_m**2 + layout.y_m**2 + layout.z_m**2
+    above, below = 0.0, 0.0
+    for k in np.unique(layout.channel[wet]):
+        mine = wet[layout.channel[wet] == k]
+        top = [here[light[here].argmax()] for p in np.unique(layout.plane[mine])
+               if (here := mine[layout.plane[mine] == p]).size]  # fmt: skip
+        lit = np.array([i for i in top if light[i] > 0], int)
+        z = layout.z_m[lit] - layout.z_m[lit].mean() if len(lit) > 1 else np.zeros(len(lit))
+        above -= float(z @ np.log(light[lit] * squared[lit]))
+        below += float(z @ z)
+    return above / below if below > 0 else 0.0
+
+
+def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[Parameter]:
+    """Absorption at each wavelength, where the readings tell it from the gain."""
+    out = []
+    for wavelength, now in scene.water.absorption_at:
+        z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < 1e-3)]
+        if len(z) and (np.ptp(z) > 1e-6 or (one_gain and layout.varies("z_m"))):
+            out.append(Parameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
+    return out
+
+
+def spectral(scene: Scene, readings: Any) -> Scene:
+    """The scene with an absorption of its own at each wavelength of the readings, if its water is unknown.
+
+    Water is never grey over the visible: one absorption for all wavelengths would make its colour an effect.
+    """
+    wet = np.asarray(readings.medium) != "air"
+    wavelengths = np.unique(np.round(np.asarray(readings.wavelength_nm, float)[wet], 3))
+    if scene.water.base != "none" or len(wavelengths) < 2:
+        return scene
+    given = scene.water.absorption_at or ((float(wavelengths[0]), 0.0),)
+    known, there = np.array(given).T
+    now = scene.water.absorption_per_m + np.interp(wavelengths, known, there)
+    points = tuple(zip(wavelengths.tolist(), now.tolist(), strict=True))
+    return scene.with_values({"water.absorption_per_m": 0.0, "water.absorption_at": points})
+
+
+def _least_absorption(scene: Scene, layout: Layout) -> float:
+    """Least absorption of the base water alone, in 1/m: how much clearer than its base water can be."""
+    centres = [0.5 * (low + high) for low, high in scene.detector.bands_nm]
+    known = layout.wavelength_nm[np.isfinite(layout.wavelength_nm)]
+    return float(absorption_per_m(only(scene, Acts.BASE).water, np.unique([*centres, *known])).min())
+
+
+def problem_of(
+    forward: Any, readings: Any, effects: Iterable[Effect], without_diffuse: str | None
+) -> tuple[Problem, dict[str, str]]:
+    """The problem, and the effects that cannot be tested with reasons.
+
+    Parameters
+    ----------
+    forward : SceneForward
+    without_diffuse : str, optional
+        Why scattered and reflected light cannot be predicted.
+
+    Raises
+    ------
+    FitError
+        Too few readings for the base model, or none but zeros.
+    """
+    layout, value = layout_of(readings), np.asarray(readings.value, float)
+    keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
+    base = base_parameters(forward, layout, value)
+    if keep.sum() < len(base) + _FEWEST_TO_SPARE:
+        raise FitError(
+            "too few readings to fit even the base model",
+            where=readings.source or None,
+            found=f"{int(keep.sum())} usable readings",
+            rule=f"more than its {len(base)} parameters ({', '.join(p.path for p in base)})",
+            remedy="add readings",
+        )
+    _check_reach(forward, readings, value, keep, base)
+    low, high = forward.scene.detector.bands_nm[0]
+    signal = float(np.max(np.abs(value[keep > 0])))
+    if signal == 0:
+        raise FitError(
+            "there is no light in these readings",
+            where=readings.source or None,
+            found="every usable reading is 0",
+            rule="at least one reading differs from 0",
+            remedy="check the column value",
+        )
+    setting = Setting(forward.scene, layout, signal, float(high - low))
+    found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
+    return Problem(forward, layout, value, keep, base, found), untestable
+
+
+def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
+    """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
+    light = forward.predict({p.path: p.value(p.start) for p in base})
+    bright = (keep > 0) & (value > 0.05 * value[keep > 0].max())
+    beyond = np.flatnonzero(bright & ~(light > 1e-60 * light.max()))
+    if len(beyond):
+        x, y, z = (float(getattr(readings, k)[beyond[0]]) for k in ("x_m", "y_m", "z_m"))
+        raise FitError(
+            "the lamp's light does not reach readings that are bright",
+            where=readings.source or None,
+            found=f"{len(beyond)} of them, the first at x = {x:g}, y = {y:g}, z = {z:g} m",
+            rule="a beam of about the scene's lamp.hwhm_deg along z, positions in metres",
+            remedy="correct the positions, or the scene's lamp",
+        )
+
+
+def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+    """What gives scattered and reflected light, or why nothing does.
+
+    Parameters
+    ----------
+    diffuse : "trace", None or callable
+        As `lightfield.diagnosis.diagnose.diagnose` takes it.
+    """
+    if diffuse is None:
+        return None, "scattered and reflected light was not traced"
+    if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
+        return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+    if callable(diffuse):
+        return diffuse, None
+    from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs
+
+    return response_for, None
+
+
+def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
+    """The source, which gives what it has been asked for before from memory."""
+    if source is None:
+        return None
+    made: dict[tuple[Any, ...], Diffuse] = {}
+
+    def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
+        key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
+        if key not in made:
+            made[key] = source(scene, *places, **options)
+        return made[key]
+
+    return once

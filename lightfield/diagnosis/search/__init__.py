@@ -1,0 +1,1 @@
+"""Which sets of effects explain the readings?"""

@@ -1,0 +1,166 @@
+"""From prepared readings to the verdict: no effect, one, two, or none that is known.
+
+Every question is asked twice. First with the noise alone: is the misfit significant, and which explanation
+leaves nothing significant? Only when no explanation passes, again with the tolerance: is the misfit
+relevant, and which explanation leaves nothing relevant? So an exact formula is not blurred by a tolerance,
+and one that is right but for a fraction of a per cent is not rejected for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
+from lightfield.diagnosis.search.preparation import Bench, OwnErrors, Prepared, bench
+from lightfield.diagnosis.search.search import (
+    Fitted,
+    Tried,
+    accepted,
+    bic,
+    fit_pairs,
+    fit_singles,
+    search_pairs,
+    search_singles,
+    settled,
+    weights,
+)
+from lightfield.fitting.least_squares import Fit, Whiten
+
+#: Level at which an explanation is given up; a true one is lost in one case of a hundred.
+ALPHA_EXPLANATION = 0.01
+#: Relative evidence that makes one of several accepted explanations the answer.
+CONVINCING = 0.95
+
+
+@dataclass(frozen=True)
+class Level:
+    """All that was fitted and tested at one tolerance."""
+
+    tolerance: float
+    bench: Bench
+    base: Fit
+    adequacy: Adequacy
+
+    @property
+    def phi(self) -> float:
+        """Pure-error variance scale of the base test, in units of the whitening."""
+        return self.adequacy.phi
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the readings say.
+
+    Parameters
+    ----------
+    size : int or None
+        Number of effects in the smallest accepted sets; 0: nothing is missing; None: nothing that is known
+        explains it.
+    accepted : list of Tried
+        Accepted sets, best first, with their `weights`; the weight that is missing to one is the base
+        model's.
+    tried : list of Tried
+        Everything fitted at the deciding level, rivals included.
+    n : int
+        Number of readings that were fitted.
+    """
+
+    size: int | None
+    level: Level
+    levels: list[Level]
+    accepted: list[Tried]
+    weights: list[float]
+    tried: list[Tried]
+    n: int
+
+    @property
+    def whiten(self) -> Whiten:
+        """Whitening under which the best explanation was judged."""
+        best = self.accepted[0].test if self.accepted else None
+        return best.whiten if best is not None else self.level.bench.whiten
+
+    @property
+    def contenders(self) -> list[Tried]:
+        """What was accepted; failing that, what came nearest."""
+        return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:3]
+
+    @property
+    def determined(self) -> bool:
+        """Are there more readings than the best explanation has parameters? Any curve meets as many."""
+        return bool(self.accepted) and self.n > len(self.accepted[0].fit.u)
+
+    @property
+    def identified(self) -> bool:
+        """Is there one answer?"""
+        if not self.determined or self.weights[0] <= CONVINCING:
+            return False
+        return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
+
+
+def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:
+    """Weights of accepted sets when the base model itself is among the rivals."""
+    phi = found[0].adequacy.phi if found[0].adequacy else level.phi
+    base = Tried((), level.base, bic(level.base, (), phi, n))
+    return weights([*found, base])[:-1]
+
+
+def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha: float = ALPHA) -> Finding:
+    """The smallest sets of effects beside which nothing is missing.
+
+    Parameters
+    ----------
+    tolerance : float
+        Smooth relative misfit that is of no interest.
+    """
+    problem, n = prepared.problem, int(prepared.problem.keep.sum())
+    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
+    levels: list[Level] = []
+
+    def prepare_level(width: float) -> Level:
+        made = bench(prepared, width, rng)
+        base = problem.fit((), made.whiten, starts)
+        levels.append(Level(width, made, base, made.test(base)))
+        return levels[-1]
+
+    def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
+        found = settled(problem, found)
+        return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
+
+    exact = prepare_level(0.0)
+    if exact.adequacy.passes(alpha):
+        return finding(0, exact, [], [])
+    # What passes must pass better than the base model does.
+    level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, 0.2))
+
+    def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
+        fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
+        return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
+
+    def two_more(
+        level: Level, singles: list[Tried], known: Sequence[Fitted]
+    ) -> tuple[list[Fitted], list[Tried]]:
+        fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
+        return fits, search_pairs(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
+
+    fitted, singles = one_more(exact, prepared.known)
+    if found := accepted(singles, level_alpha):
+        return finding(1, exact, found, singles)
+    tolerant = prepare_level(tolerance) if tolerance > 0 else exact
+    if tolerance > 0 and tolerant.adequacy.passes(alpha):
+        return finding(0, tolerant, [], [])
+    fitted_pairs, pairs = two_more(exact, singles, prepared.known)
+    if found := accepted(pairs, level_alpha):
+        return finding(2, exact, found, pairs)
+    if tolerance == 0:
+        return finding(None, exact, [], pairs + singles)
+    level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, 0.2))
+    _, singles = one_more(tolerant, fitted)
+    if found := accepted(singles, level_alpha):
+        return finding(1, tolerant, found, singles)
+    _, pairs = two_more(tolerant, singles, fitted_pairs)
+    if found := accepted(pairs, level_alpha):
+        return finding(2, tolerant, found, pairs)
+    return finding(None, tolerant, [], pairs + singles)

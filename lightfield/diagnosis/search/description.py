@@ -1,0 +1,95 @@
+"""What the readings are like, before any test: the base model, or what one or two effects describe them best.
+
+Not yet a finding. It says where the readings lie without their noise, and in what water the diffuse light
+must be traced to say more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
+from lightfield.diagnosis.adequacy.templates import whitened_unknowns
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.own_errors import from_valleys, objective, settled
+from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
+from lightfield.fitting.least_squares import Fit
+
+#: Effects that describe the readings worse than the best one by this factor in chi-square will not do.
+FAR_FROM_BEST = 4.0
+#: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
+_WORTH = 1.1
+
+
+@dataclass(frozen=True)
+class Description:
+    """One or two effects that bring the model to the readings, if the base is not there.
+
+    Parameters
+    ----------
+    known : tuple of (explanation, fit)
+        All fits that were made.
+    to_trace_per_m : float, optional
+        Water whose diffuse light must be traced to say more.
+    """
+
+    explanation: Explanation
+    fit: Fit
+    known: tuple[Fitted, ...] = ()
+    to_trace_per_m: float | None = None
+
+
+def describe(
+    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[Fitted]
+) -> Description:
+    """Description of readings that the base model was fitted to.
+
+    Parameters
+    ----------
+    whiten : Whitener
+        By the errors of the readings alone.
+    known_before : sequence of (explanation, fit)
+        Fits to begin from.
+    """
+    n = int(problem.keep.sum())
+    few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
+
+    def misses(whiten: Whitener, fit: Fit) -> bool:
+        unknowns = whitened_unknowns(problem, whiten)
+        test = AdequacyTest(problem, whiten, unknowns, lambda: few, errors_stated)
+        return min(test(fit).tests.values()) < 1e-4
+
+    test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+    at_base = test(base)
+    if min(at_base.tests.values()) > 1e-4:
+        return Description((), base)
+    known = fit_singles(problem, test, base, at_base, known_before)
+    if not known:
+        return Description((), base)
+    known.sort(key=lambda s: s[1].chi2)
+    ranked = [Tried(e, f, f.chi2) for e, f in known]
+    # Light of few photons has large errors: which effect is the best shows only under its own.
+    near = [(e, f) for e, f in known if f.chi2 < FAR_FROM_BEST * known[0][1].chi2]
+    judged = [
+        from_valleys(problem, e, f, whiten, whiten.noise) if e[0].effect.diffuse else (whiten, f)
+        for e, f in near
+    ]
+    i = min(range(len(near)), key=lambda k: objective(judged[k]))
+    best, (own, fit) = near[i], judged[i]
+    missing = problem.forward.to_trace([fit.values])
+    if misses(whiten, best[1]) and misses(own, fit):
+        # When dense water is the best so far, the question is only whether a pair in clear water does better.
+        first = ranked[: 1 if missing else 4]
+        pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
+        best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
+        asked = problem.forward.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
+        missing = asked and (missing or asked)  # what one effect asks for is known better
+        known += pairs
+    known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]
+    explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
+    return Description(explanation, fit, tuple(known), missing)

@@ -1,0 +1,68 @@
+"""Fits under the errors that the diffuse light of the fitted scene has itself.
+
+The transport response knows its light to a Monte Carlo error that differs from scene to scene, and is large
+where few photons carry it. A fit moves the scene, and with it the errors that it should be judged by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.profile import restarted
+from lightfield.fitting.least_squares import Fit
+
+#: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
+FAR_FROM_TRACED = 0.2
+
+
+def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
+    """The noise with the error that the response of the diffuse light has at a fit."""
+    modes, smooth = problem.forward.errors(fit.values)
+    return replace(noise, photon_modes=modes, response_error=smooth)
+
+
+def settled(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
+    for _ in range(2):
+        whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
+        fit = problem.fit(explanation, whiten, [fit.u])
+    return whiten, fit
+
+
+def from_valleys(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """The same for a single effect: water between two traced ones may look right only because neither trace
+    says much of it, so that dense water is looked for at the traced one as well."""
+    found = [settled(problem, explanation, fit, whiten, noise)]
+    more = problem.forward.factor_to_traced(found[0][1].values)
+    if abs(more - 1) > FAR_FROM_TRACED:
+        (candidate,), u = explanation, fit.u.copy()
+        for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
+            u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
+        there = problem.fit(explanation, whiten, [u], max_steps=0)
+        found.append(settled(problem, explanation, there, whiten, noise))
+    return min(found, key=objective)
+
+
+def from_shapes(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+) -> tuple[Whitener, Fit]:
+    """The same, at every shape: errors that grow with an effect move the valleys of its shapes."""
+    best = from_valleys(problem, explanation, fit, whiten, noise)
+    other = restarted(problem, explanation, best[1], best[0])
+    if other is not best[1]:
+        best = min(best, settled(problem, explanation, other, whiten, noise), key=objective)
+    return best
+
+
+def objective(found: tuple[Whitener, Fit]) -> float:
+    """Twice the negative logarithm of the likelihood, up to a constant."""
+    whiten, fit = found
+    return fit.chi2 + whiten.log_determinant

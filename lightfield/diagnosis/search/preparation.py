@@ -1,0 +1,270 @@
+"""Before any test: gross outliers, standard errors, serial correlation and scale, about a model that is
+close to the data.
+
+The base model may be far from the data when a strong effect is missing, and everything judged about it would
+be wrong with it. So the readings are first described by whatever one or two effects do it best. That
+description is not yet a finding; it only says where the readings lie without carrying their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.robust import (
+    Serial,
+    noise_scale,
+    outliers,
+    rich_basis,
+    scatter_law,
+    scattered,
+    serial_correlation,
+    unstated_error,
+)
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, AdequacyTest
+from lightfield.diagnosis.adequacy.subspace import orthonormal
+from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener, errors_stated, smooth_stderr
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.description import Description, describe
+from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_response_error
+from lightfield.diagnosis.search.search import Fitted
+from lightfield.fitting.least_squares import Fit
+
+REPLICATES = 999
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Problem without its outliers, noise model, and the description that both were made about.
+
+    `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
+    explanations by diffuse light add their own. `excess` is the mean factor of the variances of `noise` over
+    the stated ones, `known` what was fitted on the way, `to_trace_per_m` the water whose diffuse light must
+    be traced to say more.
+    """
+
+    problem: Problem
+    noise: Noise
+    serial: Serial
+    reference: Fit
+    explanation: Explanation
+    errors_stated: bool
+    excess: float = 1.0
+    known: tuple[Fitted, ...] = ()
+    to_trace_per_m: float | None = None
+    doubted: bool = False
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Everything to test fits at one tolerance."""
+
+    whiten: Whitener
+    test: AdequacyTest
+    unknowns: Mapping[str, Array]
+    phi: float
+
+
+def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
+    return rich_basis(fit, bank(problem, fit, whiten), whitened_unknowns(problem, whiten), with_time)
+
+
+def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
+    """Whitening by the smoothed quoted errors, and more of one's own, alone."""
+    layout = problem.layout
+    zero = np.zeros(layout.size)
+    sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
+    return Whitener(Noise(layout, np.hypot(sigma, more), prediction, Budget(0.0, 0.0, 0.0), zero))
+
+
+def _without_outliers(
+    problem: Problem,
+    quoted: Array,
+    explanation: Explanation,
+    fit: Fit,
+    usable: Array,
+    by_effects: bool,
+    more: Array | float = 0.0,
+) -> tuple[Problem, Whitener, Fit]:
+    problem = replace(problem, keep=usable)
+    whiten = _plain(problem, quoted, fit.prediction, more)
+    fit = problem.fit(explanation, whiten, [fit.u])
+    for _ in range(3):
+        basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
+        bad = outliers(fit.residual, basis, problem.keep)
+        if not bad.any():
+            break
+        every = (usable > 0) & ((problem.keep == 0) | bad)
+        left_out = scattered(every, problem.value - fit.prediction, problem.layout)
+        problem = replace(problem, keep=usable * ~left_out)
+        fit = problem.fit(explanation, whiten, [fit.u])
+        whiten = _plain(problem, quoted, fit.prediction, more)
+    return problem, whiten, fit
+
+
+def prepare(
+    problem: Problem,
+    quoted: Array,
+    budget: Budget,
+    rng: np.random.Generator,
+    alpha: float = ALPHA,
+    known: Sequence[Fitted] = (),
+) -> Prepared:
+    """Outliers, smoothed errors and serial correlation.
+
+    A reading that stands out beside the base model may carry an effect; so outliers are what even the rich
+    model misses. But what one reading alone calls for is a slip, not an effect: when the base model passes
+    with at most one outlier more, judged beside it alone, the readings are described so.
+
+    Parameters
+    ----------
+    quoted : array, shape (n,)
+        Standard errors of the table; NaN where unknown.
+    alpha : float
+        Level of the test of the base model.
+    known : sequence of (explanation, fit)
+        Fits to the same readings with another trace of the diffuse light, to begin from.
+    """
+    rich = _prepared(problem, quoted, budget, True, known)
+    if rich.to_trace_per_m or _base_passes(rich, rng, alpha):
+        return rich
+    alone = _prepared(problem, quoted, budget, False)
+    if (alone.problem.keep == rich.problem.keep).all():
+        return rich
+    few = alone.problem.keep.sum() >= rich.problem.keep.sum() - 1
+    return alone if few and _base_passes(alone, rng, alpha) else rich
+
+
+def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> bool:
+    made = bench(prepared, 0.0, rng)
+    problem = prepared.problem
+    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
+    return made.test(problem.fit((), made.whiten, starts)).passes(alpha)
+
+
+def _prepared(
+    problem: Problem, quoted: Array, budget: Budget, by_effects: bool, known: Sequence[Fitted] = ()
+) -> Prepared:
+    """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
+    usable, layout = problem.keep, problem.layout
+    stated = errors_stated(quoted)
+    first = _plain(problem, quoted, np.clip(problem.value, 0, None))
+    base = problem.fit((), first, [problem.model().start])
+    problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
+    law = _law(problem, whiten, base) if stated and by_effects else None
+    if law is not None:
+        return replace(_prepared(replace(problem, keep=usable), law, budget, True, known), doubted=True)
+    described = Description((), base)
+    if by_effects:
+        # The light of another trace moves the fits by it too far to begin from there.
+        same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
+        described = describe(problem, whiten, base, stated, same)
+    explanation, reference = described.explanation, described.fit
+    own = np.zeros(layout.size)
+    if explanation:
+        # The error of the light in the description is neither noise of the readings nor makes outliers.
+        modes, smooth = problem.forward.errors(reference.values)
+        own = np.sqrt((modes**2).sum(axis=1) + smooth**2)
+        problem, whiten, reference = _without_outliers(
+            problem, quoted, explanation, reference, usable, True, own
+        )
+    quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
+    if stated:
+        rich, total = _rich(problem, whiten, reference), whiten.noise.sigma
+        relative = np.clip(reference.prediction, 0, None) / total
+        factor = unstated_error(reference.residual, rich, problem.keep, relative, VARIANCE_EXCESS)
+        sigma = np.hypot(quoted_sigma, np.sqrt(factor**2 - 1) * total)
+        whiten = Whitener(replace(whiten.noise, sigma=factor * total))
+        reference = problem.fit(explanation, whiten, [reference.u])
+    still = _rich(problem, whiten, reference, with_time=False)
+    serial = Serial()
+    if problem.keep.sum() - still.shape[1] > 25:
+        serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
+    forward, values = problem.forward, reference.values
+    slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
+    plain = Noise(layout, sigma, reference.prediction, budget, slope)
+    noise = with_response_error(problem, plain, base)
+    excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
+    fitted, missing = described.known, described.to_trace_per_m
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess, fitted, missing)
+
+
+def _law(problem: Problem, whiten: Whitener, fit: Fit) -> Array | None:
+    """Standard errors in place of stated ones that the scatter contradicts, see `scatter_law`."""
+    rich, noise = _rich(problem, whiten, fit), whiten.noise
+    return scatter_law(fit.residual, rich, problem.keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
+
+
+def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
+    """The adequacy test under a given noise, for readings that are planned rather than measured."""
+    noise = whiten.replicates(rng, REPLICATES)
+    return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: noise, False)
+
+
+def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
+    """Whitening, noise scale and adequacy test at one tolerance."""
+    problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
+    quoted_alone = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+    plain = Whitener(quoted_alone, rho)
+    reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
+    rich = _rich(problem, plain, reference)
+    about = with_response_error(problem, noise, reference)
+    phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
+    return _bench(prepared, Whitener(noise, rho, phi, tolerance), rng)
+
+
+def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
+    problem = prepared.problem
+    unknowns = whitened_unknowns(problem, whiten)
+    # Drawn now, worked out when tested: what is drawn must not depend on what was tested before.
+    white = whiten.replicates(rng, REPLICATES)
+    noise, scale = partial(_with_serial, whiten, prepared.serial, white), whiten.phi * prepared.excess
+    test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale)
+    return Bench(whiten, test, unknowns, whiten.phi)
+
+
+def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
+    """Whitened noise that carries the uncertainty of the serial correlation, shape (n, REPLICATES)."""
+    white = white.copy()
+    for i, rho in enumerate(serial.levels):
+        if abs(rho - whiten.rho) > 1e-3:
+            mine = slice(i, None, len(serial.levels))
+            factor = np.linalg.cholesky(whiten.noise.covariance(rho, whiten.phi, whiten.tolerance))
+            white[:, mine] = whiten(factor @ white[:, mine])
+    return white
+
+
+@dataclass(frozen=True)
+class OwnErrors:
+    """Judges explanations by diffuse light, whose response has an error of its own size.
+
+    Parameters
+    ----------
+    main : Bench
+        Of the base model; sets scale and tolerance.
+    """
+
+    prepared: Prepared
+    main: Bench
+    rng: np.random.Generator
+
+    def promise(self, fit: Fit) -> float:
+        """Chi-square and growth of the log determinant where the fit lies now."""
+        problem, main = self.prepared.problem, self.main.whiten
+        noise = with_response_error(problem, self.prepared.noise, fit)
+        whiten = Whitener(noise, main.rho, main.phi, main.tolerance)
+        residual = whiten(problem.keep * (problem.value - fit.prediction))
+        return float(residual @ residual) + whiten.log_determinant - main.log_determinant
+
+    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+        """Test, fit from where the last one lies, and growth of the log determinant."""
+        settle = from_shapes if len(explanation) == 1 else settled
+        problem, noise = self.prepared.problem, self.prepared.noise
+        whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
+        growth = whiten.log_determinant - self.main.whiten.log_determinant
+        return _bench(self.prepared, whiten, self.rng).test, best, growth

@@ -1,0 +1,101 @@
+"""Explanations with a shape (the width of a skirt, the g of a phase function) can have several minima, and
+errors that the curvature at one of them does not show: profile likelihood over the shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.fitting.least_squares import Fit, Model, Whiten, least_squares
+
+_POINTS = 9
+_STEPS = 15
+
+
+def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
+    """Starts from a fit with one effect's shapes moved to each point of their grid."""
+    place = {path: i for i, path in enumerate(fit.paths)}
+    starts = []
+    for candidate in explanation:
+        for shape in candidate.grid if candidate.shapes else ():
+            start = fit.u.copy()
+            for parameter, value in zip(candidate.shapes, shape, strict=True):
+                start[place[parameter.path]] = value
+            starts.append(start)
+    return starts
+
+
+def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
+    """The fit, or a better one begun at another shape: a few steps from each, all the way from the best."""
+    rough = [problem.fit(explanation, whiten, [s], max_steps=4) for s in with_shapes(fit, explanation)]
+    if not rough:
+        return fit
+    other = problem.fit(explanation, whiten, [min(rough, key=lambda f: f.chi2).u])
+    return other if other.chi2 < fit.chi2 else fit
+
+
+def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float) -> list[Fit]:
+    """Fits with one parameter held at points over its whole range, and near its minimum."""
+    i = fit.paths.index(path)
+    parameter = fit.model.parameters[i]
+    grid = np.linspace(parameter.low, parameter.high, _POINTS)
+    sigma = float(np.sqrt(fit.covariance(phi)[i, i]))
+    if np.isfinite(sigma):
+        grid = np.r_[grid, fit.u[i] + sigma * np.array([-2.0, -1.0, 1.0, 2.0])]
+    grid = np.unique(np.clip(grid, parameter.low, parameter.high))
+    out: list[Fit] = []
+    for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
+        row = [fit]
+        for value in side:
+            held = replace(parameter, low=float(value), high=float(value), start=float(value))
+            parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
+            model = Model(fit.model.forward, parameters)
+            row.append(least_squares(model, problem.value, whiten, row[-1].u, problem.keep, _STEPS, 1e-2))
+        chi2 = [f.chi2 for f in row] + [np.inf]
+        for k in range(1, len(row)):
+            if chi2[k] < min(chi2[k - 1], chi2[k + 1]):  # another valley: down to its bottom
+                row.append(least_squares(fit.model, problem.value, whiten, row[k].u, problem.keep))
+        out += row[1:]
+    return out
+
+
+def profiled(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten, phi: float
+) -> tuple[Fit, Mapping[str, float]]:
+    """The lowest minimum over the shapes, and the standard errors that the profile asks for.
+
+    The stated error is such that one of it covers all that lies within 1, two of it all within 4 of the
+    lowest chi-square (Rolke, Lopez and Conrad 2005, Nucl. Instrum. Meth. A 551, 493, for the intervals).
+
+    Parameters
+    ----------
+    phi : float
+        Pure-error variance in units of the whitening.
+
+    Returns
+    -------
+    fit : Fit
+    errors : mapping
+        By path, in the scene's unit; empty without shapes.
+    """
+    shapes = [p.path for c in explanation for p in c.shapes]
+    points: list[Fit] = []
+    for _ in range(2 if shapes else 0):
+        points = [there for path in shapes for there in _along(problem, fit, whiten, path, phi)]
+        lowest = min(points, key=lambda f: f.chi2)
+        if lowest.chi2 > fit.chi2 - 0.1 * phi:
+            break
+        other = problem.fit(explanation, whiten, [lowest.u])
+        fit = other if other.chi2 < fit.chi2 else fit
+    best = fit.values
+    errors = dict.fromkeys(best if points else (), 0.0)
+    for there in points:
+        worse = max(there.chi2 - fit.chi2, 0.0) / phi
+        if worse <= 4.0:
+            for path, value in there.values.items():
+                errors[path] = max(errors[path], abs(value - best[path]) / (1.0 if worse <= 1.0 else 2.0))
+    return fit, errors

@@ -1,0 +1,167 @@
+"""How far apart explanations are with these readings, and how small an effect they would have shown.
+
+D is the noise-free distance, in sigma, between the readings under one explanation and the nearest readings
+that another can produce. No method names the right one of two with probability above Phi(D/2) without prior
+knowledge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.search import Tried
+from lightfield.fitting.least_squares import Fit, Whiten
+
+#: Projected size, in sigma, that is found with 95 % probability at the family-wise level of about 25 tests.
+DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * 25)) - special.ndtri(0.05))
+#: Explanations nearer than this belong to one class: naming one of them is little better than a guess.
+SAME_CLASS_SIGMA = 3.0
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another explanation and its distance from the one that is claimed."""
+
+    explanation: Tried
+    separation_sigma: float
+    fit: Fit
+
+
+def separation(problem: Problem, whiten: Whiten, truth: Fit, rival: Tried, phi: float) -> Rival:
+    """Distance from the readings under `truth` to the nearest that the rival can produce."""
+    imitation = problem.fit(
+        rival.explanation, whiten, [rival.fit.u], max_steps=60, value=truth.prediction, tolerance=1e-4
+    )
+    return Rival(rival, float(np.sqrt(max(imitation.chi2, 0.0) / phi)), imitation)
+
+
+def nearest_rival(
+    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float, at_most: int = 4
+) -> Rival | None:
+    """The explanation of the same size by other effects that comes nearest to the best one."""
+    others: dict[tuple[str, ...], Tried] = {}
+    for one in sorted(tried, key=lambda t: t.bic):
+        if one.names != best.names and len(one.explanation) == len(best.explanation):
+            others.setdefault(one.names, one)
+    rivals = [separation(problem, whiten, best.fit, one, phi) for one in list(others.values())[:at_most]]
+    return min(rivals, key=lambda r: r.separation_sigma, default=None)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Smallest size of an effect that these readings would have shown, in the parameter's own unit."""
+
+    effect: str
+    path: str
+    value: float
+    reachable: bool
+
+
+def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
+    """Detection limit of every effect that is not in the fit, from its projected template.
+
+    The size at which its own test alone falls below the level that the worst of all tests must reach, with
+    a probability of 95 %.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    """
+    out: dict[str, Limit] = {}
+    for score in adequacy.scores:
+        if score.testable and score.template.candidate.name not in out:
+            parameter = score.template.candidate.amplitudes[0]
+            level = adequacy.critical_p / (1 if score.template.candidate.one_sided else 2)
+            sigmas = -special.stdtrit(adequacy.nu, level) - special.ndtri(0.05)
+            size = float(sigmas) * np.sqrt(scale) / score.length
+            room = max(parameter.high - parameter.start, parameter.start - parameter.low)
+            at = min(size, room)
+            toward = parameter.start + at if parameter.start + at <= parameter.high else parameter.start - at
+            value = parameter.value(toward)
+            if parameter.coordinate == "linear":
+                value = abs(value - parameter.value(parameter.start))
+            out[score.template.candidate.name] = Limit(
+                score.template.candidate.name, parameter.path, float(value), bool(size <= room)
+            )
+    return out
+
+
+@dataclass(frozen=True)
+class Isolability:
+    """What a layout can detect and tell apart, at stated sizes of the effects.
+
+    Parameters
+    ----------
+    names : tuple of str
+    sizes : array, shape (k,)
+        Size of each effect in the coordinate of its first amplitude.
+    delta : array, shape (k,)
+        Distance of each effect from the base model, in sigma.
+    D : array, shape (k, k)
+        D[j, k]: distance of effect j at its size from the nearest readings that effect k can produce.
+    """
+
+    names: tuple[str, ...]
+    sizes: Array
+    delta: Array
+    D: Array
+
+    def classes(self) -> list[tuple[str, ...]]:
+        """Effects that a layout sees but cannot tell apart, in groups of at least two."""
+        near = np.minimum(self.D, self.D.T) < SAME_CLASS_SIGMA
+        seen = self.delta >= DETECTABLE_SIGMA
+        groups: list[set[int]] = []
+        for i in np.flatnonzero(seen):
+            linked = {int(j) for j in np.flatnonzero(near[i] & seen)} | {int(i)}
+            for group in [g for g in groups if g & linked]:
+                groups.remove(group)
+                linked |= group
+            groups.append(linked)
+        return [tuple(self.names[i] for i in sorted(g)) for g in groups if len(g) > 1]
+
+
+def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) -> Isolability:
+    """Linear isolability: an effect's distance from the span of each other effect's templates (all its
+    shapes).
+
+    Parameters
+    ----------
+    scores : tuple of Score
+        Projected templates at the base model.
+    sizes : dict
+        Size of each effect's first amplitude, in its coordinate.
+    """
+    from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+
+    first: dict[str, Score] = {}
+    spans: dict[str, list[Array]] = {}
+    for score in scores:
+        if score.testable and score.template.candidate.name in sizes:
+            first.setdefault(score.template.candidate.name, score)
+            spans.setdefault(score.template.candidate.name, []).append(score.direction)
+    names = tuple(first)
+    vectors = []
+    for name in names:
+        score = first[name]
+        along = np.zeros(score.to_amplitude.shape[0])
+        along[0] = sizes[name]
+        vectors.append(score.direction @ np.linalg.pinv(score.to_amplitude) @ along / np.sqrt(phi))
+    delta = np.array([np.linalg.norm(v) for v in vectors])
+    D = np.zeros((len(names), len(names)))
+    for k, name in enumerate(names):
+        basis = orthonormal(np.hstack(spans[name]))
+        for j in range(len(names)):
+            D[j, k] = 0.0 if j == k else float(np.linalg.norm(beside(basis, vectors[j][:, None])))
+    return Isolability(names, np.array([sizes[n] for n in names]), delta, D)
+
+
+def without_noise(problem: Problem, fit: Fit) -> Problem:
+    """The same problem with the readings replaced by a fit's prediction."""
+    return replace(problem, value=fit.prediction)

@@ -1,0 +1,334 @@
+"""Search of the smallest sets of effects beside which nothing is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Protocol
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.profile import profiled, restarted
+from lightfield.fitting.least_squares import Fit
+
+Fitted = tuple[Explanation, Fit]
+
+#: Explanations worse than the best by more than this in BIC are out of the question.
+FAR_BEHIND = 25.0
+_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
+#: Steps after which a pair shows what it is worth, anew and when it was fitted before under other errors; how
+#: many are then fitted to the end, and how many when that will do.
+_ROUGH, _FEW, _FINISHED, _QUICK = 5, 2, 14, 3
+#: So many of the explanations by diffuse light are refitted under the errors of their own response.
+_REFITTED = 8
+#: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
+_RESTARTED, _PROFILED = 5, 3
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A fitted explanation; its test is missing when it was too far behind to be worth one.
+
+    Parameters
+    ----------
+    errors : mapping
+        Standard errors by path that the profile over the shapes asks for.
+    """
+
+    explanation: Explanation
+    fit: Fit
+    bic: float
+    adequacy: Adequacy | None = None
+    test: AdequacyTest | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(sorted(c.name for c in self.explanation))
+
+    @property
+    def at_edge(self) -> bool:
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?"""
+        return self._bounded(p.path for c in self.explanation for p in c.amplitudes)
+
+    @property
+    def at_bound(self) -> bool:
+        """Does any parameter of the effects lie at a bound, a shape included?"""
+        return self._bounded(p.path for c in self.explanation for p in c.parameters)
+
+    def _bounded(self, paths: Iterable[str]) -> bool:
+        bounded = {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+        return not bounded.isdisjoint(paths)
+
+    @property
+    def undetermined(self) -> bool:
+        """Is the error of an amplitude wider than what is plausible of it?"""
+        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        errors = self.fit.stderr(self.adequacy.phi if self.adequacy else 1.0)
+        return any(
+            not errors[p.path] <= p.width(u)
+            for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
+            if p.path in amplitudes
+        )
+
+    def accepted(self, alpha: float) -> bool:
+        """Does it leave nothing unexplained?"""
+        return self.adequacy is not None and self.adequacy.passes(alpha)
+
+
+def _clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float]:
+    """Amplitudes from a score, kept within a part of the bounds and off a one-sided zero."""
+    out = []
+    for parameter, typical, amplitude in zip(
+        candidate.amplitudes, candidate.typical, amplitudes, strict=True
+    ):
+        low = parameter.start + part * (parameter.low - parameter.start)
+        high = parameter.start + part * (parameter.high - parameter.start)
+        value = float(np.clip(parameter.start + amplitude, low, high))
+        if parameter.start <= parameter.low and value <= parameter.low + 0.1 * typical:
+            value = parameter.low + 0.5 * typical
+        out.append(value)
+    return out
+
+
+def _start(
+    base: Array, scores: Iterable[tuple[Score, Array]], order: Explanation, part: float = 0.3
+) -> Array:
+    by_key = {score.key: (score, amplitude) for score, amplitude in scores}
+    pieces = [base]
+    for candidate in order:
+        score, amplitude = by_key[candidate.key]
+        pieces.append(np.array([*_clipped(candidate, amplitude, part), *score.template.shape]))
+    return np.concatenate(pieces)
+
+
+class Own(Protocol):
+    """Judges explanations by diffuse light under the errors of their own response."""
+
+    def promise(self, fit: Fit) -> float:
+        """Chi-square and growth of the log determinant where the fit lies now."""
+
+    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+        """Test, fit, and growth of the log determinant."""
+
+
+def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
+    """Bayesian information criterion with a known variance scale; ranks, never decides."""
+    return fit.chi2 / phi + np.log(n) * sum(len(c.parameters) for c in explanation)
+
+
+def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:
+    return frozenset(c.key for c in explanation)
+
+
+def _determined(problem: Problem, explanation: Explanation) -> bool:
+    """Are there at least as many readings as parameters?"""
+    return problem.keep.sum() >= len(problem.base) + sum(len(c.parameters) for c in explanation)
+
+
+def fit_singles(
+    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, known: Sequence[Fitted] = ()
+) -> list[Fitted]:
+    """Every testable form added alone, from the score's start at each shape and from a typical size.
+
+    Parameters
+    ----------
+    known : sequence of (explanation, fit)
+        Fits under other errors, to begin from instead.
+    """
+    before = {_key(explanation): fit.u for explanation, fit in known}
+    starts: dict[tuple[str, str], list[Array]] = {}
+    forms: dict[tuple[str, str], Candidate] = {}
+    for score, amplitude in zip(at_base.scores, at_base.amplitudes, strict=True):
+        candidate = score.template.candidate
+        if not score.testable or not _determined(problem, (candidate,)):
+            continue
+        forms[candidate.key] = candidate
+        first = starts.setdefault(candidate.key, [])
+        first.append(_start(base.u, [(score, amplitude)], (candidate,)))
+    out: list[Fitted] = []
+    for key, candidate in forms.items():
+        chosen = starts[key]
+        if (done := before.get(_key((candidate,)))) is not None:
+            chosen = [done]
+        elif len(chosen) > 1:
+            # A few steps from every grid point of the shape, then all the way from the best.
+            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=4) for s in chosen]
+            best = sorted(rough, key=lambda f: f.chi2)[:2]
+            chosen = [f.u for f in best]
+        else:
+            chosen = [*chosen, problem.default_start(base.u, (candidate,))]
+        out.append(((candidate,), problem.fit((candidate,), test.whiten, chosen)))
+    return out
+
+
+def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+    """Pairs that contain a fitted single effect, with the chi-square the score promises."""
+    found: dict[tuple[str, str], tuple[float, Explanation, Array]] = {}
+    (held,) = single.explanation
+    for score, amplitude in zip(at.scores, at.amplitudes, strict=True):
+        candidate = score.template.candidate
+        if not score.testable or not candidate.effect.combines_with(held.effect):
+            continue
+        if candidate.one_sided and amplitude[0] <= 0:
+            continue
+        if not _determined(problem, (held, candidate)):
+            continue
+        gain = float(np.linalg.norm(score.direction.T @ single.fit.residual) ** 2)
+        pair = (held, candidate)
+        start = _start(single.fit.u, [(score, amplitude)], (candidate,), part=0.5)
+        promise = single.fit.chi2 - gain
+        if candidate.key not in found or promise < found[candidate.key][0]:
+            found[candidate.key] = (promise, pair, start)
+    return list(found.values())
+
+
+def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+    """All pairs by linear least squares of both templates: finds two effects that hide each other."""
+    scores = [(s, a) for s, a in zip(at.scores, at.amplitudes, strict=True) if s.testable]
+    found: dict[tuple[tuple[str, str], tuple[str, str]], tuple[float, Explanation, Array]] = {}
+    for (one, _), (two, _) in combinations(scores, 2):
+        first, second = one.template.candidate, two.template.candidate
+        if not first.effect.combines_with(second.effect) or not _determined(problem, (first, second)):
+            continue
+        columns = np.hstack([one.direction, two.direction])
+        gram = columns.T @ columns
+        weights = np.linalg.solve(gram + 1e-8 * np.eye(len(gram)), columns.T @ base.residual)
+        q = one.direction.shape[1]
+        amplitudes = (one.to_amplitude @ weights[:q], two.to_amplitude @ weights[q:])
+        if any(c.one_sided and a[0] <= 0 for c, a in zip((first, second), amplitudes, strict=True)):
+            continue
+        promise = base.chi2 - float(weights @ (columns.T @ base.residual))
+        key = (first.key, second.key)
+        if key not in found or promise < found[key][0]:
+            start = _start(base.u, zip((one, two), amplitudes, strict=True), (first, second), part=0.5)
+            found[key] = (promise, (first, second), start)
+    return list(found.values())
+
+
+def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
+    """Tests in the order of BIC until the rest is far behind."""
+    ranked = sorted(tried, key=lambda t: t.bic)
+    out = []
+    for i, one in enumerate(ranked):
+        near = one.bic - ranked[0].bic < FAR_BEHIND or i < at_least
+        tested = near and i < at_most and one.test is not None
+        out.append(replace(one, adequacy=one.test(one.fit)) if tested and one.test else one)
+    return out
+
+
+def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+    """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
+    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0])]
+    if len(diffuse) > _REFITTED:
+        diffuse = sorted(diffuse, key=lambda f: own.promise(f[1]))[:_REFITTED]
+    made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
+    for explanation, fit in fits:
+        if any(explanation is e for e, _ in diffuse):
+            mine, refit, growth = own.refit(explanation, fit)
+            made.append((explanation, refit, mine, growth))
+        else:
+            made.append((explanation, fit, test, 0.0))
+    best = min(made, key=lambda m: m[1].chi2 + m[3])
+    n, phi = int(problem.keep.sum()), best[2](best[1]).phi
+    return [Tried(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
+
+
+def search_singles(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+    """Single effects, best first, the near ones tested."""
+    return _tested(_ranked(problem, test, fits, own), 3, _TESTED) if fits else []
+
+
+def fit_pairs(
+    problem: Problem,
+    test: AdequacyTest,
+    base: Fit,
+    at_base: Adequacy,
+    singles: list[Tried],
+    known: Sequence[Fitted] = (),
+    thorough: bool = True,
+) -> list[Fitted]:
+    """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base.
+
+    Parameters
+    ----------
+    known : sequence of (explanation, fit)
+        Fits under other errors, to begin from instead.
+    thorough : bool
+        False: only those that are the best at first sight are fitted to the end, from one place each.
+    """
+    extended: list[tuple[float, Explanation, Array]] = []
+    for single in singles[:_SINGLES_EXTENDED]:
+        extended += _extensions(problem, single, single.adequacy or (single.test or test)(single.fit))
+    chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
+    for ranked, limit in (
+        (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
+        (sorted(_pairs_at_base(problem, base, at_base), key=lambda c: c[0]), _PAIRS_FROM_BASE),
+    ):
+        new = 0
+        for _, pair, start in ranked:
+            key = _key(pair)
+            if key not in chosen:
+                if new == limit:
+                    continue
+                new += 1
+            if len(chosen.setdefault(key, [])) < 2:
+                chosen[key].append((pair, start))
+    before = {_key(explanation): (explanation, fit.u) for explanation, fit in known}
+    begun: list[Fitted] = []
+    for key, starts in chosen.items():
+        steps, starts = (_FEW, [before[key]]) if key in before else (_ROUGH, starts)
+        rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=steps)) for pair, u in starts]
+        begun.append(min(rough, key=lambda f: f[1].chi2))
+    begun.sort(key=lambda f: f[1].chi2)
+    most = _FINISHED if thorough else _QUICK
+    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:most]]
+    finished.sort(key=lambda f: f[1].chi2)
+    for i, (pair, fit) in enumerate(finished[: _RESTARTED if thorough else 0]):
+        if _key(pair) not in before:
+            finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
+    return finished
+
+
+def search_pairs(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+    """Pairs of effects, best first, the near ones tested."""
+    return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
+
+
+def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
+    """Accepted explanations, best first; of several forms of the same effects only the best.
+
+    Explanations with an amplitude at a bound count only when there is no other.
+    """
+    out: dict[tuple[str, ...], Tried] = {}
+    for one in sorted(tried, key=lambda t: t.bic):
+        if one.accepted(alpha):
+            out.setdefault(one.names, one)
+    inside = [one for one in out.values() if not one.at_edge]
+    return inside or list(out.values())
+
+
+def settled(problem: Problem, found: list[Tried]) -> list[Tried]:
+    """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors."""
+    out = []
+    for i, one in enumerate(found):
+        if i < _PROFILED and one.test is not None and one.adequacy is not None:
+            phi = one.adequacy.phi
+            fit, errors = profiled(problem, one.explanation, one.fit, one.test.whiten, phi)
+            gain = (one.fit.chi2 - fit.chi2) / phi
+            tested = one.test(fit) if gain > 0 else one.adequacy
+            one = replace(one, fit=fit, errors=errors, bic=one.bic - gain, adequacy=tested)
+        out.append(one)
+    return sorted(out, key=lambda t: t.bic)
+
+
+def weights(explanations: list[Tried]) -> list[float]:
+    """Relative evidence exp(-BIC/2), summing to one."""
+    values = np.array([t.bic for t in explanations])
+    relative = np.exp(-0.5 * (values - values.min()))
+    return [float(w) for w in relative / relative.sum()]

@@ -1,0 +1,197 @@
+"""Where to measure next so that two explanations part (T-optimal design, linear in the rival's
+parameters)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.rivals import separation
+from lightfield.diagnosis.search.search import Tried
+from lightfield.fitting.least_squares import Fit, Forward, Whiten
+from lightfield.scene import Tank
+
+#: Part of the photons that the trace at possible places is worth.
+ROUGH = 0.25
+#: Relative error that no number of repeats at one place will beat.
+FLOOR = 0.0025
+SPOTS, REPEATS = 3, 4
+#: Two spots closer than this part of the largest distance are one.
+_APART = 0.04
+
+
+@dataclass(frozen=True)
+class Places:
+    """Possible readings, each an array of shape (n,)."""
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    air: Array
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Best places for extra readings, and the separation before and after, in sigma."""
+
+    places: Places
+    repeats: int
+    now_sigma: float
+    predicted_sigma: float
+
+
+def possible_places(problem: Problem, tank: Tank | None) -> Places:
+    """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any."""
+    lay = problem.layout
+    across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), 0.1 * float(lay.z_m.max()))
+    x = np.linspace(-across, across, 17)
+    y = np.array([-0.6 * across, 0.0, 0.6 * across]) if lay.varies("y_m") else np.array([0.0])
+    z = np.linspace(0.6 * float(lay.z_m.min()), 1.15 * float(lay.z_m.max()), 12)
+    media = np.unique(lay.air.astype(float))
+    gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
+    inside = np.ones(len(gx), bool)
+    if tank is not None:
+        floor, end = tank.lamp_depth_m - tank.depth_m, tank.length_m - tank.behind_lamp_m
+        inside = (np.abs(gx) < 0.97 * tank.width_m / 2) & (gz < 0.98 * end)
+        inside &= (gy > floor + 0.03) & (gy < tank.lamp_depth_m - 0.03)
+    return Places(gx[inside], gy[inside], gz[inside], air[inside])
+
+
+@dataclass(frozen=True)
+class Way:
+    """One explanation is true and another is fitted: what readings at n possible places would show.
+
+    Parameters
+    ----------
+    now : float
+        Squared separation with the readings at hand.
+    difference : array, shape (n,)
+        Between the readings under the truth and their nearest imitation, in errors of the mean of the
+        repeats.
+    slopes : array, shape (n, n_parameters)
+        Of the imitation in its parameters, in the same unit.
+    information : array, shape (n_parameters, n_parameters)
+        What the readings at hand say about them.
+    """
+
+    now: float
+    difference: Array
+    slopes: Array
+    information: Array
+
+    @property
+    def gains(self) -> Array:
+        """Growth of the squared separation by readings at each place, shape (n,)."""
+        leverage = np.einsum("ij,ij->i", self.slopes, np.linalg.solve(self.information, self.slopes.T).T)
+        return np.asarray(self.difference**2 / (1 + leverage))
+
+    def taken(self, i: int) -> Way:
+        """The same once the readings at place i are taken, to which the imitation gives way."""
+        slope = self.slopes[i]
+        moved = np.linalg.solve(self.information, slope)
+        moved *= self.difference[i] / (1 + slope @ moved)
+        return Way(
+            self.now + float(self.gains[i]),
+            self.difference - self.slopes @ moved,
+            self.slopes,
+            self.information + np.outer(slope, slope),
+        )
+
+
+def error_of_mean(noise: Array, prediction: Array, own: Array) -> Array:
+    """Standard error of the mean of the repeats at a place.
+
+    Parameters
+    ----------
+    noise : array, shape (n,)
+        Of one reading.
+    prediction, own : array, shape (n,)
+        Reading, and the error of what it is compared with: no number of repeats beats that.
+    """
+    return np.asarray(np.sqrt(noise**2 / REPEATS + (FLOOR * prediction) ** 2 + own**2))
+
+
+def best_places(ways: Sequence[Way], places: Places) -> Advice:
+    """Up to three spots, chosen one after the other, that best part two explanations whichever is true."""
+    now = float(np.sqrt(min(way.now for way in ways)))
+    chosen: list[int] = []
+    for _ in range(SPOTS):
+        worst = np.min([way.now + way.gains for way in ways], axis=0)
+        for i in chosen:
+            away = (places.x_m - places.x_m[i]) ** 2 + (places.y_m - places.y_m[i]) ** 2
+            away += (places.z_m - places.z_m[i]) ** 2
+            worst[away < (_APART * places.z_m.max()) ** 2] = 0.0
+        if chosen and worst.max() <= 0:
+            break
+        chosen.append(int(worst.argmax()))
+        ways = [way.taken(chosen[-1]) for way in ways]
+    index = np.array(chosen)
+    spots = Places(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
+    return Advice(spots, REPEATS, now, float(np.sqrt(min(way.now for way in ways))))
+
+
+def _way(
+    problem: Problem,
+    whiten: Whiten,
+    truth: Fit,
+    rival: Tried,
+    there: Forward,
+    sigma: Callable[[Array], Array],
+    phi: float,
+) -> Way:
+    away = separation(problem, whiten, truth, rival, phi)
+    imitation = away.fit
+    under_truth = there.predict(truth.values)
+    under_rival = there.predict(imitation.values)
+    # What both explanations share of the response's error is one error, not two.
+    own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
+    slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival)
+    information = imitation.jacobian.T @ imitation.jacobian
+    information += np.diag(1e-9 * np.diag(information) + 1e-12)
+    # The truth is known to its own errors only; where they move it, the imitation follows.
+    follows = np.linalg.solve(information, imitation.jacobian.T @ truth.jacobian)
+    moves = replace(truth.model, forward=there).jacobian(truth.u, under_truth) - slopes @ follows
+    known = np.nan_to_num(truth.covariance(phi))
+    own = np.sqrt(own**2 + np.einsum("ij,jk,ik->i", moves, known, moves).clip(0))
+    error = error_of_mean(sigma(under_truth), under_truth, own)
+    difference = (under_truth - under_rival) / error
+    return Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
+
+
+def own_error(there: Forward, values: Mapping[str, float]) -> Array:
+    """Error that scattered and reflected light will give to readings once they are taken, shape (n,).
+
+    Parameters
+    ----------
+    there : Forward
+        Traced with a part `ROUGH` of the photons; readings that were taken are traced with all.
+    """
+    modes, smooth = there.errors(values)
+    return np.asarray(np.hypot(np.sqrt(ROUGH) * np.linalg.norm(modes, axis=1), smooth))
+
+
+def where_next(
+    problem: Problem,
+    whiten: Whiten,
+    one: Tried,
+    two: Tried,
+    phi: float,
+    places: Places,
+    there: Forward,
+    sigma: Callable[[Array], Array],
+) -> Advice:
+    """Where to measure next so that two explanations part.
+
+    Parameters
+    ----------
+    there : Forward
+        Predicts readings at the places.
+    sigma : callable
+        Standard error of a reading from its prediction.
+    """
+    ways = [_way(problem, whiten, a.fit, b, there, sigma, phi) for a, b in ((one, two), (two, one))]
+    return best_places(ways, places)

@@ -1,0 +1,356 @@
+"""Puts a finding together as the verdict: numbers, limits, rival, advice, words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.families import Coordinate, coordinates
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
+from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
+from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
+from lightfield.diagnosis.verdict.ladder import Step, bright
+from lightfield.diagnosis.verdict.verdict import (
+    DetectionLimit,
+    Estimate,
+    Explanation,
+    Kind,
+    NearestRival,
+    NextMeasurement,
+    Rung,
+    Spot,
+    Verdict,
+)
+from lightfield.fitting.least_squares import Fit
+
+#: A family of unknown factors is named when it takes away this part of the misfit.
+_NAMED = 0.35
+_SHOWN = 8
+#: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
+_CREDIBLE = 2.0
+
+
+def estimates(
+    fit: Fit, scale: float, units: dict[str, str], least: Mapping[str, float] | None = None
+) -> dict[str, Estimate]:
+    """Fitted values with errors, or the reason why there is none.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    least : mapping, optional
+        Smallest errors by path, from a profile.
+    """
+    errors, bound = fit.stderr(scale), fit.at_bound()
+    out = {}
+    for i, path in enumerate(fit.paths):
+        value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
+        reason = None
+        if bound[i]:
+            reason = "at boundary"
+        elif np.linalg.norm(fit.jacobian[:, i]) == 0:
+            reason = "did not move the model"
+        elif not np.isfinite(error):
+            reason = "undetermined"
+        elif error > fit.model.parameters[i].width(fit.u[i]):
+            reason = "undetermined: error wider than the allowed range"
+        out[path] = Estimate(
+            value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
+        )
+    return out
+
+
+def units_of(scene: Any) -> dict[str, str]:
+    """Unit of every scene parameter."""
+    return {path: parameter.unit for path, parameter in scene.parameters().items()}
+
+
+def _rungs(
+    steps: list[Step], forward: Any, scale: float, units: dict[str, str], best: Tried | None
+) -> list[Rung]:
+    def values(step: Step) -> dict[str, Estimate]:
+        # The last rung is the best explanation: its errors are stated once, not in two ways.
+        if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
+            return estimates(step.fit, scale, units)
+        assert best.adequacy is not None
+        return estimates(step.fit, best.adequacy.phi, units, best.errors)
+
+    return [
+        Rung(
+            label=s.label,
+            effects=[c.name for c in s.explanation],
+            error_percent=s.error_percent,
+            chi2_per_dof=s.chi2_per_dof,
+            held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
+            parameters=values(s),
+            scene=forward.scene_at(s.fit.values).to_toml(),
+        )
+        for s in steps
+    ]
+
+
+def _explanations(
+    finding: Finding, prepared: Prepared, steps: list[Step], units: dict[str, str], hold_out: bool
+) -> list[Explanation]:
+    from lightfield.diagnosis.verdict.ladder import held_out, percent
+
+    problem, level = prepared.problem, finding.level
+    counted, n = bright(problem), int(problem.keep.sum())
+    out = []
+    for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
+        assert tried.adequacy is not None
+        if k == 0:
+            left_out = steps[-1].held_out_percent
+        elif hold_out:
+            left_out = held_out(
+                problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
+            )
+        else:
+            left_out = float("nan")
+        out.append(
+            Explanation(
+                effects=[c.name for c in tried.explanation],
+                families=[c.effect.family for c in tried.explanation],
+                forms=[c.form.name for c in tried.explanation],
+                weight=weight,
+                parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors),
+                chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
+                error_percent=percent(problem, tried.fit.prediction, counted),
+                held_out_percent=None if np.isnan(left_out) else left_out,
+                adequacy_p=tried.adequacy.p,
+            )
+        )
+    return out
+
+
+def _limits(finding: Finding, best: Tried | None, units: dict[str, str]) -> dict[str, DetectionLimit]:
+    adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
+    named = {c.name for c in best.explanation} if best else set()
+    return {
+        name: DetectionLimit(
+            parameter=limit.path,
+            value=limit.value,
+            unit=units.get(limit.path, "1"),
+            within_range=limit.reachable,
+        )
+        for name, limit in detection_limits(adequacy, adequacy.phi).items()
+        if name not in named
+    }
+
+
+def sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
+    """Standard error of a reading from its prediction, interpolated over the readings at hand."""
+    order = np.argsort(prepared.noise.prediction)
+    level, sigma = prepared.noise.prediction[order], prepared.noise.sigma[order]
+
+    def curve(prediction: Array) -> Array:
+        quoted = np.interp(prediction, level, sigma)
+        # Beyond the brightest reading the error is taken to grow in proportion.
+        beyond = np.maximum(prediction / level[-1], 1.0)
+        return np.asarray(np.sqrt(scale) * quoted * beyond)
+
+    return curve
+
+
+def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two: Tried) -> NextMeasurement:
+    problem, level = prepared.problem, finding.level
+    places = possible_places(problem, forward.scene.tank)
+    last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
+    n = len(places.x_m)
+    there = forward.at(
+        ROUGH,
+        x_m=places.x_m,
+        y_m=places.y_m,
+        z_m=places.z_m,
+        medium=np.where(places.air > 0, "air", "water"),
+        time_s=np.full(n, last),
+    )
+    curve = sigma_curve(prepared, level.bench.phi * level.phi)
+    found = where_next(problem, finding.whiten, one, two, level.phi, places, there, curve)
+    readings = [
+        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=found.repeats)
+        for x, y, z, a in zip(
+            found.places.x_m, found.places.y_m, found.places.z_m, found.places.air, strict=True
+        )
+    ]
+    advice = NextMeasurement(
+        sentence="",
+        between=[list(one.names), list(two.names)],
+        readings=readings,
+        separation_now_sigma=found.now_sigma,
+        separation_predicted_sigma=found.predicted_sigma,
+    )
+    if found.predicted_sigma < SAME_CLASS_SIGMA:
+        return advice.model_copy(update={"sentence": words.other_kind(one.names, two.names), "readings": []})
+    return advice.model_copy(update={"sentence": words.next_reading(one.names, two.names, advice)})
+
+
+def _where(best: Coordinate) -> str:
+    if best.period_deg is not None:
+        return f"with a period of {best.period_deg:.2g} degrees"
+    unit = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}.get(
+        best.name, ""
+    )
+    return f"most near {best.worst_at:.3g} {unit}".rstrip()
+
+
+def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
+    problem, noise = prepared.problem, prepared.noise
+    # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
+    scale = error_scale(prepared, finding)
+    plain = Whitener(noise, 0.0, 1.0, 0.0)
+    base = problem.fit((), plain, [finding.level.base.u])
+    ranked = coordinates(problem, plain, base, scale)
+    best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
+    z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
+    worst = int(z.argmax())
+    lay = problem.layout
+    spot = Spot(
+        x_m=float(lay.x_m[worst]), y_m=float(lay.y_m[worst]), z_m=float(lay.z_m[worst]),
+        medium="air" if lay.air[worst] else "water", repeats=3,
+    )  # fmt: skip
+    about = f" where the misfit is largest (x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m)"
+    if best is not None and best.name == "time":
+        sentence = (
+            "Repeat one reference position every few minutes: the misfit follows the time, not the place."
+        )
+    else:
+        sentence = (
+            f"Repeat readings{about} at another time: what repeats is a structure, what does not is noise."
+        )
+    advice = NextMeasurement(sentence=sentence, readings=[spot])
+    return (best.name if best else None), (_where(best) if best else ""), advice
+
+
+def error_scale(prepared: Prepared, finding: Finding) -> float:
+    """Variance of the readings' errors over the quoted one, judged beside the best explanation.
+
+    A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
+    """
+    best = finding.accepted[0].adequacy if finding.accepted else None
+    scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
+    return min(scale, _CREDIBLE) if finding.size is None and prepared.errors_stated else scale
+
+
+def verdict_of(
+    forward: Any,
+    readings: Any,
+    prepared: Prepared,
+    finding: Finding,
+    steps: list[Step],
+    untestable: dict[str, str],
+    seed: int,
+    alpha: float,
+    advise: bool,
+) -> Verdict:
+    """The verdict as plain data."""
+    problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
+    best = finding.accepted[0] if finding.accepted else None
+    absorbed = {
+        s.template.candidate.name: "absorbed by gain, beam width and absorption with these readings"
+        for s in finding.levels[0].adequacy.scores
+        if not s.testable
+    }
+    testable = {s.template.candidate.name for s in finding.levels[0].adequacy.scores if s.testable}
+    untestable = untestable | {k: v for k, v in absorbed.items() if k not in testable}
+    kind: Kind = "none" if finding.size == 0 else "unexplained"
+    if best is not None:
+        kind = "identified" if finding.identified else "ambiguous"
+    rival = None
+    advice: NextMeasurement | None = None
+    coordinate, where = None, ""
+    if best is not None:
+        near = nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
+        if near is not None:
+            rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
+        other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
+        if kind == "ambiguous" and other is not None and advise:
+            advice = _advice(forward, prepared, finding, best, other)
+    elif kind == "unexplained":
+        coordinate, where, advice = _unexplained(prepared, finding)
+    tolerance = prepared.noise.budget.tolerance
+    within_tolerance = level.tolerance > 0
+    within = f" within {100 * tolerance:g} %" if within_tolerance else ""
+    if finding.levels[0].adequacy.scale_taken:
+        within += " with the errors taken on trust"
+    explanations = _explanations(finding, prepared, steps, units, advise)
+    limits = _limits(finding, best, units)
+    counted = bright(problem)
+    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
+    floor = (
+        float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
+        if counted.any()
+        else 0.0
+    )
+    saturated = np.flatnonzero(np.asarray(readings.saturated))
+    outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
+    return Verdict(
+        verdict=kind,
+        sentence=words.sentence(
+            kind, explanations, rival, limits, coordinate, where, within, finding.determined
+        ),
+        effects=[c.name for c in best.explanation] if best else [],
+        explanations=explanations,
+        nearest_rival=rival,
+        detection_limits=limits,
+        untestable=untestable,
+        unexplained_coordinate=coordinate,
+        ladder=_rungs(steps, forward, level.phi, units, best),
+        noise_floor_percent=floor,
+        next_measurement=advice,
+        assumed=list(prepared.noise.budget.assumed),
+        warnings=cautions(readings, prepared, finding, explanations),
+        base_p=finding.levels[0].adequacy.p,
+        within_tolerance=within_tolerance,
+        variance_scale=variance_scale(prepared, finding),
+        serial_correlation=prepared.serial.rho,
+        outliers=outliers,
+        saturated=[int(i) for i in saturated],
+        readings=problem.layout.size,
+        seed=seed,
+    )
+
+
+def summary(verdict: Verdict) -> str:
+    """The verdict for people: one sentence, then what supports it."""
+    lines = [verdict.sentence]
+    if verdict.ladder:
+        lines.append("")
+        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}")
+        for rung in verdict.ladder:
+            held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
+            lines.append(f"{rung.label:<28}{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}")
+            if rung.rendered_error_percent is not None:
+                about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
+                lines.append(f"{'  rendered afresh':<28}{about}")
+        lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
+    for explanation in verdict.explanations[:_SHOWN]:
+        values = ", ".join(
+            f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+            for path, e in explanation.parameters.items()
+            if not path.startswith("gain")
+        )
+        lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
+    if verdict.next_measurement:
+        lines.append(f"next: {verdict.next_measurement.sentence}")
+    reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}
+    if reachable and verdict.verdict == "none":
+        listed = ", ".join(
+            f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
+        )
+        lines.append("would have been seen: " + listed)
+    for reason in dict.fromkeys(verdict.untestable.values()):
+        names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
+        lines.append(f"not testable here: {names} ({reason})")
+    lines += [f"assumed: {a}" for a in verdict.assumed]
+    lines += [f"warning: {w}" for w in verdict.warnings]
+    return "\n".join(lines)

@@ -1,0 +1,122 @@
+"""The ladder: base model, one effect more, one more; each rung with its error, fitted and stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.fitting.least_squares import Fit, Whiten
+
+#: Readings below this part of the largest one of their plane do not count in the error in per cent.
+BRIGHT = 0.05
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung.
+
+    Parameters
+    ----------
+    error_percent : float
+        Rms of (reading - model) / model over the bright readings.
+    held_out_percent : float
+        The same, each plane predicted by a fit to the others; NaN with a single plane.
+    chi2_per_dof : float
+        In units of the covariance at the quoted scale.
+    """
+
+    label: str
+    explanation: Explanation
+    fit: Fit
+    error_percent: float
+    chi2_per_dof: float
+    held_out_percent: float
+
+
+def bright(problem: Problem) -> Array:
+    """Readings that count in the error in per cent: above 5 % of their plane's largest, shape (n,), bool."""
+    layout, value = problem.layout, problem.value
+    _, group = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
+    top = np.zeros(int(group.max()) + 1)
+    np.maximum.at(top, group, np.where(problem.keep > 0, value, 0.0))
+    return np.asarray((value > BRIGHT * top[group]) & (problem.keep > 0))
+
+
+def percent(problem: Problem, prediction: Array, which: Array) -> float:
+    """Rms of the residual over the model in per cent; NaN without readings."""
+    if not which.any():
+        return float("nan")
+    model = prediction[which]
+    return float(100 * np.sqrt(np.mean(((problem.value[which] - model) / model) ** 2)))
+
+
+def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> float:
+    """Error in per cent of every plane as predicted by a fit to all others."""
+    plane, counted = problem.layout.plane, bright(problem)
+    if plane.max() == 0:
+        return float("nan")
+    prediction = fit.prediction.copy()
+    for k in range(int(plane.max()) + 1):
+        others = replace(problem, keep=problem.keep * (plane != k))
+        if others.keep.sum() > len(fit.u):
+            refit = others.fit(explanation, whiten, [fit.u], max_steps=12)
+            prediction[plane == k] = refit.prediction[plane == k]
+    return percent(problem, prediction, counted)
+
+
+def climb(
+    problem: Problem,
+    explanation: Explanation,
+    whiten: Whiten,
+    starts: Sequence[Fit],
+    phi: float,
+    with_held_out: bool = True,
+) -> list[Step]:
+    """The rungs of an explanation: its effects are added in the order in which they lower the misfit most.
+
+    Parameters
+    ----------
+    starts : sequence of Fit
+        Fits whose coordinates may serve as starts: the base, and the explanation's own.
+    phi : float
+        Variance scale of the whitening, taken back out of chi-square.
+    """
+    base, full = starts[0], starts[-1]
+    order = list(explanation)
+    if len(order) == 2:
+        alone = []
+        for candidate in order:
+            known = dict(zip(full.paths, full.u, strict=True))
+            start = np.array([*base.u, *(known[p.path] for p in candidate.parameters)])
+            fits = [start, problem.default_start(base.u, (candidate,))]
+            alone.append(problem.fit((candidate,), whiten, fits).chi2)
+        order = [order[int(np.argmin(alone))], order[int(np.argmax(alone))]]
+    steps: list[Step] = []
+    counted, n = bright(problem), int(problem.keep.sum())
+    fit = base
+    for k in range(len(order) + 1):
+        part = tuple(order[:k])
+        if k:
+            known = dict(zip(full.paths, full.u, strict=True))
+            own = [known[p.path] for p in order[k - 1].parameters]
+            starts_k = [np.concatenate([fit.u, own])]
+            if k == len(order):
+                starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
+            fit = problem.fit(part, whiten, starts_k, tolerance=1e-5)
+        label = "base" if not k else "+ " + order[k - 1].name
+        dof = max(n - len(fit.u), 1)
+        steps.append(
+            Step(
+                label,
+                part,
+                fit,
+                percent(problem, fit.prediction, counted),
+                fit.chi2 * phi / dof,
+                held_out(problem, part, fit, whiten) if with_held_out else float("nan"),
+            )
+        )
+    return steps

@@ -1,0 +1,1 @@
+"""The virtual laboratory: layouts, readings made by the full render, hidden effects."""

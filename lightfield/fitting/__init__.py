@@ -1,0 +1,1 @@
+"""Fitting a model to readings: parameters, least squares, the forward model, effects."""

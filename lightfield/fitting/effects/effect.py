@@ -1,0 +1,115 @@
+"""What an effect is: a named group of scene parameters set free from their neutral values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+from lightfield.scene.acts import DIFFUSE, Acts
+from lightfield.scene.all_parameters import acts_on
+
+Scale = Literal[
+    "one", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
+]
+Need = Literal[
+    "vary_x",
+    "vary_y",
+    "vary_z",
+    "time",
+    "tank",
+    "water",
+    "air_and_water",
+    "spectral",
+    "known_base",
+    "off_axis",
+]
+
+
+@dataclass(frozen=True)
+class Free:
+    """One scene parameter that an effect sets free.
+
+    Parameters
+    ----------
+    path : str
+        Dotted path of the scene parameter.
+    low, high : float
+        Physically plausible bounds, in multiples of `per`.
+    typical : float
+        Size worth asking about, in multiples of `per`; also the yard-stick of finite differences.
+    per : str
+        What the numbers are multiples of: "one" (the parameter's own unit), "signal" (largest reading),
+        "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm).
+    grid : tuple of float
+        Start values of a shape parameter, one that means nothing while the amplitude is zero.
+    inverse_square : bool
+        The fit moves (10/value)^2, for widths whose neutral value is "infinitely wide", stored as 0.
+    needs : tuple of str
+        Conditions on the readings without which this parameter stays fixed.
+    """
+
+    path: str
+    low: float
+    high: float
+    typical: float
+    per: Scale = "one"
+    grid: tuple[float, ...] = ()
+    inverse_square: bool = False
+    needs: tuple[Need, ...] = ()
+
+
+@dataclass(frozen=True)
+class Form:
+    """One functional form of an effect: amplitudes that are zero when it is off, and shapes."""
+
+    name: str
+    amplitudes: tuple[Free, ...]
+    shapes: tuple[Free, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect, as the table of effects declares it.
+
+    Parameters
+    ----------
+    name, family : str
+        The family is what data can nearly always tell, the name what they often can.
+    forms : tuple of Form
+        Functional forms, the usual one first.
+    physics, signature, laboratory : str
+        What happens, what its residual looks like, how to check or remove it.
+    needs : tuple of str
+        Conditions on readings and scene without which it cannot be tested.
+    """
+
+    name: str
+    family: str
+    forms: tuple[Form, ...]
+    physics: str
+    signature: str
+    laboratory: str
+    needs: tuple[Need, ...] = ()
+
+    @cached_property
+    def diffuse(self) -> bool:
+        """It acts through scattered or reflected light, which comes from the transport response."""
+        return any(acts_on(path) & DIFFUSE for path in self.paths)
+
+    @cached_property
+    def direct_only(self) -> bool:
+        """It acts by the direction of arrival, known for direct light only: not combined with diffuse."""
+        return any(acts_on(path) & Acts.RECEIVER for path in self.paths)
+
+    def combines_with(self, other: Effect) -> bool:
+        """Can both be in one explanation?"""
+        clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
+        return self.name != other.name and not clash
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Every scene parameter that some form of the effect frees, in order and once."""
+        frees = (free for form in self.forms for free in (*form.amplitudes, *form.shapes))
+        return tuple(dict.fromkeys(free.path for free in frees))

@@ -1,0 +1,113 @@
+"""Which effects there are: the table of the package, and those of installed packages."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from importlib.metadata import entry_points
+
+from lightfield.errors import UsageError
+from lightfield.fitting.effects.builtin import EFFECTS
+from lightfield.fitting.effects.effect import Effect, Form
+from lightfield.scene import Scene
+
+ENTRY_POINT_GROUP = "lightfield.fitting.effects"
+
+
+def _from_entry_points() -> Iterable[Effect]:
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        where = f"{entry.group}: {entry.name} = {entry.value}"
+        try:
+            found = entry.load()
+            found = found() if callable(found) and not isinstance(found, Effect) else found
+            listed = [found] if isinstance(found, Effect) else list(found)
+        except Exception as error:  # another package's code: whatever it raises is its defect
+            raise UsageError(
+                "effects of another package cannot be loaded",
+                where=where,
+                found=f"{type(error).__name__}: {error}",
+                remedy="fix or uninstall that package",
+            ) from error
+        for effect in listed:
+            if not isinstance(effect, Effect):
+                raise UsageError(
+                    "an entry point gives something that is not an effect",
+                    where=where,
+                    found=type(effect).__name__,
+                    rule="an Effect, a sequence of Effects, or a function returning one of these",
+                    remedy="fix or uninstall that package",
+                )
+            _check_paths(effect, where)
+            yield effect
+
+
+def _check_paths(effect: Effect, where: str) -> None:
+    """Refuse what no scene has."""
+    known = Scene.from_dict({"tank": {}}).parameters()
+    for path in effect.paths:
+        if path not in known:
+            near = difflib.get_close_matches(path, known, n=1)
+            raise UsageError(
+                f"the effect {effect.name} frees a parameter that no scene has",
+                where=where,
+                found=path,
+                remedy=f"did you mean {near[0]}?" if near else "`lightfield scene` lists the parameters",
+            )
+
+
+@lru_cache(maxsize=1)
+def table() -> Mapping[str, Effect]:
+    """Every known effect by name: the built-in table, then those of installed packages.
+
+    Raises
+    ------
+    UsageError
+        A third-party entry point gives something else, or a name that is already taken.
+    """
+    effects = {effect.name: effect for effect in EFFECTS}
+    for effect in _from_entry_points():
+        if effect.name in effects:
+            raise UsageError(
+                "two effects have one name",
+                where=ENTRY_POINT_GROUP,
+                found=effect.name,
+                remedy="rename the new one",
+            )
+        effects[effect.name] = effect
+    return effects
+
+
+def get(name: str) -> Effect:
+    """The effect called `name`.
+
+    Raises
+    ------
+    UsageError
+        No effect has that name; the error lists those that exist.
+    """
+    effects = table()
+    if name not in effects:
+        near = difflib.get_close_matches(name, effects, n=1)
+        raise UsageError(
+            "unknown effect", found=name, rule="one of " + ", ".join(effects),
+            remedy=f"did you mean {near[0]}?" if near else "`lightfield diagnose --list` explains them",
+        )  # fmt: skip
+    return effects[name]
+
+
+def get_form(name: str) -> tuple[Effect, Form]:
+    """The effect and form that "effect" (its first form) or "effect:form" names.
+
+    Raises
+    ------
+    UsageError
+        No effect has that name, or it has no such form.
+    """
+    title, _, wanted = name.partition(":")
+    effect = get(title)
+    forms = [form for form in effect.forms if wanted in ("", form.name)]
+    if not forms:
+        known = ", ".join(form.name for form in effect.forms)
+        raise UsageError(f"unknown form of {title}", found=wanted, rule=f"one of {known}")
+    return effect, forms[0]

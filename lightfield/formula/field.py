@@ -1,0 +1,293 @@
+"""The closed-form model, stage by stage: source, path, receiver, readout.
+
+    I(theta)  = I0 exp(-B theta^2)                       source      (paper eq. 1)
+    E         = I(theta) / r^2                           inverse square (eq. 2-3)
+    T         = exp(-integral of c along the ray)        path        (eq. 4-7)
+    reading   = readout(gain (E T x response + diffuse) x lamp power(t) + background)
+
+All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, or 1/m^2/sr for radiance.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+from lightfield.formula.path import Ray, attenuation_per_m, layer_path_m, optical_depth, rays
+from lightfield.formula.readout import readout, time_factor
+from lightfield.scene.lamp.profile import LN2, relative_intensity
+
+if TYPE_CHECKING:
+    from lightfield.scene import Lamp, Scene
+
+__all__ = [
+    "air_mask",
+    "attenuation_per_m",
+    "beam_angles",
+    "direct_field",
+    "layer_path_m",
+    "optical_depth",
+    "paper_model",
+    "predict",
+    "rays",
+    "readout",
+    "receiver",
+    "source",
+    "time_factor",
+    "window_points",
+]  # fmt: skip
+
+# Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.
+_TURN = np.arange(6) * (math.pi / 3)
+DISC = [
+    (0.0, 0.0, 0.25),
+    *((math.sqrt(2 / 3) * math.cos(t), math.sqrt(2 / 3) * math.sin(t), 0.125) for t in _TURN),
+]
+
+
+def beam_angles(lamp: Lamp, ray: Ray) -> tuple[Array, Array]:
+    """Beam-frame angles theta (cos phi, sin phi) of rays, in rad, about the tilted axis.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Tilt: the axis is along (tan tilt_x, tan tilt_y, 1).
+    ray : Ray
+        Where to.
+    """
+    x, y, z = ray.dx, ray.dy, ray.dz
+    if lamp.tilt_x_deg or lamp.tilt_y_deg:
+        ax, ay = math.tan(math.radians(lamp.tilt_x_deg)), math.tan(math.radians(lamp.tilt_y_deg))
+        flat, full = math.hypot(1.0, ax), math.sqrt(1.0 + ax * ax + ay * ay)
+        x, y, z = (
+            (x - ax * z) / flat,
+            (-ax * ay * x + flat * flat * y - ay * z) / (flat * full),
+            (ax * x + ay * y + z) / full,
+        )
+    across = np.sqrt(x * x + y * y)
+    scale = np.arctan2(across, z) / np.maximum(across, 1e-300)
+    return x * scale, y * scale
+
+
+def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
+    """Relative radiant intensity towards each receiver (eq. 1).
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Profile.
+    ray : Ray
+        Where to.
+    in_air : array of bool, optional
+        Readings in air see I(theta / n) / n^2 of the beam in water, n = lamp.window_index.
+    """
+    if lamp.profile == "pencil":
+        raise SceneError(
+            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
+            remedy="render it, or give the beam a width",
+        )  # fmt: skip
+    theta_x, theta_y = beam_angles(lamp, ray)
+    if in_air is None or lamp.window_index == 1.0:
+        return relative_intensity(lamp, theta_x, theta_y)
+    n = np.where(in_air, lamp.window_index, 1.0)
+    return relative_intensity(lamp, theta_x / n, theta_y / n) / (n * n)
+
+
+def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Array:
+    """Response to light of unit normal irradiance from each ray.
+
+    Cosine for irradiance; 1 for scalar irradiance; 1 / solid angle inside the collimator's cone for
+    radiance. The receiver looks along -z turned towards +x by its tilt, or at the lamp window. Irradiance is
+    multiplied by the Gaussian acceptance.
+
+    Parameters
+    ----------
+    scene : Scene
+        Detector, and the lamp's place.
+    ray : Ray
+        Incoming light.
+    x_m, y_m, z_m : array, m
+        Receivers.
+    """
+    detector = scene.detector
+    if detector.quantity == "scalar_irradiance":
+        return np.ones_like(ray.r)
+    turned = detector.aim == "lamp" or detector.tilt_x_deg
+    if detector.quantity == "irradiance" and not turned and not detector.acceptance_hwhm_deg:
+        return np.asarray(np.maximum(ray.dz, 0.0) / ray.r)
+    ax, ay, az = _receiver_axis(scene, x_m, y_m, z_m)
+    ux, uy, uz = ray.dx / ray.r, ray.dy / ray.r, ray.dz / ray.r
+    # Angle from the chord: 1 - cos has no digits left at small angles.
+    chord = np.sqrt((ux + ax) ** 2 + (uy + ay) ** 2 + (uz + az) ** 2)
+    psi = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
+    if detector.quantity == "radiance":
+        half = 0.5 * math.radians(detector.full_angle_deg)
+        return np.where(psi < half, 1.0 / (4.0 * math.pi * math.sin(0.5 * half) ** 2), 0.0)
+    response = np.maximum(np.cos(psi), 0.0)
+    if detector.acceptance_hwhm_deg:
+        response = response * np.exp(-LN2 * (psi / math.radians(detector.acceptance_hwhm_deg)) ** 2)
+    return np.asarray(response)
+
+
+def _receiver_axis(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> tuple[Any, Any, Any]:
+    if scene.detector.aim == "lamp":
+        dx, dy = scene.lamp.offset_x_m - x_m, scene.lamp.offset_y_m - y_m
+        length = np.sqrt(dx * dx + dy * dy + z_m * z_m)
+        return dx / length, dy / length, -z_m / length
+    tilt = math.radians(scene.detector.tilt_x_deg)
+    return math.sin(tilt), 0.0, -math.cos(tilt)
+
+
+def direct_field(
+    scene: Scene,
+    x_m: ArrayLike,
+    y_m: ArrayLike,
+    z_m: ArrayLike,
+    wavelength_nm: ArrayLike | None = None,
+    medium: ArrayLike | None = None,
+) -> Array:
+    """Light that comes straight from the lamp, for unit radiant intensity on the axis.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp, water, detector.
+    x_m, y_m, z_m : array, m
+        Receivers, broadcast against each other.
+    wavelength_nm : array, nm, optional
+        One per receiver; absent or NaN means the centre of the first band.
+    medium : array of str or bool, optional
+        "air" or True: no attenuation, and the window index acts.
+
+    Returns
+    -------
+    array, 1/m^2 (1/m^2/sr for radiance)
+        Zero at and behind the window plane.
+
+    Raises
+    ------
+    SceneError
+        A pencil beam, or a wavelength outside the water's table.
+    """
+    x, y, z = (np.asarray(v, dtype=float) for v in (x_m, y_m, z_m))
+    if not x.shape == y.shape == z.shape:
+        x, y, z = np.broadcast_arrays(x, y, z)
+    in_air = air_mask(medium)
+    lamp = scene.lamp
+    if lamp.radius_m == 0.0:
+        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air)
+    total = np.zeros(x.shape)
+    for point, share in window_points(lamp):
+        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air)
+    return total
+
+
+def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
+    """The points that stand for the lamp's window, each as a lamp of its own, and the share of each."""
+    if lamp.radius_m == 0.0:
+        return [(lamp, 1.0)]
+    x, y, radius = lamp.offset_x_m, lamp.offset_y_m, lamp.radius_m
+    return [
+        (
+            lamp.model_copy(
+                update={"offset_x_m": x + radius * u, "offset_y_m": y + radius * v, "radius_m": 0.0}
+            ),
+            share,
+        )
+        for u, v, share in DISC
+    ]
+
+
+def _point_source(
+    scene: Scene, lamp: Lamp, x: Array, y: Array, z: Array, wavelength_nm: Any, in_air: Array | None
+) -> Array:
+    ahead = z > 0.0
+    if not ahead.all():
+        z = np.where(ahead, z, 1.0)
+    ray = rays(lamp, x, y, z)
+    low, high = scene.detector.bands_nm[0]
+    tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high))
+    if in_air is not None:
+        tau = np.where(in_air, 0.0, tau)
+    light = source(lamp, ray, in_air) * np.exp(-tau) / (ray.r * ray.r) * receiver(scene, ray, x, y, z)
+    return light if ahead.all() else np.where(ahead, light, 0.0)
+
+
+def air_mask(medium: ArrayLike | None) -> Array | None:
+    """True where a reading was taken in air; None when none was.
+
+    Parameters
+    ----------
+    medium : array of str or bool, optional
+        "air" or "water".
+    """
+    if medium is None:
+        return None
+    given = np.asarray(medium)
+    mask = given if given.dtype == bool else given == "air"
+    return mask if mask.any() else None
+
+
+def predict(
+    scene: Scene,
+    readings: Any,
+    diffuse: ArrayLike = 0.0,
+    gain: ArrayLike = 1.0,
+    full: float | None = None,
+) -> Array:
+    """Readings of a table: readout(gain (direct + diffuse) x lamp power).
+
+    Parameters
+    ----------
+    scene : Scene
+        Everything that is known.
+    readings : Readings or similar
+        x_m, y_m, z_m and, where it has them, wavelength_nm, medium, time_s.
+    diffuse : array, 1/m^2
+        Scattered and reflected light for unit on-axis intensity.
+    gain : array
+        Reading per unit of light; one, or one per reading.
+    full : float, optional
+        Largest reading, for saturation.
+    """
+    light = np.asarray(diffuse, dtype=float) + direct_field(
+        scene, readings.x_m, readings.y_m, readings.z_m,
+        getattr(readings, "wavelength_nm", None), getattr(readings, "medium", None),
+    )  # fmt: skip
+    light = light * np.asarray(gain, dtype=float)
+    time = getattr(readings, "time_s", None)
+    if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
+        light = light * time_factor(scene, time)
+    return readout(scene, light, full)
+
+
+def paper_model(
+    r_m: ArrayLike,
+    theta_rad: ArrayLike,
+    hwhm_deg: float = 3.81,
+    attenuation_per_m: float = 0.1,
+    reference_m: float = 4.5,
+) -> Array:
+    """The paper's combined form, I(r, theta) / I(r0, 0) = (r0/r)^2 exp(-K (r - r0)) exp(-B theta^2).
+
+    Parameters
+    ----------
+    r_m : array, m
+        Distance from the lamp.
+    theta_rad : array, rad
+        Angle from the beam axis.
+    hwhm_deg : float, deg
+        Half width of the beam at half maximum, B = ln2 / hwhm^2.
+    attenuation_per_m : float, 1/m
+        K.
+    reference_m : float, m
+        r0, 4.5 m in the paper.
+    """
+    r, theta = np.asarray(r_m, dtype=float), np.asarray(theta_rad, dtype=float)
+    beam = np.exp(-LN2 * (theta / math.radians(hwhm_deg)) ** 2)
+    return np.asarray((reference_m / r) ** 2 * np.exp(-attenuation_per_m * (r - reference_m)) * beam)

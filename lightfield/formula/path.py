@@ -1,0 +1,130 @@
+"""Straight rays from the lamp through water whose attenuation may change along the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lightfield.arrays import Array
+from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+
+if TYPE_CHECKING:
+    from lightfield.scene import Lamp, Water
+
+
+@dataclass(frozen=True)
+class Ray:
+    """Straight rays from the apparent source to the receivers.
+
+    Parameters
+    ----------
+    dx, dy, dz : array, m
+        From the apparent source point to the receiver.
+    r : array, m
+        Their length, the r of the inverse square.
+    water_m : array, m
+        Part of the ray behind the window plane.
+    """
+
+    dx: Array
+    dy: Array
+    dz: Array
+    r: Array
+    water_m: Array
+
+
+def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
+    """Rays from (offset_x, offset_y, -apparent_distance) to points.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Pose.
+    x_m, y_m, z_m : array, m
+        Points.
+    """
+    dx, dy, z0 = x_m - lamp.offset_x_m, y_m - lamp.offset_y_m, lamp.apparent_distance_m
+    dz = z_m + z0
+    r = np.sqrt(dx * dx + dy * dy + dz * dz)
+    water = r * (z_m / dz) if z0 else r
+    return Ray(dx, dy, dz, r, water)
+
+
+def optical_depth(
+    water: Water, ray: Ray, z_m: Array, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0
+) -> Array:
+    """Integral of c = a + b along each ray (eq. 4-7), with gradient, layer and spectral hardening.
+
+    Parameters
+    ----------
+    water : Water
+        Medium.
+    ray : Ray
+        From the source to the receivers.
+    z_m : array, m
+        Of the receivers.
+    wavelength_nm : array, nm, optional
+        One per receiver, or one for all; NaN means `default_nm`.
+    default_nm : float, nm
+        Wavelength where none is given.
+    """
+    s = ray.water_m
+    tau = attenuation_per_m(water, wavelength_nm, default_nm) * s
+    if water.gradient_per_m2:
+        tau = tau + water.gradient_per_m2 * (0.5 * z_m - water.gradient_centre_m) * s
+    if water.layer_absorption_per_m:
+        tau = tau + water.layer_absorption_per_m * layer_path_m(water, ray, z_m)
+    if water.hardening_per_m:
+        tau = tau - 0.5 * (water.hardening_per_m * s) ** 2
+    return np.asarray(tau)
+
+
+def layer_path_m(water: Water, ray: Ray, z_m: Array) -> Array:
+    """Length of each ray inside the slab |z - centre| < width / 2.
+
+    Parameters
+    ----------
+    water : Water
+        Layer.
+    ray : Ray
+        Rays.
+    z_m : array, m
+        Of the receivers.
+    """
+    start = max(water.layer_centre_m - 0.5 * water.layer_width_m, 0.0)
+    end = water.layer_centre_m + 0.5 * water.layer_width_m
+    inside = np.clip(z_m - start, 0.0, end - start)
+    return np.asarray(inside * (ray.r / ray.dz))
+
+
+def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0) -> Any:
+    """Beam attenuation coefficient c = a + b; one number for grey water, else one per wavelength.
+
+    Parameters
+    ----------
+    water : Water
+        Medium.
+    wavelength_nm : array, nm, optional
+        NaN means `default_nm`.
+    default_nm : float, nm
+        Where none is given.
+    """
+    if is_grey(water):
+        return water.absorption_per_m + water.scattering_per_m
+    if wavelength_nm is None:
+        wavelength_nm = default_nm
+    w = np.asarray(wavelength_nm, dtype=float)
+    w = np.where(np.isnan(w), default_nm, w)
+    unique, back = _colours(w.tobytes())
+    c = absorption_per_m(water, unique) + scattering_per_m(water, unique)
+    return c[back].reshape(w.shape)
+
+
+@lru_cache(maxsize=16)
+def _colours(wavelengths_nm: bytes) -> tuple[Array, NDArray[np.intp]]:
+    """The different wavelengths, and which of them each one is: the same for every scene of a fit."""
+    return np.unique(np.frombuffer(wavelengths_nm), return_inverse=True)

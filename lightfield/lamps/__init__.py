@@ -1,1 +1,0 @@
-"""Lamps: angular profile and spectrum."""

@@ -1,0 +1,1 @@
+"""Results of renders: data sets, images, numbers read off them."""

@@ -1,0 +1,275 @@
+"""A rendering as one xarray data set: maps, errors, coordinates, units, provenance; NetCDF and EXR files."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from lightfield import __version__
+from lightfield.arrays import Array
+from lightfield.errors import OutputError
+from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
+from lightfield.storage.files import MAKE_ROOM, atomic_path
+
+DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
+PARTS = ("direct", "diffuse")
+QUANTITIES = {
+    "irradiance": ("W m-2 nm-1", "spectral irradiance on planes that face the lamp (-z)"),
+    "scalar_irradiance": ("W m-2 nm-1", "spectral scalar irradiance"),
+    "radiance": ("W m-2 sr-1 nm-1", "spectral radiance averaged over the cone of the collimator"),
+}
+
+
+class Places(Protocol):
+    """Where a rendering has values: cell centres, m."""
+
+    @property
+    def x_m(self) -> Array: ...
+    @property
+    def y_m(self) -> Array: ...
+    @property
+    def z_m(self) -> Array: ...
+
+
+class Rendered(Protocol):
+    """What this module needs of a rendering; `lightfield.render.maps.Rendering` is one."""
+
+    @property
+    def scene(self) -> Any: ...
+    @property
+    def grid(self) -> Any: ...
+
+    def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
+
+
+def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.Dataset:
+    """Maps of a rendering with everything needed to understand them later.
+
+    Parameters
+    ----------
+    rendering : Rendered
+    wavelengths_nm : array, shape (n,), nm, optional
+        Default: one map per band of the detector, averaged over the band.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions (wavelength_nm, z_m, y_m, x_m), or (wavelength_nm, position) where the scene lists single
+        positions; variables named after the quantity: `irradiance`, `irradiance_stderr`, and the same for the
+        parts `irradiance_direct` and `irradiance_diffuse`.
+    """
+    quantity = str(rendering.scene.detector.quantity)
+    units, meaning = QUANTITIES[quantity]
+    bands = np.asarray(rendering.scene.detector.bands_nm, float)
+    centres = bands.mean(axis=1) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)
+    dims, coords = _places(rendering.grid)
+    coords["wavelength_nm"] = (
+        "wavelength_nm",
+        centres,
+        {"units": "nm", "standard_name": "radiation_wavelength"},
+    )
+    data: dict[str, Any] = {}
+    inside = getattr(rendering.grid, "inside", None)
+    cut = dims == DIMS and inside is not None and bool(np.any(inside < 1))
+    outside = {"comment": "NaN: cells that are not all in the tank"} if cut else {}
+    for part in ("all", *PARTS):
+        name = quantity if part == "all" else f"{quantity}_{part}"
+        mean, stderr = rendering.maps(wavelengths_nm, part=part)
+        if dims != DIMS:  # one value per position, whatever shape the grid gives them
+            mean, stderr = mean.reshape(centres.size, -1), stderr.reshape(centres.size, -1)
+        about = meaning if part == "all" else f"{meaning}, {part} part"
+        data[name] = (
+            dims,
+            mean,
+            {"units": units, "long_name": about, "ancillary_variables": f"{name}_stderr", **outside},
+        )
+        data[f"{name}_stderr"] = (
+            dims,
+            stderr,
+            {"units": units, "long_name": f"Monte Carlo standard error of {name}; infinite: no photon came"},
+        )
+    dataset = xr.Dataset(data, coords=coords, attrs={"quantity": quantity, **provenance(rendering)})
+    if wavelengths_nm is None:
+        dataset["wavelength_nm"].attrs["bounds"] = "wavelength_bounds_nm"
+        dataset["wavelength_bounds_nm"] = (("wavelength_nm", "bound"), bands)
+        for part in ("", "_direct", "_diffuse"):
+            dataset[quantity + part].attrs["cell_methods"] = "wavelength_nm: mean area: mean (cell)"
+    return dataset
+
+
+def _places(grid: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Dimensions and coordinates of the maps: planes, or single positions where the grid is not full."""
+    about = {
+        "z_m": _length("distance of the plane from the lamp", "Z"),
+        "y_m": _length("height above the lamp", "Y"),
+        "x_m": _length("horizontal distance from the axis", "X"),
+    }
+    occupied = getattr(grid, "occupied", None)
+    if occupied is None:
+        return DIMS, {name: (name, np.asarray(getattr(grid, name), float), about[name]) for name in about}
+    z, y, x = np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij")
+    places = {"z_m": z[occupied], "y_m": y[occupied], "x_m": x[occupied]}
+    return (DIMS[0], "position"), {name: ("position", places[name], about[name]) for name in about}
+
+
+def provenance(rendering: Rendered) -> dict[str, Attribute]:
+    """Global attributes: conventions, scene, seed, photons, requested and reached error, energy, software."""
+    scene = rendering.scene
+    now = datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+    attributes: dict[str, Attribute] = {
+        "Conventions": "CF-1.11",
+        "title": str(scene.name or "light field of an underwater lamp"),
+        "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {_version('mitsuba')}",
+        "history": f"{now} lightfield {__version__}",
+        "orientation": "x horizontal, y up, z along the axis from the lamp; indices grow with coordinates",
+        "scene_toml": str(scene.to_toml()),
+        # With every default written out, for defaults may change with the version.
+        "scene_json": json.dumps(scene.model_dump(mode="json")),
+        "scene_digest": str(scene.digest()),
+        "lightfield_version": __version__,
+    }
+    settings = getattr(rendering, "settings", None)
+    response = getattr(rendering, "response", None)
+    for name, value in (
+        ("seed", getattr(settings, "seed", None)),
+        ("requested_relative_error", getattr(settings, "rel_error", None)),
+        ("reached_relative_error", getattr(rendering, "reached", None)),
+        ("photons", getattr(response, "photons", None)),
+    ):
+        if value is not None:
+            attributes[name] = float(value) if isinstance(value, float) else int(value)
+    for name, value in _energy(rendering).items():
+        attributes[f"energy_{name}"] = float(value)
+    return attributes
+
+
+def write_netcdf(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write a data set as compressed NetCDF-4, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The place is not writable.
+    """
+    packed = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars if dataset[name].ndim > 2}
+    with atomic_path(path) as temporary:
+        try:
+            dataset.to_netcdf(temporary, engine="netcdf4", encoding=packed)
+        except (OSError, RuntimeError) as error:
+            raise OutputError(
+                "cannot write the data set", where=str(path), found=str(error), remedy=MAKE_ROOM
+            ) from error
+    return Path(path)
+
+
+def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read a data set written by `write_netcdf` into memory.
+
+    Raises
+    ------
+    OutputError
+        Not a NetCDF file, or not one of ours.
+    """
+    try:
+        dataset = xr.load_dataset(path, engine="netcdf4")
+    except (OSError, ValueError, RuntimeError) as error:
+        raise OutputError(
+            "cannot read this as a data set", where=str(path), found=str(error),
+            rule="NetCDF, as `lightfield render` writes it", remedy="check the path, or render again",
+        ) from error  # fmt: skip
+    quantity = dataset.attrs.get("quantity")
+    if quantity not in QUANTITIES or quantity not in dataset:
+        raise OutputError(
+            "not a rendering", where=str(path), rule=f"needs one of {', '.join(QUANTITIES)}",
+            remedy="give a file written by `lightfield render`",
+        )  # fmt: skip
+    return dataset
+
+
+def plane_image(dataset: xr.Dataset, plane: int) -> SpectralImage:
+    """One plane of a data set as a spectral image.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    plane : int
+        Index along z_m.
+    """
+    quantity, attrs = dataset.attrs["quantity"], dataset.attrs
+    scene = json.loads(attrs["scene_json"])
+    z = float(dataset.z_m[plane])
+    wavelengths = dataset.wavelength_nm.values.astype(float)
+    bounds = dataset.get("wavelength_bounds_nm", np.empty((0, 2)))
+    reached = attrs.get("reached_relative_error")
+    details: dict[str, Attribute] = {
+        "quantity": quantity,
+        "plane_pose": f"z = {z:g} m, normal -z, x horizontal, y up, origin at the lamp",
+        "lamp": json.dumps(scene.get("lamp", {})),
+        "water": json.dumps(scene.get("water", {})),
+        "scene": attrs["scene_toml"],
+        "scene_digest": attrs["scene_digest"],
+        "version": attrs["lightfield_version"],
+    }
+    if reached is not None:
+        details["monte_carlo_relative_error"] = float(reached)
+    for name in ("seed", "photons"):
+        if name in attrs:
+            details[name] = int(attrs[name])
+    return SpectralImage(
+        wavelength_nm=wavelengths,
+        value=dataset[quantity].values[:, plane],
+        stderr=dataset[f"{quantity}_stderr"].values[:, plane],
+        x_m=dataset.x_m.values.astype(float),
+        y_m=dataset.y_m.values.astype(float),
+        z_m=z,
+        units=".".join(_exr_unit(unit) for unit in QUANTITIES[quantity][0].split()),
+        response={
+            float(w): ([float(low), float(high)], [1.0, 1.0])
+            for w, (low, high) in zip(wavelengths, np.asarray(bounds), strict=False)
+        },
+        attributes=details,
+    )
+
+
+def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> list[Path]:
+    """One spectral EXR per plane, named after quantity and distance: `irradiance_z4.500m.exr`."""
+    quantity = dataset.attrs["quantity"]
+    return [
+        write_spectral_exr(Path(folder) / f"{quantity}_z{float(z):.3f}m.exr", plane_image(dataset, index))
+        for index, z in enumerate(dataset.z_m)
+    ]
+
+
+def _exr_unit(unit: str) -> str:
+    """`m-2` as the EXR layout writes it, `m^-2`."""
+    return unit.replace("-", "^-")
+
+
+def _length(meaning: str, axis: str) -> dict[str, str]:
+    return {"units": "m", "long_name": meaning, "axis": axis}
+
+
+def _energy(rendering: Rendered) -> Mapping[str, float]:
+    energy = getattr(rendering, "energy", None)
+    if energy is None:
+        return {}
+    table = asdict(energy) if is_dataclass(energy) and not isinstance(energy, type) else dict(energy)
+    if hasattr(energy, "closure"):
+        table["closure"] = energy.closure
+    return table
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,163 @@
+"""Where a spot of light on a plane is, how wide and how round: its contour at half maximum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from skimage.measure import EllipseModel, find_contours
+
+from lightfield.arrays import Array
+
+REPLICATES = 24  # of the noise, for the standard errors: their own error is 15 %
+# Parts of the maximum above which log E is taken for a quadratic form: the highest that has pixels enough.
+LEVELS, ENOUGH = (0.95, 0.9, 0.85, 0.8, 0.7), 40
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Shape of a spot; what could not be measured is NaN, and `problem` says why.
+
+    Parameters
+    ----------
+    peak : float, unit of the map: maximum of the smooth spot
+    centre_x_m, centre_y_m : float, m
+    hwhm_x_m, hwhm_y_m : float, m: half width at half maximum of the fitted ellipse along x and along y
+    stderr : dict of the five above and `ellipticity` to their standard errors; empty without an error map
+    """
+
+    peak: float
+    centre_x_m: float
+    centre_y_m: float
+    hwhm_x_m: float
+    hwhm_y_m: float
+    stderr: dict[str, float]
+    problem: str = ""
+
+    @property
+    def ellipticity(self) -> float:
+        """hwhm_y / hwhm_x."""
+        return self.hwhm_y_m / self.hwhm_x_m
+
+    @property
+    def hwhm_m(self) -> float:
+        """Half width at half maximum of the circle of equal area, m."""
+        return float(np.sqrt(self.hwhm_x_m * self.hwhm_y_m))
+
+
+def spot_shape(value: Array, x_m: Array, y_m: Array, stderr: Array | None = None, seed: int = 0) -> Spot:
+    """Measure a spot.
+
+    The maximum comes from a quadratic fit of log E around it, for the largest noisy pixel is too bright; the
+    contour at half of it is taken from the map and an ellipse is fitted to it (Halir & Flusser 1998, as in
+    scikit-image).
+
+    Parameters
+    ----------
+    value : array, shape (n_y, n_x)
+        NaN where nothing is known: a contour that meets such pixels is taken for one beyond the edge.
+    x_m, y_m : arrays, shape (n_x,) and (n_y,), m: evenly spaced pixel centres
+    stderr : array, shape (n_y, n_x), optional
+        Standard error of `value`; gives the standard errors by simulation.
+    seed : int
+        Of that simulation.
+    """
+    (peak, x0, y0, hwhm_x, hwhm_y), problem = _measure(value, x_m, y_m)
+    errors: dict[str, float] = {}
+    if stderr is not None and not problem:
+        rng = np.random.default_rng(seed)
+        noise = np.where(np.isfinite(stderr), stderr, 0.0)
+        runs = [
+            _measure(value + noise * rng.standard_normal(value.shape), x_m, y_m)[0] for _ in range(REPLICATES)
+        ]
+        table = np.array([[*run, run[4] / run[3]] for run in runs])
+        names = ("peak", "centre_x_m", "centre_y_m", "hwhm_x_m", "hwhm_y_m", "ellipticity")
+        errors = dict(zip(names, map(float, np.nanstd(table, axis=0, ddof=1)), strict=True))
+    return Spot(peak, x0, y0, hwhm_x, hwhm_y, errors, problem)
+
+
+def smoothed(value: Array, sigma: float, truncate: float = 4.0) -> Array:
+    """Gaussian mean of neighbouring pixels over those that are known; NaN stays NaN, shape (n_y, n_x)."""
+
+    def weighed(values: Array) -> Array:
+        return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=truncate))
+
+    value = np.asarray(value, float)
+    known = np.isfinite(value)
+    if known.all():
+        return weighed(value)
+    weight = np.where(known, weighed(known.astype(float)), 1.0)
+    return np.where(known, weighed(np.where(known, value, 0.0)) / weight, np.nan)
+
+
+def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, float, float, float], str]:
+    peak, at = _peak(value, x_m, y_m)
+    nothing = (peak, np.nan, np.nan, np.nan, np.nan)
+    if not peak > 0:
+        return nothing, "no light on the plane"
+    contours = find_contours(value, 0.5 * peak)
+    closed = [c for c in contours if len(c) > 8 and np.array_equal(c[0], c[-1])]
+    around = [c for c in closed if _encloses(c, at)]
+    if not around:
+        return (
+            nothing,
+            "half of the maximum lies beyond the edge of the plane, or the spot is under two pixels",
+        )
+    rows, columns = max(around, key=len).T
+    x = np.interp(columns, np.arange(x_m.size), x_m)
+    y = np.interp(rows, np.arange(y_m.size), y_m)
+    with np.errstate(divide="ignore", invalid="ignore"):  # an exact circle has no direction
+        ellipse = _ellipse(np.column_stack([x, y])[:-1])
+    if ellipse is None:
+        return nothing, "no ellipse fits the contour at half maximum"
+    centre, (a, b), angle = ellipse[:2], ellipse[2:4], np.nan_to_num(ellipse[4])
+    c, s = np.cos(angle), np.sin(angle)
+    hwhm_x, hwhm_y = 1 / np.hypot(c / a, s / b), 1 / np.hypot(s / a, c / b)
+    return (peak, float(centre[0]), float(centre[1]), float(hwhm_x), float(hwhm_y)), ""
+
+
+def _ellipse(points: Array) -> tuple[float, ...] | None:
+    """Centre x and y, semi-axes, angle."""
+    if hasattr(EllipseModel, "from_estimate"):
+        found = EllipseModel.from_estimate(points)
+        return (*found.center, *found.axis_lengths, found.theta) if found else None
+    model = EllipseModel()  # scikit-image before 0.26, the last for Python 3.10
+    fits, found = model.estimate(points), model.params
+    return tuple(found) if fits and found is not None else None
+
+
+def _peak(value: Array, x_m: Array, y_m: Array) -> tuple[float, tuple[float, float]]:
+    """Maximum and its place (row, column), from log E = quadratic form near the brightest pixels."""
+    # Pixels are chosen on a smoothed map: chosen by their own noise, they would be too bright.
+    smooth = smoothed(value, 1.0)
+    smooth = np.where(np.isnan(smooth), -np.inf, smooth)
+    row, column = np.unravel_index(int(np.argmax(smooth)), value.shape)
+    brightest, place = float(value[row, column]), (float(row), float(column))
+    if not brightest > 0:
+        return float(np.nanmax(value)), place
+    chosen = [(smooth > level * smooth[row, column]) & (value > 0) for level in LEVELS]
+    many = [pixels for pixels in chosen if np.count_nonzero(pixels) >= ENOUGH]
+    if not many:
+        return brightest, place
+    rows, columns = np.nonzero(many[0])
+    u, v = (columns - column).astype(float), (rows - row).astype(float)
+    design = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    bright = value[rows, columns]
+    # Weight by the value: the logarithm makes noise large where the light is weak.
+    c = np.linalg.lstsq(design * bright[:, None], np.log(bright) * bright, rcond=None)[0]
+    hessian = np.array([[2 * c[3], c[4]], [c[4], 2 * c[5]]])
+    if np.linalg.eigvalsh(hessian)[-1] >= 0:
+        return brightest, place
+    top = np.linalg.solve(hessian, -c[1:3])
+    inside = abs(top[0]) <= np.ptp(columns) / 2 + 1 and abs(top[1]) <= np.ptp(rows) / 2 + 1
+    if not inside:
+        return brightest, place
+    return float(np.exp(c[0] + 0.5 * c[1:3] @ top)), (float(row + top[1]), float(column + top[0]))
+
+
+def _encloses(contour: Array, point: tuple[float, float]) -> bool:
+    """Winding number of a closed contour around a point is not zero."""
+    offset = contour - np.asarray(point)
+    turn = np.diff(np.unwrap(np.arctan2(offset[:, 0], offset[:, 1])))
+    return bool(abs(turn.sum()) > np.pi)

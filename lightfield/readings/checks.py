@@ -1,0 +1,193 @@
+"""What readings must fulfil to be readings at all, and to fit a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lightfield.readings import units
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
+
+#: No lamp is read from farther away: positions beyond were not given in metres.
+FARTHEST_M = 300.0
+#: No unit makes light so large a number; squares of much larger ones overflow.
+LARGEST = 1e30
+
+
+def check_values(readings: Readings, problems: Problems | None = None) -> None:
+    """Refuse values that cannot be readings.
+
+    Parameters
+    ----------
+    readings : Readings
+    problems : Problems, optional
+        Where to note what is wrong; without it, MeasurementError is raised.
+
+    Raises
+    ------
+    MeasurementError
+        All problems, when `problems` is not given.
+    """
+    noted = problems if problems is not None else _problems(readings)
+    lines = _places(readings)
+    unread = noted.unread()
+    if len(readings) == 0 and not noted:
+        noted.add("there is no reading", remedy="add rows below the column names")
+
+    def refuse(bad: Any, name: str, what: str, rule: str, remedy: str | None = None) -> None:
+        values = getattr(readings, name)
+        for k in np.flatnonzero(bad).tolist():
+            if not unread.get(name, set()) & {None, lines[k]}:
+                noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
+
+    for name in ("x_m", "y_m", "z_m", "value"):
+        refuse(~np.isfinite(getattr(readings, name)), name, "is not a finite number", "a finite number")
+    for name in ("wavelength_nm", "stderr", "time_s", "integration_time_s", "repeat", "visit"):
+        refuse(np.isinf(getattr(readings, name)), name, "is infinite", "a finite number, or nothing")
+    for name in ("x_m", "y_m", "z_m"):
+        far = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > FARTHEST_M)
+        refuse(far, name, "is farther than any lamp", f"at most {FARTHEST_M:g} m", "give positions in metres")
+    for name in ("value", "stderr"):
+        large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
+        refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+    refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
+    refuse(
+        readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
+    )
+    refuse(readings.wavelength_nm <= 0, "wavelength_nm", "is not positive", "wavelength_nm > 0")
+    refuse(
+        readings.integration_time_s <= 0, "integration_time_s", "is not positive", "integration_time_s > 0"
+    )
+    for name in ("repeat", "visit"):
+        number = getattr(readings, name)
+        refuse((number < 0) | (np.mod(number, 1) > 0), name, "is not a count", "0, 1, 2, ...")
+    refuse(~np.isin(readings.medium, MEDIA), "medium", "is unknown", " or ".join(MEDIA))
+    refuse(
+        ~np.isin(readings.role, ROLES),
+        "role",
+        "is unknown",
+        " or ".join(ROLES),
+        "subtract dark readings first: `lightfield import`",
+    )
+    _check_duplicates(readings, noted, lines)
+    _check_head(readings, noted)
+    if problems is None:
+        noted.raise_any("not usable readings")
+
+
+def _problems(readings: Readings) -> Problems:
+    return Problems(readings.source or "readings", "reading" if readings.line is None else "line")
+
+
+def _places(readings: Readings) -> list[int]:
+    return list(range(1, len(readings) + 1)) if readings.line is None else [int(k) for k in readings.line]
+
+
+def _check_duplicates(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+    first: dict[tuple[object, ...], int] = {}
+    numbers = [getattr(readings, n) for n in ("x_m", "y_m", "z_m", "wavelength_nm", "time_s", "repeat")]
+    for k in range(len(readings)):
+        if not np.isfinite([c[k] for c in numbers[:3]]).all():
+            continue
+        # nan differs from itself, an unknown time does not differ from another unknown time
+        key = (str(readings.medium[k]), *(None if np.isnan(c[k]) else float(c[k]) for c in numbers))
+        if key in first:
+            noted.add(
+                "this reading is there already",
+                place=lines[k],
+                found=f"{noted.noun} {lines[first[key]]}",
+                rule="medium, x_m, y_m, z_m, wavelength_nm and time_s together occur once",
+                remedy="give replicates their time_s, or number them in a column repeat",
+            )
+        else:
+            first[key] = k
+
+
+def _check_head(readings: Readings, noted: Problems) -> None:
+    if readings.quantity and readings.quantity not in QUANTITIES:
+        place = noted.head.get("quantity")
+        noted.add("unknown quantity", place=place, found=readings.quantity, rule=", ".join(QUANTITIES))
+    if readings.scale not in SCALES:
+        noted.add(
+            "unknown scale", place=noted.head.get("scale"), found=readings.scale, rule=" or ".join(SCALES)
+        )
+    elif readings.scale == "absolute":
+        quantity = readings.quantity if readings.quantity in QUANTITIES else "irradiance"
+        remedy = f'write units = "{units.SI[quantity]}" (or in uW/cm^2/nm ...), or scale = "relative"'
+        if not readings.units:
+            noted.add("absolute readings without units", rule="units are never guessed", remedy=remedy)
+        else:
+            try:
+                units.to_si(readings.units, quantity)
+            except ValueError as error:
+                noted.add(f"unusable units: {error}", found=readings.units, remedy=remedy)
+    for name in TERMS:
+        value = getattr(readings.budget, name)
+        low_open = name == "saturation_level"
+        if value is not None and not (np.isfinite(value) and (value > 0 if low_open else value >= 0)):
+            rule = f"{name} {'>' if low_open else '>='} 0"
+            noted.add(f"{name} is impossible", place=noted.head.get(name), found=value, rule=rule)
+
+
+def against_scene(readings: Readings, scene: Any, problems: Problems | None = None) -> Readings:
+    """The readings with the scene's band filled in; see `Readings.check_against`."""
+    bands = [(float(low), float(high)) for low, high in scene.detector.bands_nm]
+    wavelength = readings.wavelength_nm
+    noted = problems if problems is not None else _problems(readings)
+    lines = _places(readings)
+    if len(bands) == 1:
+        wavelength = np.where(np.isnan(wavelength), sum(bands[0]) / 2, wavelength)
+    shown = ", ".join(f"{low:g}-{high:g} nm" for low, high in bands)
+    for k in range(len(readings)):
+        if np.isnan(wavelength[k]):
+            noted.add(
+                "no wavelength",
+                place=lines[k],
+                rule=f"one of the scene's bands: {shown}",
+                remedy="add a column wavelength_nm",
+            )
+        elif not any(low <= wavelength[k] <= high for low, high in bands):
+            noted.add(
+                "wavelength_nm is outside the scene's bands",
+                place=lines[k],
+                found=wavelength[k].item(),
+                rule=f"detector.bands_nm: {shown}",
+                remedy="add its band to the scene",
+            )
+    quantity = str(scene.detector.quantity)
+    if readings.quantity and readings.quantity != quantity:
+        noted.add(
+            "the readings are of another quantity than the scene's detector",
+            found=readings.quantity,
+            rule=f"detector.quantity = {quantity!r}",
+            remedy="change it in the scene",
+        )
+    if scene.tank is not None:
+        _check_tank(readings, scene.tank, noted, lines)
+    if problems is None:
+        noted.raise_any("does not fit the scene")
+    return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
+
+
+def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
+    ends = {
+        "x_m": (-tank.width_m / 2, tank.width_m / 2),
+        "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
+        "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
+    }
+    for name, (low, high) in ends.items():
+        values = getattr(readings, name)
+        outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
+        outside &= np.abs(values) <= FARTHEST_M  # else that was said
+        for k in np.flatnonzero(outside).tolist():
+            noted.add(
+                f"{name} is outside the tank",
+                place=lines[k],
+                found=values[k].item(),
+                rule=f"{low:g} <= {name} <= {high:g}",
+                remedy="correct it (positions are in metres), or the tank's size",
+            )

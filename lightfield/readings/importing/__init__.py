@@ -1,0 +1,1 @@
+"""From instrument files and an index of them to one reading table."""

@@ -1,0 +1,247 @@
+"""From instrument files and an index to one reading table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from os import PathLike, fspath
+from typing import Any
+
+import numpy as np
+
+from lightfield.errors import MeasurementError
+from lightfield.readings import units
+from lightfield.readings.importing import provenance, reduction, saturation
+from lightfield.readings.importing.index import Entry, read_index
+from lightfield.readings.importing.reduction import Shot
+from lightfield.readings.importing.replicates import Point, join
+from lightfield.readings.importing.request import Bands, settle_request
+from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.formats import read_spectrum
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import ErrorBudget, LoadWarning, Readings
+from lightfield.readings.units import is_absolute
+
+
+def import_index(
+    path: str | PathLike[str],
+    *,
+    quantity: str | None,
+    units: str | None,
+    bands_nm: Bands,
+    saturation_level: float | None = None,
+    budget: ErrorBudget | None = None,
+) -> Readings:
+    """One reading table from the spectra that an index lists.
+
+    Counts are freed of their dark signal and divided by the exposure; every spectrum is averaged over the
+    bands; spectra taken in a row at one place and exposure become one reading with the standard error of
+    their mean.
+
+    Parameters
+    ----------
+    path : path-like
+        Index CSV: file, medium, x_m, y_m, z_m, time_s, role, integration_time_s.
+    quantity : str
+        One of QUANTITIES: what the instrument's head receives is not in its files.
+    units : str
+        Unit of the numbers in the files: "counts", "counts/s", "relative", or of irradiance or radiance.
+    bands_nm : sequence of (float, float), nm
+    saturation_level : float, unit of the files
+        Full scale, when known.
+    budget : ErrorBudget, optional
+        Goes into the head of the table.
+
+    Raises
+    ------
+    MeasurementError
+        Something is not stated; or all problems of index and files, with their lines.
+    """
+    where = fspath(path)
+    unit = settle_request(quantity, units, bands_nm, saturation_level)
+    problems = Problems(where)
+    shots = _settle(_read_files(read_index(path, problems), problems), unit == "counts", problems)
+    if not is_absolute(unit):
+        _check_one_instrument(shots, problems)
+    problems.raise_any("not a usable index")
+    shots, time_note = _times(shots)
+    notes: list[LoadWarning] = [] if time_note is None else [time_note]
+    darks = [shot for shot in shots if shot.entry.role == "dark"]
+    sequence = _in_order([shot for shot in shots if shot.entry.role in ("signal", "reference")])
+    points: dict[tuple[int, int], Point] = {}
+    flat: dict[str, float] = {}
+    for k, shot in enumerate(sequence):
+        _reduce(k, shot, darks, unit, bands_nm, saturation_level, points, flat, problems)
+    problems.raise_any("not a usable index")
+    notes += provenance.warnings_of(sequence, darks, unit, flat)
+    rows = join(sequence, points, len(bands_nm))
+    single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])
+    notes += [single] if single else []
+    metadata = provenance.metadata_of(sequence, darks, unit, bands_nm, saturation_level, notes)
+    return _table(rows, where, str(quantity), unit, bands_nm, budget or ErrorBudget(), metadata, notes)
+
+
+def _read_files(entries: Sequence[Entry], problems: Problems) -> list[Shot]:
+    shots = []
+    for entry in entries:
+        if entry.role == "ignore":
+            continue
+        try:
+            spectrum = read_spectrum(entry.path)
+        except MeasurementError as error:
+            if error.problems:
+                for what in error.problems:
+                    problems.add(f"{entry.file}: {what}", place=entry.line)
+            else:
+                problems.add(
+                    f"{entry.file}: {error.what}",
+                    place=entry.line,
+                    found=error.found,
+                    rule=error.rule,
+                    remedy=error.remedy,
+                )
+            continue
+        shots.append(Shot(entry, spectrum, spectrum.integration_time_s, entry.time_s))
+    return shots
+
+
+def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Shot]:
+    """Exposures from header or index, which must not contradict each other."""
+    out = []
+    for shot in shots:
+        stated, header = shot.entry.integration_time_s, shot.exposure_s
+        if (
+            np.isfinite(stated)
+            and np.isfinite(header)
+            and abs(stated - header) > reduction.SAME_EXPOSURE * header
+        ):
+            problems.add(
+                f"{shot.entry.file}: the index and the file state different exposures",
+                place=shot.entry.line,
+                found=f"{stated:g} s and {header:g} s",
+                remedy="remove integration_time_s from this line",
+            )
+        exposure = header if np.isfinite(header) else stated
+        if needed and not np.isfinite(exposure):
+            reason = next((f" ({note})" for note in shot.spectrum.notes if "exposure" in note), "")
+            problems.add(
+                f"{shot.entry.file}: the exposure is not known{reason}",
+                place=shot.entry.line,
+                rule="counts are divided by it",
+                remedy="give integration_time_s in the index",
+            )
+        out.append(replace(shot, exposure_s=exposure))
+    return out
+
+
+def _check_one_instrument(shots: Sequence[Shot], problems: Problems) -> None:
+    """Uncalibrated numbers of two spectrometers have two unknown gains; a relative table has one."""
+    first = next((shot for shot in shots if shot.spectrum.spectrometer), None)
+    for shot in shots:
+        name = shot.spectrum.spectrometer
+        if first is not None and name and name != first.spectrum.spectrometer:
+            problems.add(
+                f"{shot.entry.file}: another spectrometer than in line {first.entry.line}",
+                place=shot.entry.line,
+                found=name,
+                rule=f"{first.spectrum.spectrometer!r} throughout, as the numbers are not calibrated",
+                remedy="one table for each spectrometer",
+            )
+
+
+def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
+    """Times from the index; where it gives none at all, from the files' dates if they can be compared."""
+    if any(np.isfinite(shot.time_s) for shot in shots):
+        return list(shots), None
+    moments = [labels.moment(shot.spectrum.date) for shot in shots]
+    known = [m for m in moments if m is not None]
+    if len(known) < len(moments) or len({zone for _, zone in known}) > 1:
+        return list(shots), None
+    start = min(when for when, _ in known)
+    timed = [replace(s, time_s=(m[0] - start).total_seconds()) for s, m in zip(shots, known, strict=True)]
+    note = LoadWarning(
+        "time_from_header",
+        f"times are taken from the dates in the files, from {start.isoformat(' ')}",
+        "give time_s in the index if the instrument's clock was wrong",
+    )
+    return timed, note
+
+
+def _in_order(shots: Sequence[Shot]) -> list[Shot]:
+    if all(np.isfinite(shot.time_s) for shot in shots):
+        return sorted(shots, key=lambda shot: shot.time_s)
+    return list(shots)
+
+
+def _reduce(
+    k: int,
+    shot: Shot,
+    darks: Sequence[Shot],
+    unit: str,
+    bands: Bands,
+    level: float | None,
+    points: dict[tuple[int, int], Point],
+    flat: dict[str, float],
+    problems: Problems,
+) -> None:
+    counts = unit == "counts"
+    mask, top = saturation.saturated_pixels(shot.spectrum, level)
+    if top is not None:
+        flat[shot.entry.file] = top
+    try:
+        values = reduction.signal(shot, unit)
+        own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
+        chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
+        wavelength = shot.spectrum.wavelength_nm
+        for b, (low, high) in enumerate(bands):
+            value = reduction.band_mean(wavelength, values, low, high)
+            dark, error = 0.0, 0.0
+            if chosen:
+                means = [
+                    reduction.band_mean(d.spectrum.wavelength_nm, d.spectrum.raw, low, high) for d in chosen
+                ]
+                dark, spread = reduction.mean_and_error(means)
+                error = 0.0 if np.isnan(spread) else spread
+            scale = shot.exposure_s if counts else 1.0
+            near = (wavelength >= low) & (wavelength <= high)
+            names = tuple(d.entry.file for d in chosen) or (("own column",) if own and counts else ())
+            points[k, b] = Point(shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names)
+    except ValueError as error_:
+        problems.add(f"{shot.entry.file}: {error_}", place=shot.entry.line)
+
+
+def _table(
+    rows: Sequence[dict[str, Any]],
+    where: str,
+    quantity: str,
+    unit: str,
+    bands: Bands,
+    budget: ErrorBudget,
+    metadata: dict[str, Any],
+    notes: Sequence[LoadWarning],
+) -> Readings:
+    numbers = (
+        "x_m",
+        "y_m",
+        "z_m",
+        "value",
+        "stderr",
+        "time_s",
+        "integration_time_s",
+        "repeat",
+        "visit",
+        "saturated",
+    )
+    absolute = units.is_absolute(unit)
+    return Readings.from_arrays(
+        **{name: [row[name] for row in rows] for name in (*numbers, "medium", "role")},
+        wavelength_nm=[sum(bands[row["band"]]) / 2 for row in rows],
+        extra={name: [row[name] for row in rows] for name in provenance.COLUMNS},
+        budget=budget,
+        quantity=quantity,
+        scale="absolute" if absolute else "relative",
+        units="counts/s" if unit == "counts" else unit,
+        source=where,
+        metadata=metadata,
+        warnings=tuple(notes),
+    )

@@ -1,0 +1,122 @@
+"""The index of a measurement: which file was taken where, when, and as what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike, fspath
+from os.path import normpath
+from pathlib import Path
+
+from lightfield.readings import text
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import MEDIA
+from lightfield.readings.sheet import UNITS, look_alike, read_sheet
+
+ROLES = ("signal", "dark", "reference", "ignore")
+NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
+COLUMNS = ("file", "medium", *NUMBERS, "role")
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of an index.
+
+    Parameters
+    ----------
+    line : int
+    file : str
+        As written; `path` is where it is, relative to the index.
+    medium, role : str
+    x_m, y_m, z_m, time_s, integration_time_s : float
+        nan where not given; x and y are 0.
+    """
+
+    line: int
+    file: str
+    path: Path
+    medium: str
+    role: str
+    x_m: float
+    y_m: float
+    z_m: float
+    time_s: float
+    integration_time_s: float
+
+
+def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
+    """Read an index CSV with the columns file, medium, x_m, y_m, z_m, time_s, role, integration_time_s.
+
+    Only `file` is required, and z_m for what is neither dark nor ignored.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read; everything else that is wrong goes to `problems`.
+    """
+    where = fspath(path)
+    sheet = read_sheet(text.read_text(where), problems, COLUMNS, ("file",), NUMBERS)
+    place = {name: c for c, name in enumerate(sheet.names)}
+    unknown = [name for name in sheet.names if name not in COLUMNS]
+    for name in (n for n in COLUMNS if n not in place and n != "file"):
+        other = look_alike(name, unknown)
+        if other:
+            unit = UNITS.get(name.rsplit("_", 1)[-1])
+            problems.add(
+                f"the column {other} is not known",
+                place=sheet.name_line,
+                rule=", ".join(COLUMNS),
+                remedy=f"name it {name}" + (f", and give {unit}" if unit else ""),
+            )
+    if "file" not in place:
+        return []
+    entries, used = [], dict[str, int]()
+    for line, cells in sheet.rows:
+        row = {name: cells[c].strip() for name, c in place.items()}
+        before = len(problems.found)
+        values = {name: _number(name, row.get(name, ""), sheet.mark, line, problems) for name in NUMBERS}
+        role, medium = row.get("role", "") or "signal", row.get("medium", "") or "water"
+        if role not in ROLES:
+            problems.add("unknown role", place=line, found=role, rule=", ".join(ROLES))
+        if medium not in MEDIA:
+            problems.add("unknown medium", place=line, found=medium, rule=" or ".join(MEDIA))
+        if not row["file"]:
+            problems.add("no file is named", place=line, remedy="name the spectrum's file")
+        elif (same := normpath(row["file"])) in used:
+            problems.add(
+                f"the same file as line {used[same]}",
+                place=line,
+                found=row["file"],
+                rule="one line for each file",
+            )
+        used.setdefault(normpath(row["file"]), line)
+        if role not in ("dark", "ignore"):
+            z_m = values["z_m"]
+            if z_m != z_m and row.get("z_m", "") == "":
+                problems.add("z_m is missing", place=line, rule=f"required for the role {role}")
+            elif z_m <= 0:
+                problems.add("z_m is an impossible position", place=line, found=z_m, rule="z_m > 0")
+        if values["integration_time_s"] <= 0:
+            problems.add("integration_time_s is not positive", place=line, found=values["integration_time_s"])
+        if len(problems.found) == before:
+            values["x_m"], values["y_m"] = (
+                0.0 if row.get(n, "") == "" else values[n] for n in ("x_m", "y_m")
+            )
+            entries.append(Entry(line, row["file"], Path(where).parent / row["file"], medium, role, **values))
+    if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
+        problems.add(
+            "no spectrum has the role signal or reference", remedy="add the lines of the measurement"
+        )
+    return entries
+
+
+def _number(name: str, cell: str, mark: str, line: int, problems: Problems) -> float:
+    if cell == "":
+        return NAN
+    try:
+        return text.number(cell, mark)
+    except ValueError as error:
+        problems.add(
+            f"{name} {error}", place=line, found=cell, remedy="correct it, or leave it blank for not known"
+        )
+        return NAN

@@ -1,0 +1,151 @@
+"""From one spectrum to one number per band: dark subtraction, exposure normalisation, band average."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.readings import units
+from lightfield.readings.importing.index import Entry
+from lightfield.readings.instruments.spectrum import Spectrum
+
+SAME_EXPOSURE = 1e-3  # relative; headers print three to seven digits
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A spectrum with its line of the index, exposure and time settled."""
+
+    entry: Entry
+    spectrum: Spectrum
+    exposure_s: float
+    time_s: float
+
+
+def band_mean(wavelength_nm: Array, values: Array, low_nm: float, high_nm: float) -> float:
+    """Mean over a band: trapezoidal integral between its edges, divided by its width.
+
+    Parameters
+    ----------
+    wavelength_nm, values : array, shape (n_pixels,)
+        Increasing wavelengths.
+    low_nm, high_nm : float, nm
+        Edges; values there are interpolated.
+
+    Raises
+    ------
+    ValueError
+        The spectrum does not reach over the band, or has no number within it.
+    """
+    if not (wavelength_nm[0] <= low_nm < high_nm <= wavelength_nm[-1]):
+        raise ValueError(
+            f"the band {low_nm:g}-{high_nm:g} nm is not within {wavelength_nm[0]:g}-{wavelength_nm[-1]:g} nm"
+        )
+    within = (wavelength_nm > low_nm) & (wavelength_nm < high_nm)
+    # The neighbours of the edges count too: they are interpolated.
+    first = max(int(np.searchsorted(wavelength_nm, low_nm, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(wavelength_nm, high_nm, side="left")), len(wavelength_nm) - 1)
+    part = slice(first, last + 1)
+    if not np.isfinite(values[part]).all():
+        raise ValueError(f"pixels without a number in the band {low_nm:g}-{high_nm:g} nm")
+    if not within.any():
+        raise ValueError(f"no pixel in the band {low_nm:g}-{high_nm:g} nm")
+    grid = np.r_[low_nm, wavelength_nm[within], high_nm]
+    heights = np.asarray(np.interp(grid, wavelength_nm[part], values[part]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sum(np.diff(grid) * (heights[1:] / 2 + heights[:-1] / 2)) / (high_nm - low_nm))
+
+
+def signal(shot: Shot, unit: str) -> Array:
+    """The column of a file that holds numbers in this unit, its own dark column subtracted.
+
+    Parameters
+    ----------
+    shot : Shot
+    unit : str
+        Canonical unit of the numbers in the file, from the user.
+
+    Raises
+    ------
+    ValueError
+        The file has no such column; the message says what it has.
+    """
+    spectrum = shot.spectrum
+    if "value" in spectrum.columns:
+        return spectrum.columns["value"]
+    if unit == "counts":
+        with np.errstate(over="ignore", invalid="ignore"):
+            return (
+                spectrum.columns["signal"] - spectrum.columns["dark"] if has_dark(spectrum) else spectrum.raw
+            )
+    if not units.is_absolute(unit):
+        raise ValueError(f"a {spectrum.format} file holds counts, not {unit}: say --units counts")
+    if not spectrum.processed_unit or "processed" not in spectrum.columns:
+        raise ValueError(f"this {spectrum.format} file holds no calibrated irradiance: say --units counts")
+    held = units.to_si(spectrum.processed_unit, "irradiance")
+    try:
+        same = abs(units.to_si(unit, "irradiance") - held) <= 1e-9 * held
+    except ValueError:
+        same = False
+    if not same:
+        raise ValueError(f"a {spectrum.format} file is in {spectrum.processed_unit}, not {unit}")
+    return spectrum.columns["processed"]
+
+
+def has_dark(spectrum: Spectrum) -> bool:
+    """Does the file bring its own dark spectrum?"""
+    dark = spectrum.columns.get("dark")
+    return dark is not None and bool(np.nan_to_num(dark).any())
+
+
+def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool) -> list[Shot]:
+    """The dark spectra that belong to a shot: same spectrometer pixels and exposure, nearest in time.
+
+    Darks that are equally near (or all, when a time is missing) are averaged.
+
+    Parameters
+    ----------
+    shot : Shot
+    darks : sequence of Shot
+    need_exposure : bool
+        Must the exposures be known? Where not, unknown ones match.
+
+    Raises
+    ------
+    ValueError
+        None belongs to it.
+    """
+    grid = shot.spectrum.wavelength_nm
+    pixels = [
+        d
+        for d in darks
+        if len(d.spectrum) == len(grid) and np.allclose(d.spectrum.wavelength_nm, grid, rtol=0, atol=0.02)
+    ]
+    if not pixels:
+        raise ValueError("no dark spectrum has its wavelengths")
+    matching = [d for d in pixels if _same_exposure(d.exposure_s, shot.exposure_s, need_exposure)]
+    if not matching:
+        found = ", ".join(sorted({f"{d.exposure_s:g} s" for d in pixels}))
+        raise ValueError(f"no dark spectrum has its exposure of {shot.exposure_s:g} s, only {found}")
+    away = np.array([abs(d.time_s - shot.time_s) for d in matching])
+    if np.isnan(away).any():
+        return matching
+    return [d for d, gap in zip(matching, away, strict=True) if gap <= away.min()]
+
+
+def _same_exposure(one: float, other: float, needed: bool) -> bool:
+    if np.isnan(one) or np.isnan(other):
+        return not needed
+    return abs(one - other) <= SAME_EXPOSURE * other
+
+
+def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    """Mean of replicates and its standard error; nan where it cannot be told (one value, or all equal)."""
+    array = np.asarray(values, dtype=float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if len(array) < 2 or np.ptp(array) == 0:
+            return float(array.mean()), float("nan")
+        return float(array.mean()), float(array.std(ddof=1) / np.sqrt(len(array)))

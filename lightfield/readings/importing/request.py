@@ -1,0 +1,63 @@
+"""What the user has to say about instrument files because it is not in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lightfield.errors import MeasurementError
+from lightfield.readings import units
+from lightfield.readings.readings import QUANTITIES
+
+Bands = Sequence[tuple[float, float]]
+
+
+def settle_request(
+    quantity: str | None, unit: str | None, bands_nm: Bands, saturation_level: float | None
+) -> str:
+    """The canonical unit of the numbers in the files, when everything has been said and makes sense.
+
+    Raises
+    ------
+    MeasurementError
+        Something has not been said (all of it at once), or makes no sense.
+    """
+    needed = {
+        "--quantity": (quantity, f"what the instrument's head receives: {', '.join(QUANTITIES)}"),
+        "--units": (unit, f"unit of the numbers in the files: {units.CHOICES}"),
+        "--band": (bands_nm, "for example --band 500:550, in nm"),
+    }
+    missing = [f"{option} {meaning}" for option, (given, meaning) in needed.items() if not given]
+    if missing or not quantity or not unit:
+        raise MeasurementError(
+            f"not stated: {', '.join(option for option, (given, _) in needed.items() if not given)}",
+            rule="what is not in the instrument's files is asked for, never guessed",
+            remedy="; ".join(missing),
+        )
+    if quantity not in QUANTITIES:
+        raise MeasurementError(
+            "unknown quantity", found=quantity, rule=", ".join(QUANTITIES), remedy="correct --quantity"
+        )
+    try:
+        found = units.canonical(unit)
+        if units.is_absolute(found):
+            units.to_si(found, quantity)
+    except ValueError as error:
+        raise MeasurementError(f"unusable unit: {error}", found=unit, remedy="correct --units") from error
+    for low, high in bands_nm:
+        if not 0 < low < high < float("inf"):
+            raise MeasurementError(
+                "impossible band",
+                found=f"{low:g}:{high:g}",
+                rule="0 < low < high, nm",
+                remedy="correct --band",
+            )
+    if len({low + high for low, high in bands_nm}) < len(bands_nm):
+        raise MeasurementError("two bands have the same centre", remedy="import them into two tables")
+    if saturation_level is not None and not 0 < saturation_level < float("inf"):
+        raise MeasurementError(
+            "impossible saturation level",
+            found=saturation_level,
+            rule="> 0",
+            remedy="correct --saturation-level",
+        )
+    return found

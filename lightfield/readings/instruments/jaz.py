@@ -1,0 +1,53 @@
+"""Jaz: `Jaz Data File`, columns named W D R S P (wavelength, dark, reference, signal, processed) or W S."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from lightfield.readings.instruments.oceanoptics import Document, spectrum
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+NAME = "Jaz"
+COLUMNS = {"D": "dark", "R": "reference", "S": "signal", "P": "processed"}
+
+
+def claims(document: Document) -> bool:
+    """Is this a Jaz file of counts?"""
+    block = document.block("processed", "spectr")
+    lettered = block is not None and bool(block.lines) and block.lines[0][1].upper().split()[:1] == ["W"]
+    return document.title.lower().startswith("jaz") or lettered
+
+
+def read(document: Document) -> Spectrum:
+    """Read it.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, with their lines.
+    """
+    return read_lettered(document, NAME, Problems(document.where))
+
+
+def read_lettered(document: Document, name: str, problems: Problems, **more: Any) -> Spectrum:
+    """A spectrum whose columns are named by letters in their first line."""
+    block = document.block("processed", "spectr") or next(iter(document.blocks), None)
+    columns = ["signal"]
+    if block is not None and block.lines:
+        line, names = block.lines[0]
+        letters = names.upper().replace(";", " ").split()
+        rest = letters[1:]
+        if letters[:1] != ["W"] or "S" not in rest or not {*rest} <= {*COLUMNS} or len({*rest}) < len(rest):
+            problems.add(
+                "unknown column names",
+                place=line,
+                found=names,
+                rule="W D R S P, W D S P or W S",
+                remedy="export it again",
+            )
+            problems.raise_any(f"not a usable {name} file")
+        columns = [COLUMNS[letter] for letter in rest]
+        block = replace(block, lines=block.lines[1:])
+    return spectrum(document, name, block, columns, problems, **more)

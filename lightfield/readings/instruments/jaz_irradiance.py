@@ -1,0 +1,63 @@
+"""Jaz irradiance: `Jaz Absolute Irradiance File`, columns W D S P and a calibration block.
+
+P is the spectral irradiance in uW cm^-2 nm^-1: (S - D) calibration / (exposure x area x width of a pixel);
+the calibration is in uJ per count, the collection area in cm^2.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from lightfield.readings.instruments import jaz
+from lightfield.readings.instruments.oceanoptics import Document, numbers
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+NAME = "Jaz irradiance"
+UNIT = "uW cm^-2 nm^-1"
+
+
+def claims(document: Document) -> bool:
+    """Is this a Jaz file of absolute irradiance?"""
+    title = document.title.lower()
+    return jaz.claims(document) and ("irradiance" in title or document.block("calibration") is not None)
+
+
+def read(document: Document) -> Spectrum:
+    """Read it.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, with their lines.
+    """
+    problems = Problems(document.where)
+    found = jaz.read_lettered(document, NAME, problems)
+    sphere = next((v for k, v in document.header.items() if "sphere" in k.lower()), "No")
+    # With an integrating sphere the program gives power, not irradiance.
+    unit = UNIT if sphere.strip().lower() == "no" else ""
+    notes = (
+        found.notes if unit else (*found.notes, "taken with an integrating sphere: P is not an irradiance")
+    )
+    block = document.block("calibration")
+    if block is None or not block.lines:
+        return replace(found, processed_unit=unit, notes=(*notes, "no calibration block"))
+    named = re.fullmatch(r"\[(.*)\]", block.lines[0][1])
+    rows = replace(block, lines=block.lines[1:] if named else block.lines)
+    calibration = numbers(rows, 1, problems)[:, 0]
+    if len(calibration) != len(found) and not problems:
+        problems.add(
+            "the calibration does not fit the spectrum",
+            found=f"{len(calibration)} numbers",
+            rule=f"{len(found)}, one for each pixel",
+            remedy="copy or export it again",
+        )
+    problems.raise_any(f"not a usable {NAME} file")
+    return replace(
+        found,
+        calibration=calibration,
+        calibration_unit=named[1] if named else "",
+        processed_unit=unit,
+        notes=notes,
+    )

@@ -1,0 +1,244 @@
+"""What text files of Ocean Optics programs share: labelled header, marked blocks, columns of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.readings import text
+from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+SHORTEST_NM, LONGEST_NM = 50.0, 30000.0
+_MARKER = re.compile(r"\s*>{3,}\s*(.*?)\s*<{3,}\s*")
+_HOLE = ("\u221e", "-\u221e", "\ufffd")  # how Java writes infinity and not-a-number
+
+
+@dataclass
+class Block:
+    """Lines between a begin and an end marker, blank ones left out."""
+
+    title: str
+    lines: list[tuple[int, str]] = field(default_factory=list)
+    closed: bool = False
+
+
+@dataclass
+class Document:
+    """A file in parts.
+
+    Parameters
+    ----------
+    where : str
+    title : str
+        First line that is not blank.
+    header : dict of str to str
+    blocks : list of Block
+    ended : bool
+        Does the last line have an end?
+    """
+
+    where: str
+    title: str
+    header: dict[str, str]
+    blocks: list[Block]
+    ended: bool
+
+    def block(self, *words: str) -> Block | None:
+        """The first block whose title holds all these words."""
+        return next((b for b in self.blocks if all(word in labels.plain(b.title) for word in words)), None)
+
+
+def take_apart(content: text.Text, where: str) -> Document:
+    """Title, header and blocks of a file; lines are told by what stands in them, never by their number."""
+    title = ""
+    header: dict[str, str] = {}
+    blocks: list[Block] = []
+    for number, line in enumerate(content.lines, start=1):
+        marker = _MARKER.fullmatch(line)
+        if marker:
+            if labels.plain(marker[1]).startswith("end"):
+                if blocks:
+                    blocks[-1].closed = True
+            else:
+                blocks.append(Block(marker[1]))
+        elif not line.strip():
+            continue
+        elif blocks:
+            if not blocks[-1].closed:
+                blocks[-1].lines.append((number, line.strip()))
+            else:
+                header[f"line {number}"] = line.strip()
+        elif not title:
+            title = line.strip()
+        else:
+            _note_header(header, number, line.strip())
+    return Document(where, title, header, blocks, content.ended)
+
+
+def _note_header(header: dict[str, str], number: int, line: str) -> None:
+    label, colon, value = line.replace("：", ":", 1).partition(":")
+    if not colon:
+        if line.strip("+-=* "):
+            header[f"line {number}"] = line
+        return
+    name, again = label.strip(), 2
+    while name in header:
+        name, again = f"{label.strip()} ({again})", again + 1
+    header[name] = value.strip()
+
+
+def numbers(block: Block, width: int, problems: Problems) -> Array:
+    """The numbers of a block, shape (n_lines, width); nan where a cell says that there is none.
+
+    What cannot be read is noted in `problems`, with its line.
+    """
+    lines = block.lines
+    separator = next((s for s in "\t;" if any(s in line for _, line in lines)), None)
+    if separator is None and width > 1 and not any(" " in line for _, line in lines):
+        separator = ","
+    rows = [(number, [c.strip() for c in line.split(separator)]) for number, line in lines]
+    try:
+        mark = text.decimal_mark(cell for _, cells in rows for cell in cells)
+    except ValueError as error:
+        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
+        mark = "."
+    out = np.full((len(rows), width), np.nan)
+    for k, (number, cells) in enumerate(rows):
+        if len(cells) != width:
+            problems.add(
+                f"the line has {len(cells)} numbers",
+                place=number,
+                rule=f"{width} numbers",
+                remedy="export it again",
+            )
+            continue
+        for c, cell in enumerate(cells):
+            if c > 0 and (cell in _HOLE or text.NOT_A_NUMBER.fullmatch(cell)):
+                continue
+            try:
+                out[k, c] = text.number(cell, mark)
+            except ValueError as error:
+                problems.add(f"{cell!r:.40} {error}", place=number, remedy="export it again")
+    return out
+
+
+def spectrum(
+    document: Document,
+    name: str,
+    block: Block | None,
+    columns: Sequence[str],
+    problems: Problems,
+    **more: Any,
+) -> Spectrum:
+    """A spectrum from a block of numbers whose first column is the wavelength.
+
+    Parameters
+    ----------
+    document : Document
+    name : str
+        Of the format.
+    block : Block, optional
+        Lines of numbers; None is noted as a problem.
+    columns : sequence of str
+        Names of the columns behind the wavelength.
+    problems : Problems
+    **more
+        Further fields of Spectrum.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file.
+    """
+    header, notes = document.header, list(more.pop("notes", ()))
+    if block is None or not block.lines:
+        problems.add(
+            "there are no spectral data",
+            rule="numbers behind a line like >>>>>Begin ... Data<<<<<",
+            remedy="export it again",
+        )
+        problems.raise_any(f"not a usable {name} file")
+        raise AssertionError  # not reached
+    table = numbers(block, 1 + len(columns), problems)
+    wavelength = table[:, 0]
+    _check_axis(wavelength, block, header, problems)
+    notes += _check_complete(document, block, table, problems)
+    problems.raise_any(f"not a usable {name} file")
+    exposure = float("nan")
+    found = labels.lookup(header, "integration")
+    if found:
+        try:
+            exposure = labels.seconds(*found)
+        except ValueError as error:
+            notes.append(f"the exposure is not known: {found[0]!r} {error}")
+    spectrometer, date = labels.lookup(header, "spectrometer"), labels.lookup(header, "date")
+    return Spectrum(
+        source=document.where,
+        format=name,
+        wavelength_nm=wavelength,
+        columns={column: table[:, c] for c, column in enumerate(columns, start=1)},
+        header={"title": document.title, **header},
+        integration_time_s=exposure,
+        spectra_averaged=labels.count(header, "averaged"),
+        boxcar=labels.count(header, "boxcar"),
+        spectrometer=spectrometer[1] if spectrometer else "",
+        date=date[1] if date else "",
+        electric_dark_corrected=labels.flag(header, "electric_dark"),
+        nonlinearity_corrected=labels.flag(header, "nonlinearity"),
+        stray_light_corrected=labels.flag(header, "stray_light"),
+        notes=tuple(notes),
+        **more,
+    )
+
+
+def _check_axis(wavelength: Array, block: Block, header: dict[str, str], problems: Problems) -> None:
+    axis = labels.lookup(header, "axis")
+    if axis and re.search(r"pixel|raman|shift|wavenumber|energ", labels.plain(axis[1])):
+        problems.add(
+            "the x axis is not wavelength", found=f"{axis[0]}: {axis[1]}", remedy="export wavelengths in nm"
+        )
+    if np.isnan(wavelength).any():
+        return  # noted already
+    for k in np.flatnonzero((wavelength < SHORTEST_NM) | (wavelength > LONGEST_NM)).tolist():
+        problems.add(
+            "impossible wavelength",
+            place=block.lines[k][0],
+            found=wavelength[k].item(),
+            rule=f"{SHORTEST_NM:g}-{LONGEST_NM:g} nm",
+            remedy="export wavelengths in nm",
+        )
+    for k in np.flatnonzero(np.diff(wavelength) <= 0).tolist():
+        problems.add(
+            "the wavelength does not increase",
+            place=block.lines[k + 1][0],
+            found=wavelength[k + 1].item(),
+            remedy="export it again",
+        )
+
+
+def _check_complete(document: Document, block: Block, table: Array, problems: Problems) -> list[str]:
+    notes = []
+    announced, rows = labels.count(document.header, "pixels"), len(table)
+    if announced is not None and rows < announced:
+        problems.add(
+            "the file is cut",
+            found=f"{rows} pixels",
+            rule=f"{announced}, as its header says",
+            remedy="copy or export it again",
+        )
+    elif announced is not None and rows > announced:
+        notes.append(f"{rows} pixels, though the header says {announced} (spliced from two spectrometers?)")
+    elif announced is None and not block.closed:
+        notes.append("no end marker and no number of pixels: whether the file is complete cannot be told")
+    if not block.closed and not document.ended:
+        # The last number may have lost its last digits.
+        table[-1, 1:] = np.nan
+        notes.append("the file ends within a line; its last pixel is not used")
+    return notes

@@ -1,0 +1,65 @@
+"""One spectrum as an instrument's program wrote it, with everything its file says about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from lightfield.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """A spectrum and its header.
+
+    Parameters
+    ----------
+    source, format : str
+        File; name of the format.
+    wavelength_nm : array, shape (n_pixels,), nm
+        Increasing.
+    columns : dict of str to array, shape (n_pixels,)
+        "value" where a file holds one column (in what unit only the user knows); else of "dark", "reference",
+        "signal" (counts) and "processed". nan where the file has no number.
+    header : dict of str to str
+        The whole header, label to text; lines without a label under "line N".
+    integration_time_s : float, s
+        nan when the header does not say.
+    spectra_averaged, boxcar : int, optional
+        Number of spectra in the average; half-width of the smoothing in pixels.
+    spectrometer, date : str
+    electric_dark_corrected, nonlinearity_corrected, stray_light_corrected : bool, optional
+        None when the header does not say.
+    calibration : array, shape (n_pixels,), optional
+        Energy per count, in `calibration_unit`.
+    processed_unit : str
+        Unit of "processed" where the format fixes it, else "".
+    notes : tuple of str
+        What is odd about the file but does not prevent its use.
+    """
+
+    source: str
+    format: str
+    wavelength_nm: Array
+    columns: Mapping[str, Array]
+    header: Mapping[str, str]
+    integration_time_s: float = float("nan")
+    spectra_averaged: int | None = None
+    boxcar: int | None = None
+    spectrometer: str = ""
+    date: str = ""
+    electric_dark_corrected: bool | None = None
+    nonlinearity_corrected: bool | None = None
+    stray_light_corrected: bool | None = None
+    calibration: Array | None = None
+    calibration_unit: str = ""
+    processed_unit: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.wavelength_nm)
+
+    @property
+    def raw(self) -> Array:
+        """The numbers closest to the detector: "signal", or the only column."""
+        return self.columns["signal"] if "signal" in self.columns else self.columns["value"]

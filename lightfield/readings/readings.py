@@ -1,0 +1,291 @@
+"""The reading table: what a detector read, where, when, and how well that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
+
+QUANTITIES = ("irradiance", "scalar_irradiance", "radiance")
+SCALES = ("relative", "absolute")
+MEDIA = ("water", "air")
+ROLES = ("signal", "reference")
+
+REQUIRED = ("z_m", "value")
+NUMBER_COLUMNS = (
+    "x_m",
+    "y_m",
+    "z_m",
+    "wavelength_nm",
+    "value",
+    "stderr",
+    "time_s",
+    "integration_time_s",
+    "repeat",
+    "visit",
+    "saturated",
+)
+TEXT_COLUMNS = ("medium", "role")
+# Order in which a table is written.
+COLUMNS = (
+    "medium",
+    "x_m",
+    "y_m",
+    "z_m",
+    "wavelength_nm",
+    "value",
+    "stderr",
+    "time_s",
+    "integration_time_s",
+    "role",
+    "repeat",
+    "visit",
+    "saturated",
+)
+# Entries of the head that lightfield uses: text, and the terms of the error budget.
+WORDS = ("quantity", "scale", "units")
+TERMS = ("plane_gain_percent", "position_mm", "tolerance_percent", "saturation_level")
+DEFAULTS: dict[str, Any] = {"medium": "water", "x_m": 0.0, "y_m": 0.0, "role": "signal", "saturated": False}
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """What the standard errors do not contain; None is "not stated".
+
+    Parameters
+    ----------
+    plane_gain_percent : float, %
+        Repeatability of a whole plane: repositioning, window, lamp, per visit.
+    position_mm : float, mm
+        Error of a detector position.
+    tolerance_percent : float, %
+        Smooth misfit that is of no interest.
+    saturation_level : float, unit of the values
+        Readings at or above it are saturated.
+    """
+
+    plane_gain_percent: float | None = None
+    position_mm: float | None = None
+    tolerance_percent: float | None = None
+    saturation_level: float | None = None
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Terms that a diagnosis has to assume."""
+        terms = ("plane_gain_percent", "position_mm", "tolerance_percent")
+        return tuple(name for name in terms if getattr(self, name) is None)
+
+
+@dataclass(frozen=True)
+class LoadWarning:
+    """Something that is allowed and will limit what the readings can tell.
+
+    Parameters
+    ----------
+    code : str
+        Stable name, for programs.
+    sentence, remedy : str
+        What is the matter; what would help.
+    """
+
+    code: str
+    sentence: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.sentence} ({self.remedy})"
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Detector readings; nan where a number is not known.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : array, shape (n,), m
+        Positions; z along the tank from the lamp's window.
+    medium : array of str, shape (n,)
+        "water" or "air".
+    wavelength_nm : array, shape (n,), nm
+        Band centre; nan is the scene's band.
+    value, stderr : array, shape (n,), `units`
+        Reading and its standard error.
+    time_s, integration_time_s : array, shape (n,), s
+        When it was taken, and the exposure.
+    role : array of str, shape (n,)
+        "signal", or "reference" for repeats at a reference position.
+    repeat, visit : array, shape (n,)
+        Number of the repeat at this position; of the stay at this plane.
+    saturated : array of bool, shape (n,)
+        Saturated in the file or at least `budget.saturation_level`: a lower bound, not a value.
+    budget : ErrorBudget
+    quantity : str
+        One of QUANTITIES, or "" when the table does not say.
+    scale : str
+        "relative" (one free gain) or "absolute".
+    units : str
+        Unit of `value`, as the user gave it.
+    source : str
+        File it came from.
+    metadata : dict
+        Head entries that lightfield does not use.
+    extra : dict of str to array of str, shape (n,)
+        Columns that lightfield does not use, as text.
+    warnings : tuple of LoadWarning
+    line : array of int, shape (n,), optional
+        Line of `source` that each reading stands in.
+    """
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    medium: NDArray[np.str_]
+    wavelength_nm: Array
+    value: Array
+    stderr: Array
+    time_s: Array
+    integration_time_s: Array
+    role: NDArray[np.str_]
+    repeat: Array
+    visit: Array
+    saturated: NDArray[np.bool_]
+    budget: ErrorBudget = ErrorBudget()
+    quantity: str = ""
+    scale: str = "relative"
+    units: str = ""
+    source: str = ""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    warnings: tuple[LoadWarning, ...] = ()
+    line: NDArray[np.int_] | None = None
+
+    def __post_init__(self) -> None:
+        for array in [*(getattr(self, name) for name in COLUMNS), *self.extra.values()]:
+            if array.shape != self.value.shape or array.ndim != 1:
+                raise ValueError(f"columns of different length: {array.shape} and {self.value.shape}")
+            array.setflags(write=False)
+
+    @classmethod
+    def from_arrays(cls, *, z_m: ArrayLike, value: ArrayLike, **given: Any) -> Readings:
+        """A table from arrays, checked like a file.
+
+        Parameters
+        ----------
+        z_m, value : array, shape (n,), m and `units`
+        **given
+            Any other field of Readings; one number or text holds for all readings. What is left out takes the
+            default of the file format. The error budget's terms may be given by name.
+
+        Raises
+        ------
+        MeasurementError
+            Whatever a file with these readings would be refused for.
+        """
+        from lightfield.readings.blindness import load_warnings
+        from lightfield.readings.checks import check_values
+
+        given = {"z_m": z_m, "value": value, **given}
+        size = np.size(value)
+        columns: dict[str, Any] = {n: _column(n, given.pop(n, None), size) for n in COLUMNS}
+        terms = {name: given.pop(name) for name in TERMS if name in given}
+        budget = replace(given.pop("budget", ErrorBudget()), **terms)
+        extra = {
+            name: np.array([str(cell) for cell in np.broadcast_to(np.asarray(cells), (size,))], dtype=np.str_)
+            for name, cells in dict(given.pop("extra", {})).items()
+        }
+        readings = cls(**columns, budget=budget, extra=extra, **given)
+        check_values(readings)
+        if budget.saturation_level is not None:
+            readings = replace(
+                readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
+            )
+        return replace(readings, warnings=(*readings.warnings, *load_warnings(readings)))
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], scene: Any = None) -> Readings:
+        """Read a CSV reading table; with a scene, `check_against` it in the same go.
+
+        Raises
+        ------
+        MeasurementError
+            All problems of the file, each with its line.
+        """
+        from lightfield.readings.table.read import load
+
+        return load(path, scene)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write a CSV reading table that `load` reads back to the last bit."""
+        from lightfield.readings.table.write import save
+
+        save(self, path)
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def subset(self, chosen: ArrayLike) -> Readings:
+        """The chosen readings (mask or indices), with warnings made anew.
+
+        Warnings about the file itself are kept.
+        """
+        from lightfield.readings.blindness import load_warnings
+
+        index = np.asarray(chosen)
+        if index.dtype != bool:
+            index = index.astype(int)
+        part = replace(
+            self,
+            **{name: getattr(self, name)[index] for name in COLUMNS},
+            extra={name: cells[index] for name, cells in self.extra.items()},
+            line=None if self.line is None else self.line[index],
+            warnings=(),
+        )
+        codes = {w.code for w in load_warnings(self)}
+        return replace(
+            part, warnings=(*(w for w in self.warnings if w.code not in codes), *load_warnings(part))
+        )
+
+    def usable(self) -> Readings:
+        """The readings that are not saturated."""
+        return self.subset(~self.saturated)
+
+    def check_against(self, scene: Any) -> Readings:
+        """These readings with the scene's band filled in where none is given.
+
+        Parameters
+        ----------
+        scene : Scene
+            Its tank (None: unbounded water) bounds the positions, its detector the quantity and wavelengths.
+
+        Raises
+        ------
+        MeasurementError
+            Positions outside the tank, wavelengths outside the bands, another quantity; all at once.
+        """
+        from lightfield.readings.checks import against_scene
+
+        return against_scene(self, scene)
+
+
+def _column(name: str, given: Any, size: int) -> NDArray[Any]:
+    kind: Any = np.str_ if name in TEXT_COLUMNS else np.bool_ if name == "saturated" else np.float64
+    values = np.asarray(DEFAULTS.get(name, np.nan) if given is None else given)
+    if values.ndim > 1 or values.size not in (1, size):
+        raise MeasurementError(
+            f"{name} has shape {values.shape}",
+            rule=f"one number, or {size} like the values",
+            remedy="flatten it",
+        )
+    try:
+        return np.array(np.broadcast_to(values.astype(kind), (size,)))
+    except (TypeError, ValueError) as error:
+        raise MeasurementError(
+            f"{name} does not hold numbers", found=str(error), remedy="give numbers"
+        ) from error

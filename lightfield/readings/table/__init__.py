@@ -1,0 +1,1 @@
+"""The reading table as a CSV file."""

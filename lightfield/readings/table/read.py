@@ -1,0 +1,210 @@
+"""Reads the reading table: a CSV file with a TOML head."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+from dataclasses import replace
+from os import PathLike, fspath
+from typing import Any
+
+import numpy as np
+
+from lightfield.readings import text
+from lightfield.readings.blindness import load_warnings
+from lightfield.readings.checks import against_scene, check_values
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import (
+    COLUMNS,
+    DEFAULTS,
+    NUMBER_COLUMNS,
+    REQUIRED,
+    TERMS,
+    TEXT_COLUMNS,
+    WORDS,
+    ErrorBudget,
+    LoadWarning,
+    Readings,
+)
+from lightfield.readings.sheet import Sheet, look_alike, read_sheet
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
+
+
+def load(path: str | PathLike[str], scene: Any = None) -> Readings:
+    """Read a reading table.
+
+    Parameters
+    ----------
+    path : path-like
+    scene : Scene, optional
+        Also check against its tank, bands and quantity, and fill in its band.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, each with its line.
+    """
+    where = fspath(path)
+    problems = Problems(where)
+    sheet = read_sheet(text.read_text(where), problems, COLUMNS, REQUIRED, NUMBER_COLUMNS)
+    head = _read_head(sheet.head, problems)
+    _settle_words(sheet, head, problems)
+    columns, extra, lines = _read_columns(sheet, problems)
+    budget = ErrorBudget(**{name: head.pop(name) for name in TERMS if name in head})
+    words = {name: head.pop(name) for name in WORDS if name in head}
+    readings = Readings(
+        **columns,
+        budget=budget,
+        **words,
+        source=where,
+        metadata=head,
+        extra=extra,
+        line=np.array(lines, dtype=np.int_),
+    )
+    check_values(readings, problems)
+    if scene is not None:
+        readings = against_scene(readings, scene, problems)
+    problems.raise_any()
+    if budget.saturation_level is not None:
+        readings = replace(
+            readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
+        )
+    return replace(readings, warnings=(*_file_warnings(sheet, head), *load_warnings(readings)))
+
+
+def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any]:
+    try:
+        found = tomllib.loads("\n".join(line for _, line in head))
+    except (ValueError, RecursionError) as error:
+        at = re.search(r"at line (\d+)", str(error))
+        row = min(int(at[1]), len(head)) - 1 if at else len(head) - 1
+        problems.add(
+            f"the head is not TOML: {error}",
+            place=head[row][0],
+            found=head[row][1],
+            rule='lines like `# scale = "relative"`',
+            remedy="begin free comments with ##",
+        )
+        found = _lines_that_read(head)
+    places = {m[1]: line for line, content in reversed(head) if (m := re.match(r"\s*(\w+)\s*=", content))}
+    problems.head = places
+    for name in (*WORDS, *TERMS):
+        if name not in found:
+            continue
+        value = found[name]
+        if name in WORDS:
+            good, rule = isinstance(value, str), f'text: {name} = "..."'
+        else:
+            good, rule = isinstance(value, (int, float)) and not isinstance(value, bool), "a number"
+            good = good and abs(value) < 1e300
+        if not good:
+            problems.add(
+                f"{name} is not {rule.split(':')[0]}", place=places.get(name), found=value, rule=rule
+            )
+            del found[name]
+        elif name in TERMS:
+            found[name] = float(value)
+    return found
+
+
+def _lines_that_read(head: list[tuple[int, str]]) -> dict[str, Any]:
+    """Entries of a head that is broken elsewhere."""
+    found: dict[str, Any] = {}
+    for _, content in head:
+        try:
+            found |= tomllib.loads(content)
+        except (ValueError, RecursionError):
+            continue
+    return found
+
+
+def _settle_words(sheet: Sheet, head: dict[str, Any], problems: Problems) -> None:
+    """quantity, scale and units may also stand in a column; then they must be the same throughout."""
+    for name in WORDS:
+        if name not in sheet.names:
+            continue
+        column = sheet.names.index(name)
+        for line, cells in sheet.rows:
+            cell = cells[column].strip()
+            if cell and cell != head.setdefault(name, cell):
+                problems.add(
+                    f"mixed {name}",
+                    place=line,
+                    found=cell,
+                    rule=f"{head[name]!r}, as above in this file",
+                    remedy=f"one file for each {name}",
+                )
+
+
+def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
+    place = {name: c for c, name in reversed(list(enumerate(sheet.names)))}
+    good: list[tuple[int, list[str], dict[str, Any]]] = []
+    for line, cells in sheet.rows:
+        row: dict[str, Any] = {}
+        for name in COLUMNS:
+            cell = cells[place[name]].strip() if name in place else ""
+            try:
+                row[name] = _value(name, cell, sheet.mark)
+            except ValueError as error:
+                if name in place:  # else the whole column is missing, which is one problem
+                    problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
+                row[name] = (
+                    np.nan if name in NUMBER_COLUMNS else DEFAULTS[name]
+                )  # the others are still checked
+        good.append((line, cells, row))
+    kinds: dict[str, Any] = {name: np.float64 for name in COLUMNS}
+    kinds.update({name: np.str_ for name in TEXT_COLUMNS}, saturated=np.bool_)
+    columns = {name: np.array([row[name] for *_, row in good], dtype=kinds[name]) for name in COLUMNS}
+    extra = {
+        name: np.array([cells[c] for _, cells, _ in good], dtype=np.str_)
+        for name, c in place.items()
+        if name and name not in COLUMNS
+    }
+    return columns, {name: extra[name] for name in sheet.names if name in extra}, [line for line, *_ in good]
+
+
+def _value(name: str, cell: str, mark: str) -> Any:
+    if name in TEXT_COLUMNS:
+        return cell or DEFAULTS[name]
+    if cell == "":
+        if name in REQUIRED:
+            raise ValueError("is missing")
+        return DEFAULTS.get(name, np.nan)
+    if name == "saturated":
+        if cell.lower() not in (*_TRUE, *_FALSE):
+            raise ValueError("is neither 0 nor 1")
+        return cell.lower() in _TRUE
+    return text.number(cell, mark)
+
+
+def _remedy(name: str) -> str:
+    return (
+        "correct it, or remove the row" if name in REQUIRED else "correct it, or leave it blank for not known"
+    )
+
+
+def _file_warnings(sheet: Sheet, head: dict[str, Any]) -> list[LoadWarning]:
+    out = []
+    if sheet.encoding == "latin-1":
+        out.append(
+            LoadWarning("encoding", "the file is not UTF-8 and was read as Latin-1", "save it as UTF-8")
+        )
+    unused = [name for name in sheet.names if name not in COLUMNS]
+    for name in (n for n in COLUMNS if n not in sheet.names):
+        other = look_alike(name, unused)
+        if other:
+            sentence = f"the column {other!r} is not used; it looks like {name}, which is missing"
+            out.append(LoadWarning("unused_column", sentence, f"rename it to {name}, in that unit"))
+    for name in (n for n in (*WORDS, *TERMS) if n not in head):
+        other = next(iter(difflib.get_close_matches(name, list(head), n=1, cutoff=0.75)), None)
+        if other:
+            sentence = f"{other!r} in the head is not used; it looks like {name}"
+            out.append(LoadWarning("unused_entry", sentence, f"rename it to {name}"))
+    return out

@@ -1,0 +1,1 @@
+"""Scattered and reflected light at the places of a measurement, fast enough to fit with."""

@@ -1,0 +1,168 @@
+"""How light bends over the cells of a plane: local quadratics, and the cells that are needed to know them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.render.response.grid import Grid
+from lightfield.scene.tank import Tank
+
+NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
+#: Far from the lamp: cells this near to each other are smoothed together; neighbours tell of the bending when
+#: the nearest on each axis are at most so far away.
+SMOOTHED_M, NEIGHBOUR_M = 0.11, 0.3
+#: Fineness from which on as many are smoothed as far away.
+SMOOTHED_FROM = 0.65
+#: Second differences of three cells have a noise of 2.4 cells; what is noisier tells nothing.
+NOISE_OF_BENDING = 2.5
+ON_AXIS_M = 1e-6
+
+
+class Quadratic(NamedTuple):
+    """Local quadratic about a cell.
+
+    Parameters
+    ----------
+    near : array of int, shape (n_near,)
+        Cells that tell it.
+    weights : array, shape (6, n_near)
+        Of these cells in the value at the cell, its d/dx, d/dy, d2/dx2, d2/dxdy and d2/dy2.
+    """
+
+    near: np.ndarray
+    weights: np.ndarray
+
+
+class Cells:
+    """The tallied cells of a grid, and what they tell of each other.
+
+    Parameters
+    ----------
+    grid : Grid
+        With occupied cells.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self.x, self.y, self.z = (v.ravel() for v in grid.centres())
+        self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
+        self._smoothed_m = SMOOTHED_M * min(1.0, grid.fineness / SMOOTHED_FROM)
+        self._neighbour_m = NEIGHBOUR_M * grid.fineness
+        self._even = grid.even
+        self._on_plane = {z: np.flatnonzero(self.z == z) for z in np.unique(self.z)}
+
+    @property
+    def size(self) -> int:
+        return len(self.z)
+
+    def quadratic(self, i: int) -> Quadratic:
+        """Quadratic about cell i; without neighbours that tell it, a constant.
+
+        Its value is that of the cell alone unless the cells are near enough to be smoothed.
+        """
+        found = self.bending(i)
+        if found is None:
+            return Quadratic(np.array([i]), np.eye(6, 1))
+        near, weights = found
+        apart = np.maximum(np.abs(self.x[near] - self.x[i]), np.abs(self.y[near] - self.y[i]))
+        if np.count_nonzero(apart <= self._smoothed_m) <= 2 or apart.max() > 2 * self._smoothed_m:
+            weights = np.vstack([near == i, weights[1:]])
+        return Quadratic(near, weights)
+
+    def bending(self, i: int) -> Quadratic | None:
+        """Least-squares quadratic through the cells nearest to cell i; None where they do not determine it.
+
+        Cells along one line through the axis do not show the curvature across it: that of a round field.
+        """
+        same = self._on_plane[self.z[i]]
+        dx, dy = np.round(self.x[same] - self.x[i], 9), np.round(self.y[same] - self.y[i], 9)
+        order = np.argsort(np.hypot(dx, dy), kind="stable")[:NEIGHBOURS_2D]
+        for across, along, aside in ((1, dx, self.y[same]), (0, dy, self.x[same])):
+            if len(order) > 2 and np.abs(aside[order]).max() < ON_AXIS_M:
+                close = np.count_nonzero(np.abs(along) <= self._smoothed_m) > 2
+                order = order[: NEIGHBOURS_1D if close else 3]
+                return self._along_line(i, same[order], along[order], across)
+        return self._all_over(same[order], dx[order], dy[order])
+
+    def told(self, i: int) -> bool:
+        """Are these cells near enough for the light to bend between them as the quadratic does?"""
+        found = self.bending(i)
+        if found is None:
+            return False
+        radius = float(np.hypot(self.x[i], self.y[i]))
+        for at, pitch in zip((self.x, self.y), self.pitch_m, strict=True):
+            step = np.round(at[found.near] - at[i], 9)
+            away = np.abs(step).max()
+            if self._even:
+                far, nearest = max(self._neighbour_m, radius / 2), np.abs(step[step != 0]).min(initial=away)
+            else:  # what is moved off the middles of cells must not be extrapolated
+                far = max(1.5 * pitch, radius / 4)
+                nearest = max(step[step > 0].min(initial=np.inf), -step[step < 0].max(initial=-np.inf))
+            if away > 0 and (nearest > far or away > 2 * far):
+                return False
+        return True
+
+    def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic:
+        _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
+        radius = (self.x if across == 1 else self.y)[i]
+        round_field = slope / radius if abs(radius) > 0.6 * min(self.pitch_m) else second
+        nothing = np.zeros_like(value)
+        if across == 1:
+            return Quadratic(near, np.stack([value, slope, nothing, second, nothing, round_field]))
+        return Quadratic(near, np.stack([value, nothing, slope, round_field, nothing, second]))
+
+    def _all_over(self, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
+        terms, weights = quadratic(tuple(dx), tuple(dy))
+        hx, hy = self.pitch_m
+        noise = np.linalg.norm(weights, axis=1) * np.array([1, hx, hy, hx * hx, hx * hy, hy * hy])[terms]
+        if min(len(near), len(terms)) < 6 or (noise > NOISE_OF_BENDING).any():
+            return None
+        return Quadratic(near, weights)
+
+
+def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
+    """The grid with cells added around those whose neighbours do not tell how the light bends.
+
+    A lone cell of 0.2 m, 4.5 m away in a beam of 3.8 degrees, is 4 % low on the axis, and says nothing of the
+    places beside its middle.
+
+    Parameters
+    ----------
+    grid : Grid
+        With occupied cells.
+    tank : Tank, optional
+        Only cells that are all in it are left: one that is cut by a wall is dim.
+    """
+    wide = grid.padded(2, tank)
+    occupied = np.asarray(wide.occupied)
+    asked = np.argwhere(occupied)
+    # Blocks of three by three, moved off the walls.
+    first = np.clip(asked[:, 1:] - 1, 0, np.maximum(np.array(occupied.shape[1:]) - 3, 0))
+    while True:
+        number = np.cumsum(occupied).reshape(occupied.shape) - 1
+        cells, more = Cells(replace(wide, occupied=occupied)), occupied.copy()
+        for (plane, row, column), (low, left) in zip(asked, first, strict=True):
+            if not cells.told(int(number[plane, row, column])):
+                more[plane, low : low + 3, left : left + 3] = True
+        if (more == occupied).all():
+            return replace(wide, occupied=occupied)
+        occupied = more
+
+
+@lru_cache(maxsize=4096)
+def quadratic(dx: tuple[float, ...], dy: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares quadratic about a cell through neighbours at these places; many cells have the like.
+
+    Returns
+    -------
+    terms : array of int, shape (n_terms,)
+        Which of 1, x, y, xx/2, xy, yy/2 they tell.
+    weights : array, shape (n_terms, n_near)
+    """
+    x, y = np.array(dx), np.array(dy)
+    terms = np.stack([np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=1)
+    usable = np.flatnonzero(np.linalg.norm(terms, axis=0) > 1e-12)
+    return usable, np.linalg.pinv(terms[:, usable])

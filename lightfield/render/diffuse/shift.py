@@ -1,0 +1,126 @@
+"""From cells to readings: the mean of a cell is not its middle, and the lamp may stand a little aside."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from lightfield.render.diffuse.bending import Cells, quadratic
+from lightfield.render.response.grid import Grid, cell_of
+
+#: Light from walls varies over the distance to them, not over the width of the beam.
+SMOOTH_WALLS = 11, 21, 0.25
+#: The light at one g over that at another varies over more than the width of a beam, which is an angle.
+SMOOTH_RATIOS = 7, 21, 0.095
+#: The mean over a cell parts from its middle by no more than this; what says more is noise.
+MOST_BENT = 0.5
+
+
+class Shift:
+    """Local quadratic expansion of the logarithm of a field over its cells (exact for a Gaussian beam).
+
+    Neighbouring cells share their photons, the mean over a cell becomes the value in its middle, and the
+    field is moved.
+
+    Parameters
+    ----------
+    grid : Grid
+        With occupied cells, `surrounded` by those that tell how the light bends.
+    x_m, y_m, z_m : arrays, shape (n,), m
+        Positions of the readings, each near an occupied cell.
+    """
+
+    def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
+        cells = Cells(grid)
+        number = np.full(grid.shape, -1)
+        number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
+        self.cell = number[cell_of(grid, x_m, y_m, z_m)]
+        self.cell_z_m = cells.z
+        # Readings of several colours at one place are moved alike.
+        places = np.stack([x_m, y_m, z_m], axis=1)
+        _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        self._which = which.ravel()
+        self._cell = self.cell[one_each]
+        self.dx, self.dy = x_m[one_each] - cells.x[self._cell], y_m[one_each] - cells.y[self._cell]
+        # Variances of a place within its cell.
+        self._vx, self._vy = grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12
+        # Straight to the readings, from the few cells around each.
+        quadratics = [cells.quadratic(i) for i in self._cell.tolist()]
+        near = np.concatenate([q.near for q in quadratics])
+        row = np.repeat(np.arange(len(quadratics)), [len(q.near) for q in quadratics])
+        terms = np.concatenate([q.weights for q in quadratics], axis=1)
+        dx, dy = self.dx[row], self.dy[row]
+        bent = (
+            0.5 * (dx * dx - self._vx) * terms[3] + dx * dy * terms[4] + 0.5 * (dy * dy - self._vy) * terms[5]
+        )
+        change = terms[0] + dx * terms[1] + dy * terms[2] + bent
+        shape = len(quadratics), cells.size
+        self._terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in terms], format="csr")
+        #: Relative errors of the readings from those of the cells, shape (n, n_cells).
+        self.shares = sparse.csr_array((change, (row, near)), shape)[self._which]
+
+    def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
+        """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n).
+
+        The mean over cells of a Gaussian is nearly a Gaussian, wider by the variance v of a place in a cell.
+        Of slope g and bending k of its log those of the field itself are g / (1 + v k) and k / (1 + v k), and
+        the middle is 1 / sqrt(1 + v k) exp(-v g^2 / (2 (1 + v k))) of the mean, along x and along y.
+        """
+        top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
+        log = np.log(np.maximum(field, 1e-6 * top))
+        terms = (self._terms @ log.reshape(-1, log.shape[-1]).T).T
+        value, gx, gy, gxx, gxy, gyy = np.moveaxis(terms.reshape(*log.shape[:-1], 6, -1), -2, 0)
+        ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((self._vx, gxx), (self._vy, gyy)))
+        middle = -0.5 * (np.log(ux * uy) + self._vx * gx * gx / ux + self._vy * gy * gy / uy)
+        dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
+        change = (gx * dx + 0.5 * gxx * dx * dx) / ux + (gy * dy + 0.5 * gyy * dy * dy) / uy
+        change += gxy * dx * dy / (ux * uy)
+        here = field[..., self._cell]
+        lit = np.where(here > 1e-6 * top, np.exp(value), here)
+        bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
+        return np.asarray((lit * bent)[..., self._which])
+
+    def pick(self, field: np.ndarray) -> np.ndarray:
+        """Field of the cell of each reading, unshifted; shape (n,)."""
+        return np.asarray(field[self.cell])
+
+
+def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) -> np.ndarray:
+    """Weights that replace every cell by a local quadratic through its neighbours on the plane, (n, n).
+
+    Parameters
+    ----------
+    most_1d, most_2d : int
+        So many neighbours, itself included, on planes that are read along a line or all over.
+    reach_rad : float
+        And none farther away, as seen from the lamp.
+    """
+    cx, cy, cz = (v.ravel() for v in grid.centres())
+    weights = np.zeros((len(cx), len(cx)))
+    for i in range(len(cx)):
+        near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d, reach_rad * cz[i])
+        weights[i, near] = rows[0]
+    return weights
+
+
+def _expansion(
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    i: int,
+    most_1d: int,
+    most_2d: int,
+    reach: float = np.inf,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least-squares quadratic about cell i: neighbours, terms (of 1, x, y, xx/2, xy, yy/2), weights.
+
+    A cell with too few neighbours is expanded to a constant.
+    """
+    same = np.flatnonzero(z == z[i])
+    most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
+    away = np.hypot(x[same] - x[i], y[same] - y[i])
+    near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]
+    usable, weights = quadratic(tuple(np.round(x[near] - x[i], 9)), tuple(np.round(y[near] - y[i], 9)))
+    if len(near) < len(usable):
+        return np.array([i]), usable[:1], np.ones((1, 1))
+    return near, usable, weights

@@ -1,0 +1,237 @@
+"""Tracing the response of the diffuse light at the places of a measurement, or fetching it from the cache."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+from lightfield.render.backend import use_backend
+from lightfield.render.diffuse.bending import surrounded
+from lightfield.render.diffuse.dense_water import CLEAR_PER_M
+from lightfield.render.diffuse.response import DiffuseResponse, Traced
+from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
+from lightfield.render.maps import transport_key
+from lightfield.render.reflected.light import ReflectedLight, applies
+from lightfield.render.response import store
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.beam_tallies import BeamTallies, Sent
+from lightfield.render.response.grid import Grid, angle_nodes, positions_grid, straight_path
+from lightfield.render.response.response import (
+    CLASSES,
+    FROM_WALLS,
+    NEVER_SCATTERED,
+    Reference,
+    TransportResponse,
+    light_classes,
+)
+from lightfield.render.response.symmetry import mirror_images
+from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import without
+
+REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.5
+#: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
+SENT_PER_M = 0.16
+#: Width of the beam that photons are sent in, as a part of what the readings look like: water that scatters
+#: widens what is seen of a beam (to 1.4 of its width at b = 0.2 per m, 1.8 at 1.1). Sent at 0.5 to 0.9 of a
+#: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
+SENT_WIDTH = 0.55
+G_NODES = (0.75, 0.87, 0.924, 0.97)
+PHOTONS = 2_000_000
+#: Part of the photons for the first and last node of g, which count little between the others, and for light
+#: that was reflected under a water surface: most that was not scattered is known without a trace.
+AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.33
+#: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
+CELL_M = 0.2
+
+
+def response_for(
+    scene: Scene,
+    x_m: Array,
+    y_m: Array,
+    z_m: Array,
+    *,
+    photons: int = PHOTONS,
+    share: float = 1.0,
+    dense_per_m: float | None = None,
+    g_nodes: Sequence[float] = G_NODES,
+    seed: int = 0,
+    cache: bool = True,
+) -> DiffuseResponse:
+    """Trace, or fetch from the cache, the diffuse light of a scene at the places of a measurement.
+
+    Parameters
+    ----------
+    scene : Scene
+        Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
+    x_m, y_m, z_m : arrays, shape (n,), m
+    photons : int
+        Per inner node of g in clear water.
+    share : float
+        Part of them that is sent out.
+    dense_per_m : float, optional, m^-1
+        Trace in water that scatters so much, for `DiffuseResponse.with_denser`.
+    g_nodes : sequence of float
+        Ascending; used when the phase function is Henyey-Greenstein.
+    seed : int
+    cache : bool
+
+    Returns
+    -------
+    DiffuseResponse
+
+    Raises
+    ------
+    RenderError
+        The lamp has no beam of finite width: its emission cannot be shared between nodes of direction.
+    """
+    if scene.lamp.profile in ("isotropic", "pencil"):
+        raise RenderError(
+            "the scattered light of this lamp cannot be followed in a fit",
+            where="lamp.profile",
+            found=scene.lamp.profile,
+            rule="a beam of finite width",
+            remedy="render the scene instead",
+        )
+    places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
+    has_g = scene.water.phase.type == "henyey-greenstein"
+    nodes = tuple(sorted(g_nodes)) if has_g else ()
+    open_top = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    reflected = ReflectedLight(scene, *places) if applies(scene) else None
+    known = NEVER_SCATTERED if reflected is not None else ()
+    needed = [kind for kind in range(CLASSES) if kind not in known]
+    middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
+
+    scattering, sent = CLEAR_PER_M, share * photons
+    if dense_per_m is not None:
+        scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
+    width = sent_width_deg(scene.lamp.hwhm_deg)
+    one = functools.partial(_response, scene, places, scattering, width, seed=seed, cache=cache)
+    made = replace(one(nodes, open_top, needed, photons=round(sent)), reflected=reflected)
+    if scene.tank is None or open_top:
+        return made
+    # Light that was only scattered is the same under either top.
+    few = round(UNDER_SURFACE * sent)
+    return replace(made, under_surface=one(middle, True, needed[1:], photons=few))
+
+
+def _response(
+    scene: Scene,
+    places: tuple[Array, Array, Array],
+    scattering_per_m: float,
+    width: float,
+    nodes: tuple[float, ...],
+    surface: bool,
+    needed: Sequence[int],
+    *,
+    photons: int,
+    seed: int,
+    cache: bool,
+) -> DiffuseResponse:
+    """Response of the needed classes of light, with or without a water surface on top of the tank."""
+    grid = surrounded(positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank), scene.tank)
+    traced = _traced_scene(scene, width, surface)
+    albedo = REFERENCE_ALBEDO if scene.tank else 0.0
+    reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
+    images, shift = mirror_images(traced, grid), Shift(grid, *places)
+    smooth, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
+    straight = straight_path(traced, grid)
+
+    def tell() -> Traced:
+        beam_nodes = BeamNodes(angle_nodes(width), width)
+        sent_to = np.full(max(len(nodes), 1), photons)
+        if len(nodes) > 2:
+            sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
+        key = {
+            "kind": "diffuse",
+            **transport_key(traced, grid, reference),
+            "g": nodes,
+            "classes": list(needed),
+            "photons": sent_to.tolist(),
+            "seed": seed,
+            "nodes": asdict(beam_nodes.nodes),
+        }
+        stored = store.load(key) if cache else None
+        if stored is None:
+            stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed)
+            if cache:
+                store.save(key, stored)
+        histories = np.asarray(stored["histories"], int)
+        rows = TransportResponse(
+            np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
+        )
+        tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
+        from_walls = np.isin(light_classes(histories), FROM_WALLS)
+        if from_walls.any():
+            tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
+        sent = Sent(np.asarray(stored["density"], float), traced.lamp)
+        beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
+        return Traced(beams, stored["relative_stderr"] * images.error, rows, sent_to / sent_to.sum())
+
+    return DiffuseResponse(
+        functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth, ratios
+    )
+
+
+def sent_width_deg(hwhm_deg: float) -> float:
+    """Half width of the beam that photons are sent in, for one that looks so wide.
+
+    In steps of a factor 1.5, so that guesses that differ a little share a response.
+    """
+    return float(4.0 * 1.5 ** np.round(np.log(SENT_WIDTH * hwhm_deg / 4.0) / np.log(1.5)))
+
+
+def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
+    """The scene with everything neutral that is reweighed afterwards."""
+    lamp = type(scene.lamp)(hwhm_deg=width_deg)
+    values: dict[str, Any] = {}
+    if scene.tank:
+        values |= {"tank.surface_reflectance": float(surface)}
+    if scene.water.phase.type == "henyey-greenstein":
+        values["water.phase.g"] = 0.924
+    plain = without(scene, Acts.LAYERS).model_copy(update={"lamp": lamp})
+    return plain.with_values(values, validate=False)
+
+
+def _trace(
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    beam_nodes: BeamNodes,
+    g_nodes: tuple[float, ...],
+    needed: Sequence[int],
+    photons: NDArray[np.integer[Any]],
+    seed: int,
+) -> dict[str, Array]:
+    use_backend()
+    from lightfield.render.tracer.accumulate import trace_by_direction
+
+    tallies, errors = [], []
+    for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
+        one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
+        tally, stderr, histories, excess, density = trace_by_direction(
+            one, grid, reference, beam_nodes, sent, seed
+        )
+        tallies.append(tally)
+        errors.append(stderr)
+    stacked, relative = np.array(tallies, np.float32), np.array(errors)
+    # Light that was never scattered knows no g: the traces are one.
+    part = photons / photons.sum()
+    once, kinds = histories[:, 0] == 0, list(NEVER_SCATTERED)
+    stacked[:, :, once] = np.tensordot(part, stacked[:, :, once], axes=1)
+    relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
+    used = stacked.any(axis=(0, 1, 3)) & np.isin(light_classes(histories), needed)
+    return {
+        "tallies": stacked[:, :, used],
+        "relative_stderr": relative,
+        "histories": histories[used],
+        "excess_m": excess[used],
+        "density": density,
+    }

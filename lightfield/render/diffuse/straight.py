@@ -1,0 +1,43 @@
+"""Changes of the attenuation along the straight path, which diffuse light nearly follows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene import Water
+
+
+def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array, straight_m: Array) -> Array:
+    """Less attenuation for light from behind the window, which crosses the water less obliquely.
+
+    Parameters
+    ----------
+    attenuation_per_m : array, shape (n_waters,)
+    z_m, straight_m : array, shape (n,)
+        Distance of each cell along the axis, and straight from the window.
+
+    Returns
+    -------
+    factor : array, shape (n_waters, n)
+    """
+    if apparent_distance_m == 0:
+        return np.ones((len(attenuation_per_m), len(z_m)))
+    behind = z_m + apparent_distance_m
+    radius = np.sqrt(np.maximum(straight_m**2 - z_m**2, 0))
+    return np.asarray(
+        np.exp(-attenuation_per_m[:, None] * (np.hypot(radius, behind) * z_m / behind - straight_m))
+    )
+
+
+def inhomogeneous(water: Water, z_m: Array, straight_m: Array) -> Array:
+    """Transmission of what a gradient or a layer of the water adds, shape (n,)."""
+    if water.gradient_per_m2 == water.layer_absorption_per_m == 0:
+        return np.ones(len(z_m))
+    tau = water.gradient_per_m2 * (0.5 * z_m - water.gradient_centre_m) * straight_m
+    if water.layer_absorption_per_m:
+        half = 0.5 * water.layer_width_m
+        low, high = water.layer_centre_m - half, water.layer_centre_m + half
+        inside = np.clip(np.minimum(z_m, high) - max(low, 0.0), 0, None)
+        tau = tau + water.layer_absorption_per_m * inside * straight_m / z_m
+    return np.asarray(np.exp(-tau))

@@ -1,0 +1,214 @@
+"""Render a scene: trace until the error is small enough, then evaluate maps for any wavelength."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+from lightfield.render.backend import use_backend
+from lightfield.render.response import store
+from lightfield.render.response.grid import Grid, band_wavelengths, reference_of, scene_grid
+from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
+from lightfield.render.settings import Progress, Settings
+from lightfield.scene import Scene
+from lightfield.scene.acts import TRACED
+from lightfield.scene.all_parameters import only
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+TOGETHER = 25  # wavelengths evaluated at once
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Maps of a scene and what they rest on.
+
+    Parameters
+    ----------
+    scene : Scene
+    response : TransportResponse
+    grid : Grid
+    energy : Bookkeeping
+        Energy balance in the reference water, sr (power for unit on-axis intensity).
+    reached : float
+        Relative standard error that 95 % of the lit cells have.
+    settings : Settings
+    """
+
+    scene: Scene
+    response: TransportResponse
+    grid: Grid
+    energy: Bookkeeping
+    reached: float
+    settings: Settings
+
+    def maps(self, wavelengths_nm: Array | None = None, part: str = "all") -> tuple[Array, Array]:
+        """Spectral maps in absolute units.
+
+        Parameters
+        ----------
+        wavelengths_nm : array, shape (n,), nm, optional
+            Default: one map per band of the detector, averaged over the band.
+        part : "all", "direct" or "diffuse"
+
+        Returns
+        -------
+        mean, stderr : arrays, shape (n, n_planes, n_y, n_x), W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)
+            NaN in cells of a plane that are not all in the tank.
+        """
+        scene = self.scene
+        at = band_wavelengths(scene) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)[:, None]
+        grey = (
+            np.ptp(absorption_per_m(scene.water, at.ravel()))
+            == np.ptp(scattering_per_m(scene.water, at.ravel()))
+            == 0
+        )
+        intensity = spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / unit_power(scene)
+        if grey:
+            mean, stderr = self.relative_maps(at[:1, 0], part)
+            per_band = intensity.mean(axis=1)[:, None, None, None]
+            return mean * per_band, stderr * per_band
+        # Some bands at a time: the tally is read once for all of them.
+        step = max(1, TOGETHER // at.shape[1])
+        parts = []
+        for first in range(0, len(at), step):
+            some = slice(first, first + step)
+            pair = self.relative_maps(at[some].ravel(), part, intensity[some].ravel())
+            parts.append([v.reshape(*at[some].shape, *v.shape[1:]).mean(axis=1) for v in pair])
+        mean, stderr = (np.concatenate(v) for v in zip(*parts, strict=True))
+        return mean, stderr
+
+    def relative_maps(
+        self, wavelengths_nm: Array, part: str = "all", intensity: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Maps for unit on-axis radiant intensity (or `intensity`, (n,)), shape (n, n_planes, n_y, n_x).
+
+        NaN in cells that are not all in the tank; of cells around single positions the mean over their part
+        in it.
+        """
+        water, tank = self.scene.water, self.scene.tank
+        a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
+        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        found = self.response.evaluate(a, b, rho, surface, hardening=water.hardening_per_m, part=part)
+        mean, stderr = map(self.grid.in_water, found)
+        if intensity is None:
+            return mean, stderr
+        factor = np.asarray(intensity)[:, None, None, None]
+        return mean * factor, stderr * factor
+
+
+def unit_power(scene: Scene) -> float:
+    """Power of the beam for unit on-axis intensity, sr; one for a pencil beam."""
+    return 1.0 if scene.lamp.profile == "pencil" else float(solid_angle_sr(scene.lamp))
+
+
+def render_scene(
+    scene: Scene,
+    *,
+    rel_error: float = 0.02,
+    max_photons: float = 1e8,
+    seed: int = 0,
+    reference: Reference | None = None,
+    grid: Grid | None = None,
+    progress: Progress | None = None,
+    cache: bool = True,
+    symmetry: bool = False,
+) -> Rendering:
+    """Trace a scene until 95 % of its lit cells are known to a relative error, or the photon budget is spent.
+
+    Parameters
+    ----------
+    scene : Scene
+    rel_error : float
+        Requested relative standard error.
+    max_photons : float
+    seed : int
+        Same seed and settings, same result.
+    reference : Reference, optional
+        Water to trace in; give scattering or wall albedo here to evaluate them in a scene that has none.
+    grid : Grid, optional
+        Cells to tally; default: those that the scene's detector asks for.
+    progress : callable, optional
+        Called with (photons so far, relative error so far, requested error).
+    cache : bool
+        Look for, and leave, the response on disk.
+    symmetry : bool
+        Let cells that are mirror images of each other share their photons: up to 8 times fewer are needed.
+        Such cells have one common error, which averages over a map must not take for independent.
+
+    Raises
+    ------
+    RenderError
+        Impossible settings.
+    """
+    if not 1e-5 <= rel_error <= 1:
+        raise RenderError("impossible relative error", found=rel_error, rule="1e-5 to 1", remedy="try 0.02")
+    if not 1e3 <= max_photons <= 1e12:
+        raise RenderError("impossible photon budget", found=max_photons, rule="1e3 to 1e12", remedy="try 1e8")
+    grid = scene_grid(scene) if grid is None else grid
+    chosen = reference_of(scene) if reference is None else reference
+    settings = Settings(rel_error, max_photons, seed, symmetry)
+    key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
+    stored = store.load(key) if cache else None
+    if stored is not None:
+        response, energy, reached = _unpack(stored, chosen)
+        return Rendering(scene, response, grid, energy, reached, settings)
+    use_backend()
+    from lightfield.render.tracer.accumulate import (
+        trace_until,  # Mitsuba, which a cached response does not need
+    )
+
+    response, energy, reached = trace_until(scene, grid, chosen, settings, progress)
+    if cache:
+        store.save(key, _pack(response, energy, reached))
+    return Rendering(scene, response, grid, energy, reached, settings)
+
+
+def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, Any]:
+    """All that a tally depends on, as plain values: geometry, beam, phase function, reference, software."""
+    return {
+        "scene": only(scene, TRACED).digest(),
+        "reflects": bool(scene.tank and scene.tank.surface_reflectance > 0),
+        "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
+        "reference": asdict(reference),
+        "software": software(),
+    }
+
+
+def software() -> list[str]:
+    """Versions of what renders."""
+    return [version("mitsuba"), version("drjit")]
+
+
+def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> dict[str, np.ndarray]:
+    packed = {
+        "tally": response.tally,
+        "histories": response.histories,
+        "excess_m": response.excess_m,
+        "straight_m": response.straight_m,
+        "photons": np.array(response.photons),
+        "energy": np.array(list(asdict(energy).values())),
+        "reached": np.array(reached),
+    }
+    return packed if response.merged is None else packed | {"merged": response.merged}
+
+
+def _unpack(
+    stored: dict[str, np.ndarray], reference: Reference
+) -> tuple[TransportResponse, Bookkeeping, float]:
+    response = TransportResponse(
+        stored["tally"],
+        stored["histories"],
+        stored["excess_m"],
+        stored["straight_m"],
+        reference,
+        int(stored["photons"]),
+        stored.get("merged"),
+    )
+    return response, Bookkeeping(*(float(v) for v in stored["energy"])), float(stored["reached"])

@@ -1,0 +1,6 @@
+"""Our Mitsuba plugins, registered by one call."""
+
+from lightfield.render.backend import prepare
+
+# Here, because importing Mitsuba loads an LLVM at once, and every module of this package imports Mitsuba.
+prepare()

@@ -1,0 +1,1 @@
+"""Light that walls and surface reflect, without Monte Carlo noise."""

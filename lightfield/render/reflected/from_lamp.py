@@ -1,0 +1,112 @@
+"""Straight light from a lamp, and from its mirror image in the water surface, to places in a tank."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.render.reflected.patches import Patches
+from lightfield.render.response.beam_nodes import beam_angles, is_round
+from lightfield.scene import Lamp
+from lightfield.scene.lamp.profile import relative_intensity
+
+WATER_INDEX = 1.34
+
+
+class Ways(NamedTuple):
+    """Straight ways from the place of a lamp to patches; arrays of shape (k,).
+
+    Parameters
+    ----------
+    ahead : array of bool
+        Patches that a lamp there can light.
+    theta, phi : arrays, rad
+        Directions of those, in the frame of the tank.
+    facing : array, m^-2
+        Cosine of incidence over the square of the way, of those.
+    in_water : array, m
+    """
+
+    ahead: np.ndarray
+    theta: np.ndarray
+    phi: np.ndarray
+    facing: np.ndarray
+    in_water: np.ndarray
+
+    @classmethod
+    def of(cls, lamp: Lamp, patches: Patches) -> Ways:
+        source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
+        ahead = _before_lamp(lamp, patches.centre[:, 2])
+        way = patches.centre[ahead] - source
+        r = np.sqrt(np.einsum("ki,ki->k", way, way))
+        direction = way / r[:, None]
+        facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
+        in_water = np.zeros(len(ahead))
+        in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
+        return cls(ahead, *_angles(direction), facing, in_water.astype(np.float32))
+
+    def lit(self, lamp: Lamp) -> np.ndarray:
+        """Irradiance by a lamp there, without attenuation."""
+        light = np.zeros(len(self.ahead), np.float32)
+        # A round beam needs no azimuths, which cost more than all the rest.
+        angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, self.theta, self.phi)
+        light[self.ahead] = relative_intensity(lamp, *angles) * self.facing
+        return light
+
+
+def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light by way of the surface y = top, without attenuation.
+
+    Returns
+    -------
+    arriving : array, shape (n, 3)
+        Direction of arrival.
+    light : array, shape (n,), m^-2
+        Normal irradiance.
+    in_water : array, shape (n,), m
+        Way in water; 0 where no light comes.
+    """
+    image = np.array([lamp.offset_x_m, 2 * top_m - lamp.offset_y_m, -lamp.apparent_distance_m])
+    way = places - image
+    r = np.linalg.norm(way, axis=1)
+    arriving = way / r[:, None]
+    # A ray that seems to start behind the window meets the surface only beyond it.
+    met = image[2] + way[:, 2] * (top_m - image[1]) / np.where(way[:, 1] < 0, way[:, 1], -1e-9)
+    ahead = _before_lamp(lamp, places[:, 2]) & _before_lamp(lamp, met)
+    leaving = arriving * np.array([1.0, -1.0, 1.0])
+    light, in_water = np.zeros((2, len(places)))
+    light[ahead] = _intensity(lamp, leaving[ahead]) * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
+    in_water[ahead] = _in_water(lamp, r[ahead], places[ahead, 2])
+    return arriving, light, in_water
+
+
+def _before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
+    """Where its light can be: nothing comes out behind the window, but an isotropic lamp has none."""
+    everywhere = lamp.profile == "isotropic" and lamp.apparent_distance_m == 0
+    return np.asarray((z_m > 0) | everywhere)
+
+
+def _in_water(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+    """The part of a path of length r from the apparent source that lies beyond the window."""
+    behind = lamp.apparent_distance_m
+    return r_m if behind == 0 else r_m * z_m / (z_m + behind)
+
+
+def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:
+    """Reflectance of a water surface from below, unpolarised; 1 beyond the critical angle (Fresnel)."""
+    c = np.clip(cos_incidence, 0, 1)
+    sine = n * np.sqrt(1 - c * c)
+    t = np.sqrt(np.maximum(1 - sine * sine, 0))
+    s_part, p_part = (n * c - t) / (n * c + t), (c - n * t) / (c + n * t + 1e-300)
+    return np.where(sine >= 1, 1.0, 0.5 * (s_part**2 + p_part**2))
+
+
+def _intensity(lamp: Lamp, direction: np.ndarray) -> np.ndarray:
+    """Relative intensity in directions given in the frame of the tank, shape (n, 3)."""
+    return np.asarray(relative_intensity(lamp, *beam_angles(lamp, *_angles(direction))))
+
+
+def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angle to the axis of the tank and about it, rad, of directions of shape (n, 3)."""
+    return np.arccos(np.clip(direction[:, 2], -1, 1)), np.arctan2(direction[:, 1], direction[:, 0])

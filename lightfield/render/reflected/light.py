@@ -1,0 +1,339 @@
+"""Light that walls and surface reflected, any number of times, and nothing scattered: free of noise.
+
+The mirror image of the lamp in the water surface, and radiosity between patches of the walls (Goral,
+Torrance, Greenberg and Battaile 1984; here with attenuation on the way, and with mirror images of the patches
+in the surface):
+
+    E_i = E0_i + sum over j of  rho E_j F_ij e^{-c d_ij}
+
+The transport response holds the same light with the noise of its trace; readings lie in few small cells, so
+there it is noisier than a fit can bear. Used for irradiance; what was scattered as well stays with the
+response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import product
+from math import floor, log, prod, radians, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lightfield.render.reflected.from_lamp import Ways, fresnel, image_of_lamp
+from lightfield.render.reflected.patches import Patches, Transfer, transfer, walls
+from lightfield.scene import Lamp, Scene
+
+MOST_PAIRS = 1_500_000  # of fine patch and reading
+FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
+DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
+#: Reflections followed one by one; the rest is what a recurrence makes of the last four.
+REFLECTIONS = 7
+C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
+#: Operators in memory: so many, or more in so many bytes; and lamps whose light is remembered.
+KEPT, KEPT_BYTES, KEPT_LAMPS = 40, 400e6, 60
+
+
+class ReflectedLight:
+    """Reflected, unscattered light at n readings in the tank of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a tank, and an irradiance detector.
+    x_m, y_m, z_m : arrays, shape (n,), m
+    """
+
+    def __init__(self, scene: Scene, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
+        self.scene = scene
+        # Readings of several colours at one place share their light's way.
+        every = np.stack([x_m, y_m, z_m], axis=1).astype(float)
+        self.places, which = np.unique(every, axis=0, return_inverse=True)
+        self._which = which.ravel()
+        self._rooms: dict[bool, Room] = {}
+
+    def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
+        """Light for unit on-axis intensity, shape (n,), m^-2.
+
+        Parameters
+        ----------
+        scene : Scene
+            Its lamp, wall albedo and surface reflectance count; the tank is that of the constructor.
+        attenuation_per_m : float, m^-1
+        """
+        tank = scene.tank
+        assert tank is not None
+        light = np.zeros(len(self.places))
+        if tank.surface_reflectance > 0:
+            light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m)
+        if tank.wall_albedo > 0:
+            room = self.room(tank.surface_reflectance == 0)
+            light += room.light(scene.lamp, attenuation_per_m, tank.wall_albedo, tank.surface_reflectance)
+        return np.asarray(light[self._which])
+
+    def room(self, lid: bool) -> Room:
+        """The walls, with a lid or with an open top."""
+        if lid not in self._rooms:
+            self._rooms[lid] = Room(self.scene, self.places, lid)
+        return self._rooms[lid]
+
+    def _image(self, lamp: Lamp, attenuation_per_m: float) -> np.ndarray:
+        """Light mirrored by the water surface alone, for unit reflectance multiplier."""
+        tank = self.scene.tank
+        assert tank is not None
+        arriving, light, in_water = image_of_lamp(lamp, tank.lamp_depth_m, self.places)
+        light *= np.exp(-attenuation_per_m * in_water)
+        return np.asarray(light * _response(self.scene, list(arriving.T)))
+
+
+class Operators(NamedTuple):
+    """What reaches the readings of the light on the walls, after one reflection and after more.
+
+    Parameters
+    ----------
+    first : array, shape (n, k * n_terms)
+        From the patches before the readings, by terms of their light (see `terms_of_light`).
+    more : array, shape (REFLECTIONS - 1, n, n_patches)
+        After 2, 3 and more reflections, from the patches.
+    """
+
+    first: np.ndarray
+    more: np.ndarray
+
+    @classmethod
+    def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, terms: np.ndarray) -> Operators:
+        """Products of the exchange between patches (n_patches, n_patches) and with the readings (n, k)."""
+        parts = reading.reshape(-1, len(terms))
+        onward = np.zeros((len(reading), len(among)), np.float32)
+        onward[:, before] = parts.sum(axis=1).reshape(len(reading), -1)
+        more = []
+        for _ in range(REFLECTIONS - 1):
+            onward = onward @ among
+            more.append(onward)
+        return cls((parts @ terms).reshape(len(reading), -1), np.array(more))
+
+    def apply(self, terms: np.ndarray, patches: np.ndarray) -> np.ndarray:
+        """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
+
+        Parameters
+        ----------
+        terms : array, shape (k, n_terms)
+            Of the light on the patches before the readings.
+        patches : array, shape (n_patches,)
+            Mean irradiance of all patches.
+        """
+        return np.vstack([self.first @ terms.ravel(), self.more @ patches]).astype(float)
+
+
+def terms_of_light(parts: int) -> np.ndarray:
+    """Orthonormal biquadratic polynomials over parts x parts, the constant first, shape (parts^2, n_terms).
+
+    Light varies within a patch, but smoothly: up to 3 x 3 parts are told without loss, 16 by nine numbers.
+    """
+    at = (2 * np.arange(parts) + 1) / parts - 1
+    u, v = (g.ravel() for g in np.meshgrid(at, at, indexing="ij"))
+    few = range(min(parts, 3))
+    powers = [u**i * v**j for i, j in product(few, few)]
+    terms = np.linalg.qr(np.stack(powers, axis=1))[0]
+    return np.asarray(terms * np.sign(terms[0]), np.float32)
+
+
+class Orders(NamedTuple):
+    """Light at the readings for unit albedo, by number of reflections.
+
+    Parameters
+    ----------
+    light : array, shape (REFLECTIONS, n)
+    one, two : float
+        What comes next: one times the last and two times the last but one, at all readings.
+    """
+
+    light: np.ndarray
+    one: float
+    two: float
+
+    @classmethod
+    def of(cls, light: np.ndarray) -> Orders:
+        """With the recurrence that the last four tell of, by least squares over the readings.
+
+        Two terms: light runs along the tank, and one ratio does not tell how.
+        """
+        lit = light[-4:, light[-1] > 0] / light[-1, light[-1] > 0]
+        products = lit @ lit.T
+        normal = products[1:3, 1:3] + products[:2, :2]
+        normal += 1e-9 * np.trace(normal) * np.eye(2) + 1e-300 * np.eye(2)
+        two, one = np.linalg.solve(normal, products[1:3, 3] + products[:2, 2]).tolist()
+        return cls(light, one, two)
+
+    def for_albedo(self, albedo: float) -> np.ndarray:
+        """Light of all reflections, shape (n,)."""
+        shares = albedo ** np.arange(1.0, REFLECTIONS + 1)
+        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 1e-4)
+        shares[-1] += beyond * (self.one + self.two * albedo)
+        shares[-2] += beyond * self.two
+        return np.asarray(shares @ self.light)
+
+
+class Room:
+    """The walls of a tank as patches: the light that they send to each other and to the readings."""
+
+    def __init__(self, scene: Scene, places: np.ndarray, lid: bool) -> None:
+        assert scene.tank is not None
+        self.scene, self.places = scene, places
+        self.top = scene.tank.lamp_depth_m
+        # Many readings: rather fewer patches in three by three parts than more in two by two.
+        count = float(np.clip(MOST_PAIRS / (9 * len(places)), FEWEST_PATCHES, MOST_PATCHES))
+        self.patches = walls(scene, float(places[:, 2].max()), lid, count)
+        # A receiver that faces straight back to the lamp sees only walls before it.
+        before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
+        before |= scene.detector.tilt_x_deg != 0
+        self.before = np.flatnonzero(before)
+        parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
+        self.parts = int(np.clip(parts, 1, MOST_PARTS))
+        self.fine = self.patches.divided(self.parts)
+        self._terms = terms_of_light(self.parts)
+        self._operators: dict[tuple[float, float], Operators] = {}
+        self._ways: dict[tuple[Any, ...], Ways] = {}
+        self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
+        self._last_image: tuple[Lamp, np.ndarray, np.ndarray] | None = None
+        self._answers: dict[Lamp, dict[tuple[float, float], Orders]] = {}
+
+    def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
+        """Light at the readings that was reflected by a wall at least once, shape (n,).
+
+        Worked out at a few attenuations and reflectances, and interpolated: its logarithm is nearly linear in
+        the first (cubic between four nodes, which adds 0.1 % and no jump), itself a low polynomial in the
+        second. A fit that moves the water, the walls or the surface then costs nothing new.
+        """
+        first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
+        nodes = [round(C_STEP * (first + i), 6) for i in range(4)]
+        mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
+        known = self._known(lamp)
+        for m in mirrors:
+            missing = [c for c in nodes if (c, m) not in known]
+            known.update(zip(product(missing, [m]), self._reached(lamp, missing, m), strict=True))
+        found = np.array([[known[c, m].for_albedo(albedo) for c in nodes] for m in mirrors])
+        along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
+        return np.asarray(lagrange(mirrors, surface) @ along_c)
+
+    def _known(self, lamp: Lamp) -> dict[tuple[float, float], Orders]:
+        """What is known of a lamp: its light at the readings by attenuation and surface reflectance."""
+        if lamp not in self._answers:
+            while len(self._answers) >= KEPT_LAMPS:
+                self._answers.pop(next(iter(self._answers)))
+            self._answers[lamp] = {}
+        return self._answers[lamp]
+
+    def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[Orders]:
+        """Light at the readings in each of some waters."""
+        if not attenuation_per_m:
+            return []
+        lit = self.lit(lamp, attenuation_per_m, surface).reshape(len(attenuation_per_m), -1, self.parts**2)
+        terms = lit @ self._terms
+        whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
+        operators = [self._operator(c, surface) for c in attenuation_per_m]
+        found = zip(operators, terms, whole, strict=True)
+        return [Orders.of(operator.apply(t[self.before], w)) for operator, t, w in found]
+
+    def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
+
+        In each of m waters, shape (m, k).
+        """
+        rate = np.array(attenuation_per_m, np.float32)[:, None]
+        unattenuated, in_water = self._remember(lamp)
+        lit = unattenuated * np.exp(-rate * in_water)
+        if surface:
+            mirrored, in_water = self._remember_image(lamp)
+            lit += np.float32(surface) * mirrored * np.exp(-rate * in_water)
+        return np.asarray(lit)
+
+    def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+        """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,)."""
+        if self._last is None or self._last[0] != lamp:
+            place = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m, lamp.profile
+            if place not in self._ways:
+                while len(self._ways) >= KEPT:
+                    self._ways.pop(next(iter(self._ways)))
+                self._ways[place] = Ways.of(lamp, self.fine)
+            ways = self._ways[place]
+            self._last = (lamp, ways.lit(lamp), ways.in_water)
+        return self._last[1:]
+
+    def _remember_image(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+        """The same by way of the water surface, for unit reflectance multiplier."""
+        if self._last_image is None or self._last_image[0] != lamp:
+            arriving, light, in_water = image_of_lamp(lamp, self.top, self.fine.centre)
+            light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
+            self._last_image = lamp, light.astype(np.float32), in_water.astype(np.float32)
+        return self._last_image[1:]
+
+    def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
+        key = (attenuation_per_m, surface)
+        if key not in self._operators:
+            size = 4 * len(self.places) * (self._terms.shape[1] + REFLECTIONS) * len(self.patches.centre)
+            while len(self._operators) >= max(KEPT, KEPT_BYTES / size):
+                self._operators.pop(next(iter(self._operators)))
+            among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
+            if surface:
+                among += np.float32(surface) * self.among_image.through(attenuation_per_m)
+                reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
+            self._operators[key] = Operators.of(among, reading, self.before, self._terms)
+        return self._operators[key]
+
+    @cached_property
+    def among(self) -> Transfer:
+        return transfer(self.patches.centre, self._facing, self.patches)
+
+    @cached_property
+    def among_image(self) -> Transfer:
+        return self._in_surface(self.patches.centre, self._facing, self.patches)
+
+    @cached_property
+    def reading(self) -> Transfer:
+        return transfer(self.places, self._read, self._seen)
+
+    @cached_property
+    def reading_image(self) -> Transfer:
+        return self._in_surface(self.places, self._read, self._seen)
+
+    @cached_property
+    def _seen(self) -> Patches:
+        return self.fine.some((self.before[:, None] * self.parts**2 + np.arange(self.parts**2)).ravel())
+
+    def _in_surface(self, places: np.ndarray, response: Any, patches: Patches) -> Transfer:
+        def mirrored(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+            return np.asarray(response(direction, which) * fresnel(np.abs(direction[1])))
+
+        return transfer(places, mirrored, patches.mirrored(self.top))
+
+    def _facing(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+        """Response of the patches themselves to light along `direction`."""
+        normal = self.patches.normal[which]
+        return np.maximum(-sum(d * normal[..., i] for i, d in enumerate(direction)), 0)
+
+    def _read(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+        return _response(self.scene, direction)
+
+
+def _response(scene: Scene, direction: Sequence[np.ndarray]) -> np.ndarray:
+    """Irradiance response to light that flies along `direction`, x, y and z components."""
+    detector = scene.detector
+    tilt = radians(detector.tilt_x_deg)
+    cosine = np.clip(np.cos(tilt) * direction[2] - np.sin(tilt) * direction[0], 0, 1)
+    if detector.acceptance_hwhm_deg:
+        ratio = np.arccos(cosine) / radians(detector.acceptance_hwhm_deg)
+        return np.asarray(cosine * np.exp(-log(2) * ratio**2))
+    return np.asarray(cosine)
+
+
+def applies(scene: Scene) -> bool:
+    """Is the reflected, unscattered light of this scene known without a trace?"""
+    detector = scene.detector
+    return scene.tank is not None and detector.quantity == "irradiance" and detector.aim == "axis"
+
+
+def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
+    """Weights of polynomial interpolation at one place."""
+    return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])

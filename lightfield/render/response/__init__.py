@@ -1,0 +1,1 @@
+"""What a trace is tallied into, and how any water is evaluated from it."""

@@ -1,0 +1,176 @@
+"""Tallies that were kept by direction of emission, and what they are for one beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.render.response.beam_nodes import BeamNodes, is_round
+from lightfield.render.response.response import CLASSES, NEVER_SCATTERED, light_classes
+from lightfield.scene import Lamp
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import fields_on, unit_of
+
+Cells = NDArray[np.integer[Any]] | slice
+KEPT_BEAMS = 256
+BEAM = attrgetter(*fields_on(Lamp, Acts.BEAM))
+ANGLES = tuple(name for name in fields_on(Lamp, Acts.BEAM) if unit_of(Lamp, name) == "deg")
+
+
+@dataclass(frozen=True)
+class Sent:
+    """How the photons of a trace were sent out.
+
+    Parameters
+    ----------
+    density : array, shape (n_rings,), 1/sr
+        Part of them per solid angle at each ring.
+    lamp : Lamp
+        The beam that the stated errors belong to.
+    """
+
+    density: Array
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
+class BeamTallies:
+    """Tallies of one or several traces with the same rows and cells.
+
+    Parameters
+    ----------
+    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells)
+        One per trace, of which the caller knows what makes them differ (g).
+    histories : array of int, shape (n_rows, 3)
+        Scatterings, wall hits and surface reflections of each row.
+    beam_nodes : BeamNodes
+    sent : Sent
+    cell_z_m : array, shape (n_cells,), m
+    """
+
+    tallies: list[Array]
+    histories: NDArray[np.integer[Any]]
+    beam_nodes: BeamNodes
+    sent: Sent
+    cell_z_m: Array
+    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _then: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _values: dict[Any, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    @cached_property
+    def rows_of(self) -> dict[int, NDArray[np.integer[Any]]]:
+        """Numbers of the rows of every class that was traced, see `light_classes`."""
+        kinds = light_classes(self.histories)
+        return {kind: np.flatnonzero(kinds == kind) for kind in range(CLASSES) if (kinds == kind).any()}
+
+    def contracted(self, kind: int, lamp: Lamp, squares: bool = False) -> Array:
+        """Tallies of one class of light, contracted with a beam, shape (n_g, n_rows, n_cells).
+
+        Of one g for light that knows none. With `squares` the sum over photons of squared contributions, up
+        to a constant.
+        """
+        key = (kind, squares, BEAM(lamp))
+        if key not in self._beams:
+            while len(self._beams) >= KEPT_BEAMS:
+                self._beams.pop(next(iter(self._beams)))
+            shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
+            contracted = np.empty(shape, np.float32)
+            for stretch, plane in self._stretches(lamp.apparent_distance_m):
+                values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
+                if squares:
+                    per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
+                    values = (per_ring**2 / self.sent.density[:, None]).ravel()
+                tally, cells = self._tally(kind, is_round(lamp), plane)
+                flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
+                contracted[:, :, cells] = flat.reshape(tally.shape[1:])
+            self._beams[key] = contracted
+        return np.asarray(self._beams[key])
+
+    def _known_g(self, kind: int) -> int:
+        """How many values of g a class of light tells apart."""
+        return 1 if kind in NEVER_SCATTERED else len(self.tallies)
+
+    @cached_property
+    def _of_rings(self) -> list[Array]:
+        """The tallies with the sectors of every ring of emission added up."""
+        nodes = self.beam_nodes.nodes
+        return [t.reshape(nodes.n_theta, nodes.n_phi, *t.shape[1:]).sum(axis=1) for t in self.tallies]
+
+    def _coefficients(self, lamp: Lamp) -> Array:
+        """`BeamNodes.values` of the last few lamps: they are the same for every trace and class of light."""
+        key = BEAM(lamp)
+        if key not in self._values:
+            while len(self._values) >= KEPT_BEAMS:
+                self._values.pop(next(iter(self._values)))
+            self._values[key] = self.beam_nodes.values(lamp)
+        return np.asarray(self._values[key])
+
+    def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
+        """Factor on the variance because other photons count now than in the traced beam and water.
+
+        The effective number of photons of weights w is (sum w)^2 / sum w^2 (Kish 1965, Survey Sampling); two
+        waters with weights v and w share sum v w / (sum v sum w).
+
+        Parameters
+        ----------
+        weights : array, shape (n_waters, n_rows)
+            Of the rows of one class.
+
+        Returns
+        -------
+        array, shape (n_waters, n_waters, n_cells)
+        """
+        key = (index, kind)
+        if key not in self._then:
+            once = np.ones((1, len(self.rows_of[kind])))
+            self._then[key] = self._concentration(index, kind, self.sent.lamp, once)
+        now, then = self._concentration(index, kind, lamp, weights), self._then[key]
+        lit = (np.einsum("wwh->wh", now) > 0) & (then[0] > 0)
+        unknown = np.broadcast_to(np.eye(len(now))[:, :, None], now.shape)
+        return np.divide(now, then, out=unknown.copy(), where=lit[:, None] & lit)
+
+    def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
+        """Sum of products over the product of the sums of what single photons bring, up to a constant."""
+        total = weights @ self.contracted(kind, lamp)[index]
+        squares = np.maximum(self.contracted(kind, lamp, squares=True)[index], 0)
+        products = (weights[:, None] * weights) @ squares
+        sums = total[:, None] * total
+        return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
+
+    def _tally(self, kind: int, rings: bool, plane: float | None) -> tuple[Array, Cells]:
+        """Rows of one class at the cells of a plane or at all, and which cells they are.
+
+        Of shape (n_nodes, n_g, n_rows, n_cells); for a round beam its sectors are added up.
+        """
+        key = (kind, rings, plane)
+        if key not in self._tallies:
+            cells: Cells = slice(None) if plane is None else np.flatnonzero(self.cell_z_m == plane)
+            rows, every = self.rows_of[kind], self._of_rings if rings else self.tallies
+            one_each = [tally[:, rows][:, :, cells] for tally in every[: self._known_g(kind)]]
+            self._tallies[key] = np.ascontiguousarray(np.stack(one_each, axis=1)), cells
+        tally, cells = self._tallies[key]
+        return tally, cells
+
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, float | None]]:
+        """Factor on the beam's angles at each plane, and where that plane is; None for all of them.
+
+        Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
+        order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
+        """
+        if apparent_distance_m == 0:
+            return [(1.0, None)]
+        return [((z + apparent_distance_m) / z, z) for z in np.unique(self.cell_z_m).tolist()]
+
+
+def _stretched(lamp: Lamp, factor: float) -> Lamp:
+    """The beam with all its angles multiplied."""
+    if factor == 1:
+        return lamp
+    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in ANGLES})

@@ -1,0 +1,272 @@
+"""Where light is tallied: detector cells in space, nodes over the direction of emission. No Mitsuba here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from lightfield.render.response.response import Reference
+from lightfield.scene import Scene
+from lightfield.scene.in_tank import cells_inside, rows_of
+from lightfield.scene.tank import Tank
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
+#: the width of the tank: from these on cells are as large as asked for.
+BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
+#: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
+UNEVEN = 0.5
+SHORTEST_STEP_M = 0.02
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The same regular cells on every detector plane.
+
+    Parameters
+    ----------
+    z_m : array, shape (n_planes,), m
+    x_m, y_m : array, shape (n_x,) and (n_y,), m
+        Ascending cell centres.
+    pitch_x_m, pitch_y_m : float, m
+    occupied : array of bool, shape (n_planes, n_y, n_x), optional
+        Cells to tally; all when missing.
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Number of the tally cell that a cell shares with its mirror images.
+    inside : array, shape (n_y, n_x), optional
+        Part of every cell that is in the tank; missing: all of all.
+    fineness : float
+        How much smaller than in a tow tank everything is, see `fineness`.
+    even : bool
+        Are what it is made for places in the middle of cells?
+    """
+
+    z_m: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+    pitch_x_m: float
+    pitch_y_m: float
+    occupied: np.ndarray | None = None
+    merged: np.ndarray | None = None
+    inside: np.ndarray | None = None
+    fineness: float = 1.0
+    even: bool = True
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(n_planes, n_y, n_x)."""
+        return len(self.z_m), len(self.y_m), len(self.x_m)
+
+    def centres(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x, y, z of the tallied cells: shape (n_planes, n_y, n_x), or (n_occupied,) where only some are."""
+        z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
+        return (x, y, z) if self.occupied is None else (x[self.occupied], y[self.occupied], z[self.occupied])
+
+    def padded(self, cells: int, tank: Tank | None) -> Grid:
+        """With more cells, none of them occupied, on every side, but in a tank only such as are all in it.
+
+        What was occupied and is not all in the tank is left to the cells beside it.
+        """
+        assert self.occupied is not None
+        more = np.arange(1, cells + 1)
+        x, y = (
+            np.concatenate([v[0] - pitch * more[::-1], v, v[-1] + pitch * more])
+            for v, pitch in ((self.x_m, self.pitch_x_m), (self.y_m, self.pitch_y_m))
+        )
+        wide = ((0, 0), (cells, cells), (cells, cells))
+        if tank is None:
+            return replace(self, x_m=x, y_m=y, occupied=np.pad(self.occupied, wide))
+        walls_x, walls_y, _ = tank.box_m
+        first_x, last_x = _whole(x, self.pitch_x_m, *walls_x)
+        first_y, last_y = _whole(y, self.pitch_y_m, *walls_y)
+        x, y = x[first_x : last_x + 1], y[first_y : last_y + 1]
+        inside = np.zeros((len(self.z_m), len(y), len(x)), bool)
+        plane, row, column = np.argwhere(self.occupied).T
+        row, column = row + cells - first_y, column + cells - first_x
+        inside[plane, np.clip(row, 0, len(y) - 1), np.clip(column, 0, len(x) - 1)] = True
+        return replace(self, x_m=x, y_m=y, occupied=inside)
+
+    def in_water(self, values: np.ndarray) -> np.ndarray:
+        """Means over whole cells, of light that is in the tank alone, as means over what of them is in it.
+
+        Planes know only cells that are all in it: the others become NaN. Cells around listed positions are
+        divided by their part inside.
+
+        Parameters
+        ----------
+        values : array, shape (..., n_planes, n_y, n_x), or (..., n_occupied) where only some are tallied
+        """
+        if self.inside is None or (self.inside == 1).all():
+            return values
+        if self.occupied is None:
+            return np.where(self.inside == 1, values, np.nan)
+        part = np.broadcast_to(self.inside, self.shape)[self.occupied]
+        return np.asarray(values / np.where(part > 0, part, 1).astype(values.dtype))
+
+
+@dataclass(frozen=True)
+class AngleNodes:
+    """Nodes over the direction of emission: a tally kept on them can be reweighed to another beam.
+
+    Rings are cubic B-splines with equal knots in t = asinh(theta / scale), even about the axis; sectors are
+    equal steps of phi from 0 with linear interpolation.
+
+    Parameters
+    ----------
+    scale_rad : float
+        Below it rings are equally spaced in theta, beyond in log(theta).
+    step : float
+        Knot distance in t.
+    n_theta, n_phi : int
+        Rings and sectors; n_phi is even, so that x -> -x maps nodes on nodes.
+    """
+
+    scale_rad: float
+    step: float
+    n_theta: int
+    n_phi: int
+
+    @property
+    def size(self) -> int:
+        """Number of nodes; node number = i_theta n_phi + i_phi."""
+        return self.n_theta * self.n_phi
+
+    @property
+    def reach_rad(self) -> float:
+        """Largest angle at which the splines still add up to one."""
+        return float(self.scale_rad * np.sinh((self.n_theta - 2) * self.step))
+
+
+def cell_centres(width_m: float, cells: int) -> np.ndarray:
+    """Centres of equal cells that fill a width, ascending, shape (cells,), m."""
+    return (np.arange(cells) + 0.5) * (width_m / cells) - 0.5 * width_m
+
+
+def scene_grid(scene: Scene) -> Grid:
+    """The grid that the scene's [detector] asks for; listed positions get cells of at most 0.1 m."""
+    detector = scene.detector
+    if detector.positions_m is not None:
+        return in_tank(positions_grid(*np.asarray(detector.positions_m, float).T), scene)
+    width, height = scene.plane_size_m
+    columns, rows = detector.pixels, rows_of(detector, scene.tank)
+    x, y = cell_centres(width, columns), cell_centres(height, rows)
+    return in_tank(Grid(np.array(detector.planes_m, float), x, y, width / columns, height / rows), scene)
+
+
+def in_tank(grid: Grid, scene: Scene) -> Grid:
+    """The grid, knowing which part of its cells is in the scene's tank."""
+    inside = cells_inside(scene.tank, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m)
+    return replace(grid, inside=inside)
+
+
+def fineness(z_m: np.ndarray, hwhm_deg: float = BROAD_DEG, tank: Tank | None = None) -> float:
+    """How much smaller than in a tow tank everything is: 1 for a beam of 3.2 degrees from 4.5 m on."""
+    beam = np.min(z_m) * np.radians(min(hwhm_deg, BROAD_DEG))
+    room = min(tank.width_m, tank.depth_m) if tank else ROOMY_M
+    return float(min(1.0, beam / BROAD_M, room / ROOMY_M))
+
+
+def positions_grid(
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    z_m: np.ndarray,
+    cell_m: float = 0.1,
+    hwhm_deg: float = BROAD_DEG,
+    tank: Tank | None = None,
+) -> Grid:
+    """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : arrays, shape (n,), m
+    cell_m : float, m
+        Largest cell, where nothing is small, see `fineness`.
+    hwhm_deg : float
+        Half width of the beam.
+    tank : Tank, optional
+    """
+    planes = np.unique(np.round(z_m, 4))
+    fine = fineness(planes, hwhm_deg, tank)
+    even = all(_is_even(v, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    largest = fine * cell_m * (1.0 if even else UNEVEN)
+    (x, pitch_x), (y, pitch_y) = (_axis(v, largest, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
+    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
+    occupied = np.zeros(grid.shape, bool)
+    occupied[cell_of(grid, x_m, y_m, z_m)] = True
+    return replace(grid, occupied=occupied)
+
+
+def cell_of(
+    grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Plane, row and column of the cell nearest to each position, arrays of int, shape (n,)."""
+    plane = np.abs(np.asarray(z_m)[:, None] - grid.z_m).argmin(axis=1)
+    row = np.clip(
+        np.round((np.asarray(y_m) - grid.y_m[0]) / grid.pitch_y_m).astype(int), 0, len(grid.y_m) - 1
+    )
+    column = np.clip(
+        np.round((np.asarray(x_m) - grid.x_m[0]) / grid.pitch_x_m).astype(int), 0, len(grid.x_m) - 1
+    )
+    return plane, row, column
+
+
+def _is_even(values: np.ndarray, shortest_m: float) -> bool:
+    """Are places along one axis whole steps apart? Steps shorter than the shortest are no even spacing."""
+    gaps = np.diff(np.unique(np.round(values, 4)))
+    if len(gaps) == 0:
+        return True
+    steps = gaps / gaps.min()
+    return bool(gaps.min() >= shortest_m and np.allclose(steps, np.round(steps), atol=0.02))
+
+
+def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndarray, float]:
+    """Cell centres along one axis and their pitch."""
+    places = np.unique(np.round(values, 4))
+    if len(places) == 1:
+        return places, cell_m
+    even, gap = _is_even(values, shortest_m), np.diff(places).min()
+    pitch = float(gap / ceil(gap / cell_m - 1e-6)) if even else cell_m
+    count = round((places[-1] - places[0]) / pitch) + (1 if even else 2)
+    return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
+
+
+def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:
+    """First and last of the cells that are all between two walls; of all cells for places in no tank."""
+    inside = np.flatnonzero((centres - 0.5 * pitch >= low - 1e-6) & (centres + 0.5 * pitch <= high + 1e-6))
+    return (int(inside[0]), int(inside[-1])) if len(inside) else (0, len(centres) - 1)
+
+
+def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:
+    """Nodes dense over the core of a beam and sparse out to 70 degrees, for skirts and wide beams."""
+    scale = np.radians(1.5 * hwhm_deg)
+    return AngleNodes(
+        float(scale), float(np.arcsinh(np.radians(70.0) / scale) / (n_theta - 2)), n_theta, n_phi
+    )
+
+
+def band_wavelengths(scene: Scene, samples: int = 5) -> np.ndarray:
+    """Wavelengths that stand for each band (midpoints of equal parts), shape (n_bands, samples), nm."""
+    bands = np.asarray(scene.detector.bands_nm, float)
+    at = (np.arange(samples) + 0.5) / samples
+    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+
+
+def reference_of(scene: Scene) -> Reference:
+    """Reference to trace in: least absorption and most scattering of the scene's bands, its own walls."""
+    wavelengths = band_wavelengths(scene).ravel()
+    return Reference(
+        float(np.min(absorption_per_m(scene.water, wavelengths))),
+        float(np.max(scattering_per_m(scene.water, wavelengths))),
+        scene.tank.wall_albedo if scene.tank else 0.0,
+    )
+
+
+def straight_path(scene: Scene, grid: Grid) -> np.ndarray:
+    """Path in water of the straight line from the lamp to each cell, shape of `grid.centres()`, m."""
+    x, y, z = grid.centres()
+    lamp = scene.lamp
+    behind = lamp.apparent_distance_m
+    full = np.sqrt((x - lamp.offset_x_m) ** 2 + (y - lamp.offset_y_m) ** 2 + (z + behind) ** 2)
+    return np.asarray(full * z / (z + behind))

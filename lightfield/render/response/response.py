@@ -1,0 +1,256 @@
+"""The transport response: one trace, every water.
+
+    E(a, b, rho, s) = sum over histories  R[n, m, k, e]  (b / b_0)^n  (rho / rho_0)^m  s^k
+                      exp(-(c - c_0) (r + e)),      c = a + b
+
+R is the tally of a trace in the reference water (a_0, b_0) with wall albedo rho_0; n, m, k count
+scatterings, wall hits and surface reflections; e is the path in excess of the straight line r to the cell.
+No NumPy array here depends on Mitsuba, so a response read from disk is evaluated without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammainc
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+
+Rows = NDArray[np.integer[Any]] | slice
+NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
+FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
+CLASSES = 5
+HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
+HERMITE_SHARES = _HERMITE / _HERMITE.sum()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Water and walls that a response was traced with: m^-1, m^-1 and albedo."""
+
+    absorption_per_m: float
+    scattering_per_m: float
+    wall_albedo: float
+
+
+@dataclass(frozen=True)
+class Bookkeeping:
+    """Where the power went, in the units of the emission (W for unit on-axis intensity: sr).
+
+    Parameters
+    ----------
+    emitted, absorbed, walls, escaped, unfinished : float
+        Power emitted; absorbed in the reference water; absorbed by walls; lost through the surface or out of
+        the water; left in walks cut off at the flight limit. `roulette` is the net power that the roulette
+        invented.
+    """
+
+    emitted: float
+    absorbed: float
+    walls: float
+    escaped: float
+    unfinished: float
+    roulette: float
+
+    @property
+    def closure(self) -> float:
+        """Relative difference between what was emitted and what is accounted for."""
+        spent = self.absorbed + self.walls + self.escaped + self.unfinished - self.roulette
+        return (spent - self.emitted) / self.emitted
+
+
+@dataclass(frozen=True)
+class TransportResponse:
+    """Tally of a trace, split by history and by independent batch.
+
+    Parameters
+    ----------
+    tally : array, shape (n_batches, n_rows, n_cells), m^-2 (m^-2 sr^-1 for radiance)
+        For unit on-axis radiant intensity (for a pencil beam: unit power).
+    histories : array of int, shape (n_rows, 3)
+        Scatterings, wall hits and surface reflections of each row.
+    excess_m : array, shape (n_rows,), m
+        Path in excess of the straight line.
+    straight_m : array, shape (n_planes, n_y, n_x), m
+        Straight line from the lamp to each cell, in water.
+    reference : Reference
+    photons : int
+        Photons traced, all batches together.
+    merged : array of int, shape (n_planes, n_y, n_x), optional
+        Cell of the tally that each cell of the maps is read from; mirror images share one and its error.
+    """
+
+    tally: Array
+    histories: NDArray[np.integer[Any]]
+    excess_m: Array
+    straight_m: Array
+    reference: Reference
+    photons: int
+    merged: NDArray[np.integer[Any]] | None = None
+    #: Factors of the rows that depend on the histories alone, as last asked for: a fit changes them rarely.
+    _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_planes, n_y, n_x)."""
+        return self.straight_m.shape
+
+    @property
+    def is_direct(self) -> NDArray[np.bool_]:
+        """Rows that light has reached without scattering or reflection, shape (n_rows,)."""
+        return np.asarray(~self.histories.any(axis=1))
+
+    def evaluate(
+        self,
+        a: ArrayLike,
+        b: ArrayLike,
+        rho: ArrayLike = 0.0,
+        surface: ArrayLike = 0.0,
+        *,
+        hardening: float = 0.0,
+        part: str = "all",
+    ) -> tuple[Array, Array]:
+        """Maps for other waters, walls and surfaces.
+
+        Parameters
+        ----------
+        a, b : array_like, shape (n,) or scalar, m^-1
+            Absorption and scattering coefficients.
+        rho, surface : array_like, shape (n,) or scalar
+            Wall albedo; multiplier of the surface's Fresnel reflectance.
+        hardening : float, m^-1
+            Standard deviation of the attenuation over the band: -ln T = K r - (q r)^2 / 2.
+        part : "all", "direct" or "diffuse"
+            Direct light is neither scattered nor reflected.
+
+        Returns
+        -------
+        mean, stderr : arrays, shape (n, n_planes, n_y, n_x) or (n_planes, n_y, n_x) for scalars
+            stderr is infinite where not one photon was tallied.
+
+        Raises
+        ------
+        RenderError
+            The trace cannot answer: scattering or walls asked for that it was made without.
+        """
+        scalar = all(np.ndim(v) == 0 for v in (a, b, rho, surface))
+        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (a, b, rho, surface)))
+        if hardening:
+            spread = [np.repeat(v, len(HERMITE_NODES)) for v in columns]
+            spread[0] = spread[0] + np.tile(hardening * HERMITE_NODES, len(columns[0]))
+            batches = self._batches(*spread, part=part)
+            split = batches.reshape(len(batches), len(columns[0]), len(HERMITE_SHARES), -1)
+            batches = np.einsum("bwhp,h->bwp", split, HERMITE_SHARES)
+        else:
+            batches = self._batches(*columns, part=part)
+        mean, stderr = (self._spread(v) for v in mean_and_stderr(batches))
+        return (mean[0], stderr[0]) if scalar else (mean, stderr)
+
+    def batches(self, a: float, b: float, rho: float = 0.0, surface: float = 0.0, part: str = "all") -> Array:
+        """One map per independent batch, shape (n_batches, n_planes, n_y, n_x)."""
+        columns = [np.array([v], float) for v in (a, b, rho, surface)]
+        return self._spread(self._batches(*columns, part=part)[:, 0])
+
+    def _batches(self, a: Array, b: Array, rho: Array, surface: Array, *, part: str) -> Array:
+        weights = self.row_weights(a, b, rho, surface)
+        if part != "all":
+            weights[:, self.is_direct != (part == "direct")] = 0
+        used = np.flatnonzero(weights.any(axis=0))
+        first, last = (used[0], used[-1] + 1) if len(used) else (0, 0)
+        if 2 * len(used) > last - first:
+            # A few rows that do not count cost less than a copy of the others.
+            tally, weights = self.tally[:, first:last], weights[:, first:last]
+        else:
+            tally, weights = self.tally[:, used], weights[:, used]
+        weights = np.ascontiguousarray(weights, dtype=np.float32)
+        change = (a + b - self.reference.absorption_per_m - self.reference.scattering_per_m)[:, None]
+        along = np.exp(-change * self._straight_of_tally)
+        return np.asarray(np.stack([weights @ batch for batch in tally]) * along, dtype=float)
+
+    @cached_property
+    def _straight_of_tally(self) -> Array:
+        """Straight line to every cell of the tally, shape (n_cells,), m."""
+        if self.merged is None:
+            return self.straight_m.reshape(-1)
+        straight = np.empty(self.tally.shape[2])
+        straight[self.merged.ravel()] = self.straight_m.ravel()
+        return straight
+
+    def _spread(self, values: Array) -> Array:
+        """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""
+        return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
+
+    def row_weights(self, a: Array, b: Array, rho: Array, surface: Array, rows: Rows = slice(None)) -> Array:
+        """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows)."""
+        _, m, k = self.histories[rows].T
+        ref = self.reference
+        if (b > 0).any() and ref.scattering_per_m == 0:
+            raise RenderError(
+                "this response was traced without scattering",
+                found=float(b.max()),
+                rule="b > 0 needs a trace with b > 0",
+                remedy="trace again with reference_scattering_per_m > 0",
+            )
+        if (rho > 0).any() and ref.wall_albedo == 0:
+            raise RenderError(
+                "this response was traced with black walls",
+                found=float(rho.max()),
+                rule="albedo > 0 needs a trace with reflecting walls",
+                remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
+            )
+        change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
+        key = tuple(v.tobytes() for v in (b, rho, surface))
+        name = rows.tobytes() if isinstance(rows, np.ndarray) else repr(rows).encode()
+        known, factor = self._last.get(name, (None, np.zeros(0)))
+        if known != key:
+            walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
+            factor = self._scattering(b, rows) * walls * surface[:, None] ** k
+            self._last[name] = key, factor
+        return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
+
+    def _scattering(self, b: Array, rows: Rows) -> Array:
+        """Factor (b / b_0)^n of every row, shape (n, n_rows).
+
+        Rows of the highest class hold all higher n as well. Given the length of a path, n is close to a
+        Poisson number; averaged over n >= N the factor is e^((b - b_0) L) P(n >= N; b L) / P(n >= N; b_0 L).
+        """
+        n, reference = self.histories[rows, 0], self.reference.scattering_per_m
+        if reference == 0:
+            return np.zeros((len(b), 1)) ** n
+        factor = (b / reference)[:, None] ** n
+        top = self._open_ended[rows]
+        if top.any() and (b != reference).any():
+            length = self.excess_m[rows][top] + self._mean_straight_m
+            more, more_before = (gammainc(n[top], rate * length) for rate in (b[:, None], reference))
+            factor[:, top] = np.exp((b[:, None] - reference) * length) * more / more_before
+        return np.asarray(factor)
+
+    @cached_property
+    def _mean_straight_m(self) -> float:
+        return float(self.straight_m.mean())
+
+    @cached_property
+    def _open_ended(self) -> NDArray[np.bool_]:
+        """Rows of the highest class of n, of unreflected and of reflected light."""
+        n, m, k = self.histories.T
+        reflected = (m > 0) | (k > 0)
+        highest = [n[reflected == kind].max(initial=0) for kind in (False, True)]
+        return np.asarray((n > 0) & (n == np.where(reflected, highest[1], highest[0])))
+
+
+def light_classes(histories: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
+    """Class of each history: -1 direct; 0 scattered; 1 walls, 2 walls and scattered; 3, 4 surface alike."""
+    n, m, k = histories.T
+    return np.where(k > 0, 3 + (n > 0), np.where(m > 0, 1 + (n > 0), np.where(n > 0, 0, -1)))
+
+
+def mean_and_stderr(batches: Array) -> tuple[Array, Array]:
+    """Mean over the first axis and its standard error; infinite where nothing was ever counted."""
+    mean = batches.mean(axis=0)
+    stderr = batches.std(axis=0, ddof=1) / np.sqrt(len(batches))
+    return mean, np.where(batches.any(axis=0), stderr, np.inf)

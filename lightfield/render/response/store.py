@@ -1,0 +1,90 @@
+"""Disk cache of transport responses: a complete key, a checksum, and rebuilding instead of trust."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield.errors import OutputError
+from lightfield.storage.cache import cache_dir
+from lightfield.storage.files import atomic_path, remove_leftovers
+
+FORMAT = 14  # raised whenever the walk, the tally, the light at readings or this file's layout changes
+LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
+log = logging.getLogger(__name__)
+
+
+def digest_of(key: Mapping[str, Any]) -> str:
+    """SHA-256 of a key of plain values, hex."""
+    text = json.dumps({"format": FORMAT, **key}, sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
+    """Arrays stored under `key`, or None when there are none, or none that can be trusted."""
+    path = _path(key)
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        told = bytes(arrays.pop("checksum")).decode()
+        if told != _checksum(arrays) or bytes(arrays.pop("key")).decode() != digest_of(key):
+            raise ValueError("checksum or key does not match")
+        with suppress(OSError):  # a cache that may be read but not written
+            os.utime(path)
+        return arrays
+    except Exception as error:  # whatever a damaged file makes NumPy or zipfile raise
+        log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+        return None
+
+
+def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Store arrays under `key`; a full or read-only disk costs the cache entry, not the result."""
+    kept: dict[str, Any] = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
+    try:
+        with atomic_path(_path(key)) as temporary, temporary.open("wb") as file:
+            np.savez(file, **kept, checksum=np.frombuffer(_checksum(kept).encode(), np.uint8))
+        _make_room(_path(key))
+    except (OSError, OutputError) as error:
+        log.warning("the transport response was not cached: %s", error)
+
+
+def _make_room(newest: Path) -> None:
+    remove_leftovers(newest.parent)
+    entries = sorted(newest.parent.glob("*.npz"), key=lambda entry: entry.stat().st_mtime)
+    excess = sum(entry.stat().st_size for entry in entries) - LARGEST_BYTES
+    for entry in entries:
+        if excess <= 0 or entry == newest:
+            return
+        excess -= entry.stat().st_size
+        entry.unlink(missing_ok=True)
+
+
+def _path(key: Mapping[str, Any]) -> Path:
+    return cache_dir() / "transport" / f"{digest_of(key)}.npz"
+
+
+def _checksum(arrays: Mapping[str, np.ndarray]) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name}{array.dtype}{array.shape}".encode())
+        digest.update(array.data if array.ndim else array.tobytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"a cache key holds plain values only, not {type(value).__name__}")

@@ -1,0 +1,109 @@
+"""Mirror images: cells that see the same light by symmetry of the scene share one tally. No Mitsuba here.
+
+A lamp on the axis of a tank sends as much light to +x as to -x. Merging a cell with its mirror images gives
+each of them the photons of all, for nothing; but their errors are then one error, not several of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.render.response.grid import AngleNodes, Grid
+from lightfield.scene import Scene
+
+
+def symmetric(scene: Scene) -> tuple[bool, bool]:
+    """Whether the light is the same at -x, and at -y."""
+    lamp, tank, tilted = scene.lamp, scene.tank, scene.detector.tilt_x_deg != 0
+    x = lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
+    y = lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0
+    if tank is not None:
+        # A lid reflects as the floor does, a water surface does not.
+        y = y and tank.surface_reflectance == 0 and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
+    return x, y
+
+
+def mirrors(scene: Scene, grid: Grid) -> tuple[bool, bool, bool]:
+    """Whether grid and light are the same at -x, at -y, and with x and y exchanged."""
+    x, y = symmetric(scene)
+    square = len(grid.x_m) == len(grid.y_m) and np.allclose(grid.x_m, grid.y_m, atol=1e-9)
+    round_beam = scene.lamp.ellipticity == 1
+    x = x and bool(np.allclose(grid.x_m, -grid.x_m[::-1], atol=1e-9))
+    y = y and bool(np.allclose(grid.y_m, -grid.y_m[::-1], atol=1e-9))
+    return x, y, bool(x and y and square and round_beam and scene.tank is None)
+
+
+def merge_mirror_images(scene: Scene, grid: Grid) -> Grid:
+    """The grid with one tally cell for each set of mirror images; unchanged when there are none.
+
+    Parameters
+    ----------
+    scene : Scene
+    grid : Grid
+        Full grid, all cells tallied.
+    """
+    x, y, diagonal = mirrors(scene, grid)
+    if grid.occupied is not None or not (x or y):
+        return grid
+    planes, rows, columns = grid.shape
+    first = np.arange(rows * columns).reshape(rows, columns)
+    if x:
+        first = np.minimum(first, first[:, ::-1])
+    if y:
+        first = np.minimum(first, first[::-1])
+    if diagonal:
+        first = np.minimum(first, first.T)
+    _, group = np.unique(first, return_inverse=True)
+    group = group.reshape(rows, columns)
+    plane = np.arange(planes)[:, None, None] * (group.max() + 1)
+    return replace(grid, merged=plane + group)
+
+
+@dataclass(frozen=True)
+class MirrorImages:
+    """Mirror images among listed cells.
+
+    Parameters
+    ----------
+    y : array of int, shape (n_cells,)
+        The cell's image at -y where there is one, else the cell itself.
+    orbits : array of 0 and 1, shape (n_cells, n_sets)
+        Cells that share their photons once the images at -y are averaged.
+    """
+
+    y: np.ndarray
+    orbits: np.ndarray
+
+    @property
+    def error(self) -> np.ndarray:
+        """Factor on the Monte Carlo error of each cell by the averaging, shape (n_cells,)."""
+        return np.where(self.y == np.arange(len(self.y)), 1.0, np.sqrt(0.5))
+
+    def averaged(self, tallies: np.ndarray, nodes: AngleNodes) -> np.ndarray:
+        """Mean of every cell and its image at -y, whose photons left the lamp at -phi.
+
+        Parameters
+        ----------
+        tallies : array, shape (..., n_emission_nodes, n_rows, n_cells)
+        """
+        if (self.y == np.arange(len(self.y))).all():
+            return tallies
+        ring, sector = np.divmod(np.arange(nodes.size), nodes.n_phi)
+        image = ring * nodes.n_phi + (nodes.n_phi - sector) % nodes.n_phi
+        return np.asarray(0.5 * (tallies + tallies[..., image, :, :][..., self.y]))
+
+
+def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:
+    """Images of the tallied cells; the trace has averaged those at -x already where the scene allows it."""
+    in_x, in_y = symmetric(scene)
+    x, y, z = (np.round(v.ravel(), 4) + 0.0 for v in grid.centres())
+    number = {place: i for i, place in enumerate(zip(x, y, z, strict=True))}
+    image = np.array([number.get((p, -q if in_y else q, r), i) for i, (p, q, r) in enumerate(number)])
+    first: dict[tuple[float, float, float], int] = {}
+    owner = [
+        first.setdefault((abs(p) if in_x else p, abs(q) if image[i] != i else q, r), len(first))
+        for i, (p, q, r) in enumerate(number)
+    ]
+    return MirrorImages(image, np.eye(len(first))[owner])

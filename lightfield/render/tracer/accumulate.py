@@ -1,0 +1,188 @@
+"""Trace batch after batch until the error is small enough. Import it after `use_backend()`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import ceil
+
+import numpy as np
+
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.grid import Grid, band_wavelengths
+from lightfield.render.response.response import (
+    CLASSES,
+    Bookkeeping,
+    Reference,
+    TransportResponse,
+    light_classes,
+)
+from lightfield.render.response.symmetry import merge_mirror_images, symmetric
+from lightfield.render.settings import Progress, Settings
+from lightfield.render.tracer.build import Setup, prepare
+from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
+from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+BATCHES = 10
+FIRST_LAUNCH = 1 << 16
+LARGEST_LAUNCH = 1 << 20
+PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
+TALLY_BYTES = 900e6
+DIRECTION_BATCHES = 8
+
+
+def trace_until(
+    scene: Scene, grid: Grid, reference: Reference, settings: Settings, progress: Progress | None = None
+) -> tuple[TransportResponse, Bookkeeping, float]:
+    """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
+
+    Returns
+    -------
+    response, energy, reached
+        Response, energy balance (sr), and the relative error that was reached.
+    """
+    if settings.symmetry:
+        grid = merge_mirror_images(scene, grid)
+    # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
+    mirrored = settings.symmetry and grid.occupied is not None and symmetric(scene)[0]
+    setup = prepare(scene, grid, reference)
+    cells, rows = setup.planes.cells, setup.histories.size
+    batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
+    sums = np.zeros((batches, rows, cells), np.float32)
+    largest = int(np.clip(PER_CELL * cells, FIRST_LAUNCH, LARGEST_LAUNCH))
+    launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
+    books: list[Bookkeeping] = []
+    shares: list[int] = []
+    first = 0
+    while True:
+        for batch in range(batches):
+            counts, book = trace(
+                setup.mitsuba_scene,
+                setup.phase,
+                setup.emission,
+                setup.planes,
+                setup.histories,
+                setup.water,
+                launch,
+                settings.seed * 1009 + batch,
+                first=first,
+                mirror_x=mirrored,
+                reflecting=setup.reflecting,
+            )
+            counts *= launch
+            sums[batch] += counts
+            books.append(book)
+            shares.append(launch)
+        first += launch
+        spent = first * batches
+        # The relative error of sums is that of means: the tally, which is large, is not copied for it.
+        reached = worst_error(scene, _response(sums, spent, setup, np.ones(rows, bool)))
+        if progress:
+            progress(spent, reached, settings.rel_error)
+        if reached <= settings.rel_error or spent >= settings.max_photons:
+            return response_from(sums, first, setup), average(books, shares), reached
+        wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
+        wanted = min(wanted, settings.max_photons - spent)
+        launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
+
+
+def _whole_lanes(photons: float) -> int:
+    """Next number of photons that fills every lane, so that no low-discrepancy point is used twice."""
+    return PHOTONS_PER_LANE * ceil(photons / PHOTONS_PER_LANE)
+
+
+def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
+    """Response of accumulated tallies, which it takes over; rows that stayed empty are left out."""
+    seen = np.asarray(sums.any(axis=(0, 2)))
+    seen[0] = True
+    kept = int(seen.sum())
+    for batch in sums:
+        batch[:kept] = batch[seen]
+    tally = sums[:, :kept]
+    tally /= np.float32(photons_per_batch)
+    return _response(tally, photons_per_batch * len(sums), setup, seen)
+
+
+def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -> TransportResponse:
+    channels, nodes, _ = setup.histories.shape
+    histories = np.repeat(setup.histories.channels, nodes, axis=0)[seen]
+    excess = np.tile(setup.histories.excess_m, channels)[seen]
+    return TransportResponse(
+        tally, histories, excess, setup.straight_m, setup.reference, photons, setup.grid.merged
+    )
+
+
+def worst_error(scene: Scene, response: TransportResponse) -> float:
+    """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
+    wavelength = band_wavelengths(scene).mean()
+    tank = scene.tank
+    mean, stderr = response.evaluate(
+        float(absorption_per_m(scene.water, np.array([wavelength]))[0]),
+        float(scattering_per_m(scene.water, np.array([wavelength]))[0]),
+        tank.wall_albedo if tank else 0.0,
+        tank.surface_reflectance if tank else 0.0,
+    )
+    lit = mean > 1e-4 * mean.max(axis=tuple(range(1, mean.ndim)), keepdims=True)
+    if not lit.any():
+        return float("inf")
+    return float(np.quantile(stderr[lit] / mean[lit], 0.95))
+
+
+def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
+    """Energy balance of several batches."""
+    table = np.array([list(asdict(book).values()) for book in books])
+    return Bookkeeping(*(float(v) for v in np.average(table, axis=0, weights=photons)))
+
+
+def trace_by_direction(
+    scene: Scene, grid: Grid, reference: Reference, beam_nodes: BeamNodes, photons: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Trace with the direction of emission kept.
+
+    Returns
+    -------
+    tally : array, shape (n_emission_nodes, n_rows, n_cells)
+    relative_stderr : array, shape (5, n_cells)
+        Of each class of light, for the scene's own beam in the reference water.
+    histories : array of int, shape (n_rows, 3)
+    excess_m : array, shape (n_rows,)
+    density : array, shape (n_rings,), 1/sr
+        Part of the photons sent out per solid angle at each ring.
+    """
+    receiver = scene.detector
+    symmetric = receiver.tilt_x_deg == 0
+    setup = prepare(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
+    channels, path_nodes, emission_nodes = setup.histories.shape
+    histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
+    kinds = light_classes(histories)
+    own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi)  # the traced beam is round
+    total = np.zeros(0)
+    parts = []
+    for batch in range(DIRECTION_BATCHES):
+        counts, _ = trace(
+            setup.mitsuba_scene,
+            setup.phase,
+            setup.emission,
+            setup.planes,
+            setup.histories,
+            setup.water,
+            photons // DIRECTION_BATCHES,
+            seed * 1009 + batch,
+            mirror_x=symmetric,
+            reflecting=setup.reflecting,
+        )
+        by_node = counts.reshape(len(histories), emission_nodes, -1)
+        total = by_node if batch == 0 else total + by_node
+        beam = np.einsum("n,rnc->rc", own, by_node)
+        parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
+    mean = np.mean(parts, axis=0)
+    stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
+    relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)
+    # A handful of batches gives each cell a noisy error; neighbours share theirs.
+    typical = np.sqrt((relative**2).mean(axis=1, keepdims=True))
+    relative = np.where(mean > 0, np.sqrt(0.5 * relative**2 + 0.5 * typical**2), 0.0)
+    excess = np.tile(setup.histories.excess_m, channels)
+    tally = np.ascontiguousarray(np.moveaxis(total, 1, 0), dtype=np.float32) / np.float32(DIRECTION_BATCHES)
+    rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
+    density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
+    return tally, relative, histories, excess, density

@@ -1,0 +1,181 @@
+"""From a scene file to the Mitsuba scene, the sampler of the lamp, the detector grid and the tally layout."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from math import atan, ceil, hypot, log, pi, sqrt
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from lightfield.errors import RenderError
+from lightfield.render.response.grid import AngleNodes, Grid, straight_path
+from lightfield.render.response.response import Reference
+from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.histories import Histories
+from lightfield.render.tracer.planes import Planes, Receiver
+from lightfield.render.tracer.walk import Water
+from lightfield.scene import Scene
+
+OPEN_WATER_REACH = 12.0  # radius of open water, in units of the farthest plane
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything a trace needs."""
+
+    mitsuba_scene: Any
+    phase: Any
+    emission: Emission
+    planes: Planes
+    histories: Histories
+    water: Water
+    reference: Reference
+    grid: Grid
+    straight_m: np.ndarray
+    reflecting: bool
+
+
+def receiver_of(scene: Scene) -> Receiver:
+    """The scene's detector as the walk sees it."""
+    d = scene.detector
+    return Receiver(d.quantity, d.full_angle_deg, d.aim == "lamp", d.acceptance_hwhm_deg, d.tilt_x_deg)
+
+
+def histories_of(
+    scene: Scene, reference: Reference, grid: Grid, surface: bool, nodes: AngleNodes | None = None
+) -> Histories:
+    """Tally layout fine enough for the scene: scattering classes up to the tail of their Poisson number."""
+    far = float(grid.z_m.max())
+    mean = reference.scattering_per_m * far * 1.2
+    scatterings = ceil(mean + 4 * sqrt(mean) + 1) if mean > 0 else 0
+    walls = 0 if reference.wall_albedo == 0 else 3
+    surfaces = 2 if surface else 0
+    return Histories(
+        scatterings,
+        walls,
+        surfaces,
+        max_reflections=2 if (walls and surfaces) or nodes is not None else 3,
+        max_scatterings_reflected=5 if nodes is None else 3,
+        longest_excess_m=_longest_excess(scene, reference, far),
+        path_nodes=28 if nodes is None else 8,
+        emission_nodes=1 if nodes is None else nodes.size,
+        n_phi=1 if nodes is None else nodes.n_phi,
+    )
+
+
+def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:
+    """Path in excess of the straight line beyond which next to nothing is left, m."""
+    tank, albedo = scene.tank, reference.wall_albedo
+    if tank is None or albedo == 0:
+        return max(far_m, 4.0)
+    w, d, z = tank.width_m, tank.depth_m, tank.length_m
+    between_walls = 2 * w * d * z / (w * d + w * z + d * z)  # mean chord of a box, 4 V / S
+    decay = reference.absorption_per_m - log(albedo) / between_walls
+    return float(np.clip(7 / max(decay, 1e-6), max(2 * far_m, 8.0), 8 * max(far_m, 8.0)))
+
+
+def prepare(
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    *,
+    surface: bool | None = None,
+    nodes: AngleNodes | None = None,
+    wide_share: float | None = None,
+) -> Setup:
+    """Assemble a trace of `scene` on `grid`; `surface` forces the water surface on or off."""
+    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0) if surface is None else surface
+    if reflects and scene.tank is None:
+        raise RenderError(
+            "there is no water surface in open water",
+            rule="a surface needs a [tank]",
+            remedy="add a [tank] table to the scene",
+        )
+    lamp, water = scene.lamp, scene.water
+    half_x = np.abs(grid.x_m).max() + 0.5 * grid.pitch_x_m + abs(lamp.offset_x_m)
+    half_y = np.abs(grid.y_m).max() + 0.5 * grid.pitch_y_m + abs(lamp.offset_y_m)
+    cone = atan(hypot(half_x, half_y) / grid.z_m.min()) + np.radians(hypot(lamp.tilt_x_deg, lamp.tilt_y_deg))
+    if wide_share is None:
+        # Where much is scattered, scattered core light outshines the direct skirt, and needs the photons.
+        wide_share = 0.1 if reference.scattering_per_m * grid.z_m.max() > 0.2 else 0.4
+    emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
+    position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
+    planes = Planes(grid, receiver_of(scene), position, lamp.apparent_distance_m)
+    histories = histories_of(scene, reference, grid, reflects, nodes)
+    layer = 0.5 * water.layer_width_m
+    reference_water = Water(
+        reference.absorption_per_m,
+        reference.scattering_per_m,
+        water.gradient_per_m2,
+        water.gradient_centre_m,
+        water.layer_absorption_per_m,
+        water.layer_centre_m - layer,
+        water.layer_centre_m + layer,
+    )
+    # Open water has no geometry to search: the walk itself ends far out.
+    parts = surfaces(scene, reference, reflects, float(grid.z_m.max())) if scene.tank else {}
+    loaded = mi.load_dict({"type": "scene", **parts})
+    phase = mi.load_dict(phase_dict(scene))
+    return Setup(
+        loaded,
+        phase,
+        emission,
+        planes,
+        histories,
+        reference_water,
+        reference,
+        grid,
+        straight_path(scene, grid),
+        reference.wall_albedo > 0 or reflects,
+    )
+
+
+def phase_dict(scene: Scene) -> dict[str, Any]:
+    """Mitsuba description of the scene's phase function."""
+    phase = scene.water.phase
+    if phase.type == "henyey-greenstein":
+        return {"type": "hg", "g": phase.g}
+    return {"type": "lightfield_phase", "model": json.dumps(phase.model_dump(mode="json"))}
+
+
+def surfaces(scene: Scene, reference: Reference, reflects: bool, far_m: float) -> dict[str, Any]:
+    """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface."""
+    if scene.tank is None:
+        black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+        return {
+            "open_water": {
+                "type": "sphere",
+                "radius": OPEN_WATER_REACH * far_m,
+                "flip_normals": True,
+                "bsdf": black,
+            }
+        }
+    tank = scene.tank
+    grey = {"type": "uniform", "value": reference.wall_albedo}
+    wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey}}
+    water = {"type": "dielectric", "int_ior": 1.34, "ext_ior": 1.0}
+    top = water if reflects else wall
+    half, back = 0.5 * tank.width_m, -tank.behind_lamp_m
+    end, floor = tank.length_m - tank.behind_lamp_m, tank.lamp_depth_m - tank.depth_m
+    mid_y, mid_z = 0.5 * (tank.lamp_depth_m + floor), 0.5 * (back + end)
+    turn = mi.ScalarTransform4f
+    size_x, size_y, size_z = half, 0.5 * tank.depth_m, 0.5 * tank.length_m
+
+    def rectangle(
+        centre: list[float], axis: list[float], angle: float, u: float, v: float, bsdf: Any
+    ) -> dict[str, Any]:
+        pose = turn().translate(centre) @ turn().rotate(axis, angle) @ turn().scale([u, v, 1])
+        return {"type": "rectangle", "to_world": pose, "bsdf": bsdf}
+
+    return {
+        "left": rectangle([-half, mid_y, mid_z], [0, 1, 0], 90, size_z, size_y, wall),
+        "right": rectangle([half, mid_y, mid_z], [0, 1, 0], -90, size_z, size_y, wall),
+        "floor": rectangle([0, floor, mid_z], [1, 0, 0], -90, size_x, size_z, wall),
+        "back": rectangle([0, mid_y, back], [0, 1, 0], 0, size_x, size_y, wall),
+        "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, wall),
+        # Normal up into the air: the dielectric's inside, below it, is water.
+        "surface": rectangle([0, tank.lamp_depth_m, mid_z], [1, 0, 0], -90, size_x, size_z, top),
+    }

@@ -1,0 +1,202 @@
+"""How photons leave the lamp: stratified, low-discrepancy, and enough of them at the angles that matter.
+
+Directions are drawn from a proposal density q(theta) about the beam axis, piecewise constant per solid
+angle, and weighed by I / q, I being the radiant intensity relative to the axis. A photon's weight therefore
+carries the shape of the beam exactly, whatever the proposal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightfield.render.response.grid import AngleNodes
+from lightfield.render.tracer.sobol import ScrambledSobol
+from lightfield.scene import Lamp
+from lightfield.scene.lamp.profile import relative_intensity
+
+FINE = 4096  # steps in which the wished density is integrated
+# Steps of the cumulative distribution: even, then ever smaller towards 1, where a tail is thin and wide.
+EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
+TABLE = 4096
+
+
+@dataclass(frozen=True)
+class Start:
+    """First flights: positions, unit directions, weights (sr per photon), nodes of the emission tally."""
+
+    position: mi.Point3f
+    direction: mi.Vector3f
+    weight: mi.Float
+    node: mi.UInt32
+
+
+class Emission:
+    """Sampler of a lamp's first flights.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Beam profile, pose, apparent source and window radius.
+    cone_rad : float
+        Half-angle of the cone that holds all detectors, as seen from the lamp.
+    wide_share : float
+        Share of photons sent uniformly into that cone; the rest follows the beam.
+    nodes : AngleNodes, optional
+        Tally grid. Photons then carry the solid angle they stand for, without the beam's intensity.
+    """
+
+    def __init__(
+        self, lamp: Lamp, cone_rad: float, wide_share: float = 0.4, nodes: AngleNodes | None = None
+    ) -> None:
+        self.lamp, self.nodes = lamp, nodes
+        isotropic = lamp.profile == "isotropic"
+        reach = pi if isotropic else 0.5 * pi
+        # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) does not round off.
+        edges = np.linspace(0, np.sin(0.5 * reach), FINE + 1) ** 2
+        theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
+        omega = 4 * pi * np.diff(edges)
+        shapeless = lamp.profile in ("isotropic", "pencil")
+        envelope = np.ones_like(theta) if shapeless else self._envelope(theta)
+        beam = envelope * omega
+        cone = np.where(theta <= max(cone_rad, theta[FINE // 256]), omega, 0.0)
+        mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
+        self.theta_rad, self.density = theta, mass / (omega * mass.sum())  # photons per solid angle, 1/sr
+        cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
+        # Rounded as the sampler sees them, so that the weights undo exactly what is drawn.
+        steps = _steps().astype(np.float32)
+        corners = np.interp(steps, cumulative, edges).astype(np.float32)
+        self.steps, self.corners = mi.Float(steps), mi.Float(corners)
+        omega, share = 4 * pi * np.diff(corners.astype(float)), np.diff(steps.astype(float))
+        self.weight_of_bin = mi.Float(omega / share)
+        if lamp.profile == "table":
+            fine = np.linspace(0, 0.5 * pi, TABLE)
+            self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
+        # Variables and not literals: another lamp needs no new kernel.
+        self.value = {
+            name: dr.opaque(mi.Float, value)
+            for name, value in {
+                "ellipticity": lamp.ellipticity,
+                "hwhm": np.radians(lamp.hwhm_deg),
+                "skirt_hwhm": np.radians(lamp.skirt_hwhm_deg),
+                "exponent": lamp.shape_exponent,
+                "fraction": lamp.skirt_fraction,
+                "radius": lamp.radius_m,
+                "apparent": lamp.apparent_distance_m,
+                "offset_x": lamp.offset_x_m,
+                "offset_y": lamp.offset_y_m,
+            }.items()
+        }
+        self.right, self.up, self.axis = _axes(lamp)
+
+    def _envelope(self, theta: np.ndarray) -> np.ndarray:
+        """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
+        zero = np.zeros_like(theta)
+        if self.nodes is not None:
+            # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
+            return np.asarray(
+                relative_intensity(self.lamp, theta / 1.3, zero) + 0.05 * np.exp(-theta / np.radians(8.0))
+            )
+        along_x, along_y = (
+            relative_intensity(self.lamp, theta, zero),
+            relative_intensity(self.lamp, zero, theta),
+        )
+        return np.asarray(np.maximum(along_x, along_y))
+
+    def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
+        """Radiant intensity relative to the axis, at beam-frame angles in rad."""
+        if self.lamp.profile == "isotropic":
+            return mi.Float(1)
+        value = self.value
+        y = theta_y / value["ellipticity"]
+        theta = dr.sqrt(theta_x * theta_x + y * y)
+        if self.lamp.profile == "table":
+            at = dr.clip(theta * ((TABLE - 1) / (0.5 * pi)), 0, TABLE - 1.001)
+            low = mi.UInt32(at)
+            a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)
+            return dr.lerp(a, b, at - mi.Float(low))
+        core, skirt = theta / value["hwhm"], theta / value["skirt_hwhm"]
+        shape = dr.exp(-log(2) * dr.power(dr.maximum(core, 1e-6), value["exponent"]))
+        return (shape + value["fraction"] * dr.exp(-log(2) * skirt * skirt)) / (1 + value["fraction"])
+
+    def sample(self, index: mi.UInt32, points: ScrambledSobol, rng: mi.PCG32) -> Start:
+        """First flights of the photons `index` of a batch."""
+        u1, u2 = points.point(index)
+        local, weight, theta = self.draw(u1, u2)
+        node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
+        direction = dr.normalize(self.right * local.x + self.up * local.y + self.axis * local.z)
+        radius = self.value["radius"] * dr.sqrt(rng.next_float32())
+        sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
+        # Light starts at the window z = 0 and seems to diverge from a point behind it.
+        back = self.value["apparent"] / dr.maximum(direction.z, 1e-3)
+        position = mi.Point3f(
+            self.value["offset_x"] + radius * cos_a + direction.x * back,
+            self.value["offset_y"] + radius * sin_a + direction.y * back,
+            0,
+        )
+        return Start(position, direction, weight, node)
+
+    def draw(self, u1: mi.Float, u2: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Beam-frame direction, its weight in sr, and its angle from the axis, for two uniform numbers."""
+        if self.lamp.profile == "pencil":
+            # Power 1 on average: equal deposits in one cell would all be rounded to the same side.
+            return mi.Vector3f(0 * u1, 0, 1), u1 + 0.5, 0 * u1
+        # The steps are such that the bin follows from u1 without a search.
+        octave = -dr.log2(dr.maximum(1 - u1, 2.0**-LAST_OCTAVE)) - FIRST_OCTAVE
+        even, tail = EVEN - EVEN // 2**FIRST_OCTAVE, (LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE
+        bin_ = dr.select(
+            octave < 0, mi.UInt32(u1 * EVEN), even + mi.UInt32(dr.maximum(octave, 0) * PER_OCTAVE)
+        )
+        bin_ = dr.minimum(bin_, even + tail)
+        low, high = dr.gather(mi.Float, self.steps, bin_), dr.gather(mi.Float, self.steps, bin_ + 1)
+        inside = dr.clip((u1 - low) / (high - low), 0, 1)
+        s = dr.lerp(
+            dr.gather(mi.Float, self.corners, bin_), dr.gather(mi.Float, self.corners, bin_ + 1), inside
+        )
+        theta = 2 * dr.asin(dr.sqrt(dr.clip(s, 0, 1)))
+        sin_phi, cos_phi = dr.sincos(2 * pi * u2)
+        sin_theta = 2 * dr.sqrt(dr.maximum(s * (1 - s), 0))
+        weight = dr.gather(mi.Float, self.weight_of_bin, bin_)
+        if self.nodes is None:
+            weight *= self.intensity(theta * cos_phi, theta * sin_phi)
+        return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, 1 - 2 * s), weight, theta
+
+    def _node(self, nodes: AngleNodes, theta: mi.Float, turn: mi.Float, rng: mi.PCG32) -> mi.UInt32:
+        """Node near the direction, chosen at random with the weights of the splines (unbiased)."""
+        t = dr.minimum(dr.asinh(theta / nodes.scale_rad) / nodes.step, nodes.n_theta - 2.001)
+        low = mi.UInt32(t)
+        f, u = t - mi.Float(low), 6 * rng.next_float32()
+        share_before = (1 - f) * (1 - f) * (1 - f)
+        share_at = f * f * (3 * f - 6) + 4
+        share_after = f * (f * (3 - 3 * f) + 3) + 1
+        # Rings are even about the axis: the ring before the first is the second.
+        before = dr.select(low == 0, 1, low - 1)
+        u_at, u_after = u - share_before, u - share_before - share_at
+        ring = dr.select(
+            u_at < 0, before, dr.select(u_after < 0, low, dr.select(u_after < share_after, low + 1, low + 2))
+        )
+        at = turn * nodes.n_phi
+        sector = mi.UInt32(at)
+        sector += dr.select(rng.next_float32() < at - mi.Float(sector), mi.UInt32(1), mi.UInt32(0))
+        return ring * nodes.n_phi + sector % nodes.n_phi
+
+
+def _axes(lamp: Lamp) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:
+    """Right, up and forward of the beam in the tank's frame."""
+    axis = np.array([np.tan(np.radians(lamp.tilt_x_deg)), np.tan(np.radians(lamp.tilt_y_deg)), 1.0])
+    axis /= np.linalg.norm(axis)
+    right = np.array([axis[2], 0.0, -axis[0]]) / np.hypot(axis[0], axis[2])
+    rows = (right, np.cross(axis, right), axis)
+    x, y, z = (mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in row)) for row in rows)
+    return x, y, z
+
+
+def _steps() -> np.ndarray:
+    """Ascending values of the cumulative distribution between which the proposal is constant, 0 to 1."""
+    even = np.arange(EVEN - EVEN // 2**FIRST_OCTAVE) / EVEN
+    octaves = np.arange((LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE + 1) / PER_OCTAVE + FIRST_OCTAVE
+    return np.concatenate([even, 1 - 2.0**-octaves, [1.0]])

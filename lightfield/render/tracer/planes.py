@@ -1,0 +1,178 @@
+"""Detector planes inside the photon walk: where a flight crosses one, in which cell, with which response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, log, pi, radians
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightfield.render.response.grid import Grid
+
+OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest plane
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """What a detector cell answers to.
+
+    Parameters
+    ----------
+    quantity : "irradiance", "scalar_irradiance" or "radiance"
+    full_angle_deg : float
+        Full opening angle of the collimator (radiance only).
+    aim_at_lamp : bool
+        Axis towards the lamp instead of parallel to the plane's normal.
+    acceptance_hwhm_deg : float
+        Half width at half maximum of a Gaussian acceptance; 0 means unlimited.
+    tilt_x_deg : float
+        Turn of the receiver's axis towards +x.
+    """
+
+    quantity: str = "irradiance"
+    full_angle_deg: float = 2.0
+    aim_at_lamp: bool = False
+    acceptance_hwhm_deg: float = 0.0
+    tilt_x_deg: float = 0.0
+
+
+class Crossing(NamedTuple):
+    """A flight meets a plane: how far on, in which cell, and in which cell its mirror image at -x does."""
+
+    distance: mi.Float
+    x: mi.Float
+    y: mi.Float
+    z: mi.Float
+    hits: mi.Bool
+    cell: mi.UInt32
+    mirror_hits: mi.Bool
+    mirror_cell: mi.UInt32
+
+
+class Planes:
+    """Parallel detector planes facing the lamp, all divided into the same grid of cells.
+
+    Parameters
+    ----------
+    grid : Grid
+    receiver : Receiver
+    lamp_position_m : tuple of 3 floats, m
+        Where the straight line to a cell starts (window centre).
+    apparent_distance_m : float, m
+        How far behind the window the light seems to come from.
+    """
+
+    def __init__(
+        self,
+        grid: Grid,
+        receiver: Receiver,
+        lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        apparent_distance_m: float = 0.0,
+    ) -> None:
+        self.receiver = receiver
+        every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
+        self.cells = int(every.sum())
+        number = np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells)
+        self.images: np.ndarray | None = None  # how many cells of the grid each cell of the tally stands for
+        if grid.merged is not None:
+            number, self.images = grid.merged, np.bincount(grid.merged.ravel())
+            self.cells = len(self.images)
+        self.lookup = mi.UInt32(number.ravel())
+        # In variables, not literals: another layout needs no new kernel.
+        self.count, self._n_y, self._n_x, self._n_cells = (
+            dr.opaque(mi.UInt32, n) for n in (*grid.shape, self.cells)
+        )
+        self.z = mi.Float(grid.z_m)
+        self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
+        self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
+        self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
+        self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
+        self.last = _opaque(grid.z_m.max())
+        widest = max(np.abs(grid.x_m).max(), np.abs(grid.y_m).max())
+        self.reach = _opaque(OPEN_WATER_REACH * max(grid.z_m.max(), widest))
+        self.lamp = [_opaque(v) for v in lamp_position_m]
+        self.apparent = _opaque(apparent_distance_m)
+        self.acceptance_hwhm = _opaque(radians(receiver.acceptance_hwhm_deg))
+        tilt = radians(receiver.tilt_x_deg)
+        self.axis = mi.Vector3f(_opaque(np.sin(tilt)), 0.0, _opaque(-cos(tilt)))
+        # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
+        turned = receiver.aim_at_lamp or receiver.tilt_x_deg != 0
+        self.both_sides = receiver.quantity == "scalar_irradiance" or turned
+
+    def crossing(
+        self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
+    ) -> Crossing:
+        """Where a flight from `position` along `direction`, at most `reach` long, meets a plane."""
+        z = dr.gather(mi.Float, self.z, plane)
+        distance = (z - position.z) / direction.z
+        x, y = dr.fma(direction.x, distance, position.x), dr.fma(direction.y, distance, position.y)
+        meets = (distance > 0) & (distance < reach)
+        if not self.both_sides:
+            meets &= direction.z > 0
+        hits, cell = self._cell(plane, x, y, meets)
+        mirror_hits, mirror_cell = self._cell(plane, -x, y, meets) if mirror else (mi.Bool(False), cell)
+        return Crossing(distance, x, y, z, hits, cell, mirror_hits, mirror_cell)
+
+    def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
+        """Receiver's response to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m."""
+        z = crossing.z
+        to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
+        full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
+        return self._response(direction, to_lamp) * self.per_area, full * z / (z + self.apparent)
+
+    def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
+        ny, nx = mi.Float(self._n_y), mi.Float(self._n_x)
+        column, row = dr.floor((x - self.first_x) * self.per_x), dr.floor((y - self.first_y) * self.per_y)
+        on_grid = meets & (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+        in_row, in_column = mi.UInt32(dr.clip(row, 0, ny - 1)), mi.UInt32(dr.clip(column, 0, nx - 1))
+        at = (plane * self._n_y + in_row) * self._n_x + in_column
+        cell = dr.gather(mi.UInt32, self.lookup, at, on_grid)
+        return on_grid & (cell < self._n_cells), cell
+
+    def _response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
+        """Weight of a crossing: power through the plane into what the receiver reads."""
+        receiver = self.receiver
+        across = dr.rcp(dr.maximum(dr.abs(direction.z), 1e-3))
+        axis = dr.normalize(to_lamp) if receiver.aim_at_lamp else self.axis
+        facing = -dr.dot(direction, axis)
+        if receiver.quantity == "scalar_irradiance":
+            return across
+        if receiver.quantity == "radiance":
+            half = 0.5 * radians(receiver.full_angle_deg)
+            solid_angle = 2 * pi * 2 * np.sin(0.5 * half) ** 2
+            # |d + axis|^2 = 2 (1 - cos psi), exact at small angles where 1 - cos rounds away.
+            inside = dr.squared_norm(direction + axis) < 4 * np.sin(0.5 * half) ** 2
+            return dr.select(inside, across / solid_angle, 0)
+        plain = not receiver.aim_at_lamp and receiver.tilt_x_deg == 0
+        response = mi.Float(1) if plain else across * dr.maximum(facing, 0)
+        if receiver.acceptance_hwhm_deg > 0:
+            psi = 2 * dr.asin(dr.minimum(0.5 * dr.norm(direction + axis), 1))
+            ratio = psi / self.acceptance_hwhm
+            response *= dr.exp(-log(2) * ratio * ratio)
+        return response
+
+    def point_response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
+        """Reading of a point receiver in light of unit normal irradiance from `direction`."""
+        return self._response(direction, to_lamp) * dr.abs(direction.z)
+
+    def way_out(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Distance after which a flight in open water is so far out that it is not followed any more, m."""
+        along = dr.dot(mi.Vector3f(position), direction)
+        left = self.reach * self.reach - dr.squared_norm(mi.Vector3f(position))
+        return dr.sqrt(dr.maximum(along * along + left, 0)) - along
+
+    def ahead(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Distance along a flight to the last plane, negative when it is not ahead, m."""
+        return (self.last - position.z) / direction.z
+
+    def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
+        """Past the last plane and leaving it: such light comes back only by turning round, and is little."""
+        return (position.z > self.last) & (direction.z > 0)
+
+
+def _opaque(value: float) -> mi.Float:
+    """A variable, not a literal: a new value needs no new kernel."""
+    return dr.opaque(mi.Float, float(value))

@@ -1,0 +1,342 @@
+"""The photon walk: one Dr.Jit loop through Mitsuba's geometry, BSDFs and phase function.
+
+What is estimated, at every detector cell, is the power of the light that crosses it, split by its history:
+
+    R[h] = sum over flights  W  T(t)  1[flight crosses the cell, history h] / A
+    W    = w_0  rho_0^m  exp(-a_0 L)
+
+A photon flies freely with the *reference* scattering coefficient b_0; absorption never ends a walk but
+weighs it by exp(-a_0 L). Each flight is tallied at every plane that it would cross before the next surface,
+with the expected value T(t) = exp(-b_0 t) instead of the yes or no of a real crossing. Histories are the
+numbers of scatterings n, wall hits m, surface reflections k, the excess path over the straight line, and
+(for fits) the direction of emission.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightfield.render.response.response import Bookkeeping
+from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.histories import Histories
+from lightfield.render.tracer.planes import Planes
+from lightfield.render.tracer.sobol import ScrambledSobol
+
+ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
+ROULETTE_SURVIVAL = 0.25
+FORCED = 0.9  # share of the first flights that scatter before the last plane, where they would pass it
+MAX_FLIGHTS = 4000
+FAR = 1e7  # m, where nothing is hit
+PHOTONS_PER_LANE = 64
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Water:
+    """Reference water that photons are traced in.
+
+    Parameters
+    ----------
+    absorption_per_m, scattering_per_m : float, m^-1
+    gradient_per_m2, gradient_centre_m : float
+        Absorption added linearly in z: gradient (z - centre).
+    layer_absorption_per_m, layer_low_m, layer_high_m : float
+        Absorption added between two planes of constant z.
+    """
+
+    absorption_per_m: float
+    scattering_per_m: float
+    gradient_per_m2: float = 0.0
+    gradient_centre_m: float = 0.0
+    layer_absorption_per_m: float = 0.0
+    layer_low_m: float = 0.0
+    layer_high_m: float = 0.0
+
+
+class Absorption:
+    """The reference water's absorption, held in variables so that a new water needs no new kernel."""
+
+    def __init__(self, water: Water) -> None:
+        self.is_uniform = water.gradient_per_m2 == 0 and water.layer_absorption_per_m == 0
+        self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (
+            dr.opaque(mi.Float, value)
+            for value in (
+                water.absorption_per_m,
+                water.gradient_per_m2,
+                water.gradient_centre_m,
+                water.layer_absorption_per_m,
+                water.layer_low_m,
+                water.layer_high_m,
+            )
+        )
+
+    def depth(self, z0: mi.Float, cos_z: mi.Float, t: mi.Float) -> mi.Float:
+        """Optical depth of absorption along a flight of length t from z0 with direction cosine cos_z."""
+        if self.is_uniform:
+            return self.uniform * t
+        z1 = z0 + cos_z * t
+        low, high = dr.minimum(z0, z1), dr.maximum(z0, z1)
+        crossed = dr.maximum(dr.minimum(high, self.high) - dr.maximum(low, self.low), 0)
+        level = dr.select((z0 > self.low) & (z0 < self.high), t, 0)
+        steepness = dr.abs(cos_z)
+        in_layer = dr.select(steepness > 1e-4, crossed / dr.maximum(steepness, 1e-4), level)
+        return self.uniform * t + self.gradient * t * (0.5 * (z0 + z1) - self.centre) + self.layer * in_layer
+
+
+def first_or_free_flight(
+    b0: mi.Float, ahead: mi.Float, to_surface: mi.Float, is_first: mi.Bool, u: mi.Float
+) -> tuple[mi.Float, mi.Float]:
+    """Length of a free flight, and the weight that makes up for how it was drawn.
+
+    In clear water most light leaves the lamp and passes the last plane without a scattering; after that it
+    is of no more use. So a first flight that meets no surface before is mostly made to scatter on the way.
+    """
+    chance = 1 - dr.exp(-b0 * ahead)
+    steered = is_first & (ahead > 0) & (ahead < to_surface) & (chance > 1e-5)
+    share = dr.select(steered, dr.maximum(chance, FORCED), 0)
+    inside, least = u < share, dr.select(steered, ahead, 0)
+    over, under = chance / dr.maximum(share, FORCED), (1 - chance) / (1 - share)
+    v = dr.select(inside, u * over, (u - share) / (1 - share))
+    free = dr.select(inside, 0, least) - dr.log(1 - v) / dr.maximum(b0, 1e-9)
+    bias = dr.select(inside, over, under)
+    return free, dr.select(steered, bias, 1)
+
+
+def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
+    """Interrupts come out of a loop as such: Dr.Jit turns whatever stops one into an error of its own."""
+
+    @wraps(walk)
+    def walked(*args: Given.args, **settings: Given.kwargs) -> Result:
+        try:
+            return walk(*args, **settings)
+        except RuntimeError as error:
+            cause: BaseException | None = error
+            while isinstance(cause, RuntimeError):
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt | SystemExit):
+                raise cause from None
+            raise
+
+    return walked
+
+
+@_as_raised
+@dr.syntax
+def trace(
+    scene: mi.Scene,
+    phase: mi.PhaseFunction,
+    emission: Emission,
+    planes: Planes,
+    histories: Histories,
+    water: Water,
+    photons: int,
+    seed: int,
+    first: int = 0,
+    mirror_x: bool = False,
+    reflecting: bool = True,
+) -> tuple[np.ndarray, Bookkeeping]:
+    """Trace one batch of photons.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Surfaces (none: open water); a smooth dielectric surface reflects, what it transmits is lost.
+    phase : mi.PhaseFunction
+    emission, planes, histories, water
+        Lamp, detectors, cells of the tally, reference water.
+    photons : int
+        Number of photons of the batch.
+    seed : int
+        Same seed, same result.
+    first : int
+        Number of the first photon: a longer batch can be traced in parts.
+    mirror_x : bool
+        Also tally the mirror image at -x (only right in a scene that is symmetric in x).
+    reflecting : bool
+        False: every surface is black, and its BSDF is not asked.
+
+    Returns
+    -------
+    tally : array, shape (histories.size, planes.cells), per m^2 (per m^2 sr for radiance)
+        For unit on-axis radiant intensity.
+    bookkeeping : Bookkeeping
+    """
+    each = min(PHOTONS_PER_LANE, photons)
+    lanes = -(-photons // each)
+    tally = dr.zeros(mi.Float, histories.size * planes.cells)
+    lane = dr.arange(mi.UInt32, lanes)
+    # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
+    number = lane + dr.opaque(mi.UInt32, first)
+    stride, cells = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, planes.cells)
+    # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
+    low, high = mi.sample_tea_32(
+        dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
+    )
+    rng = mi.PCG32(size=lanes, initstate=(mi.UInt64(high) << 32) + mi.UInt64(low), initseq=mi.UInt64(number))
+    points = ScrambledSobol(seed)
+    absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
+
+    open_water = not scene.shapes()
+    reflecting = reflecting and not open_water
+
+    # -------------------------------------------------------------- loop state
+    started = mi.UInt32(0)  # photons that this lane has begun: a lane never waits for its neighbours
+    alive = dr.zeros(mi.Bool, lanes)  # the lane's photon is under way
+    position = dr.zeros(mi.Point3f, lanes)  # where the flight starts
+    direction = mi.Vector3f(0, 0, 1)  # unit vector of the flight
+    weight = mi.Float(0)  # reference weight: emission, absorption, wall albedo, roulette
+    survival = mi.Float(1)  # the part of the weight that the roulette looks at
+    length = mi.Float(0)  # path so far, m
+    node = mi.UInt32(0)  # node of the direction of emission
+    scatterings = mi.UInt32(0)
+    walls = mi.UInt32(0)
+    surfaces = mi.UInt32(0)
+    flights = mi.UInt32(0)
+    emitted, absorbed, at_walls = mi.Float(0), mi.Float(0), mi.Float(0)
+    escaped, invented, unfinished = mi.Float(0), mi.Float(0), mi.Float(0)
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    context.type_mask = int(mi.BSDFFlags.DeltaReflection) | int(mi.BSDFFlags.DiffuseReflection)
+    phase_context = mi.PhaseFunctionContext(None)
+
+    while alive | (started < each):
+        # ---------------------------------------------------------- a new photon
+        if ~alive:
+            start = emission.sample(started * stride + number, points, rng)
+            position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
+            weight, node = mi.Float(start.weight), mi.UInt32(start.node)
+            survival, length = mi.Float(1), mi.Float(0)
+            scatterings, walls, surfaces, flights = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
+            emitted += weight
+            started += 1
+        active = weight > 0
+
+        # ---------------------------------------------------------- the next surface and the next scattering
+        if dr.hint(open_water, mode="scalar"):
+            to_surface, leaves = planes.way_out(position, direction), mi.Bool(True)
+        elif dr.hint(not reflecting, mode="scalar"):
+            met = scene.ray_intersect_preliminary(
+                mi.Ray3f(position, direction), coherent=False, active=active
+            )
+            to_surface, leaves = dr.select(met.is_valid(), met.t, FAR), ~met.is_valid()
+        else:
+            # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
+            hit = scene.ray_intersect(
+                mi.Ray3f(position, direction),
+                ray_flags=mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame,
+                coherent=False,
+                active=active,
+            )
+            to_surface, leaves = dr.select(hit.is_valid(), hit.t, FAR), ~hit.is_valid()
+        free, bias = first_or_free_flight(
+            b0, planes.ahead(position, direction), to_surface, flights == 0, rng.next_float32()
+        )
+        channel = histories.channel(scatterings, walls, surfaces)
+
+        # ---------------------------------------------------------- expected tally at every plane on the way
+        plane = mi.UInt32(0)
+        while plane < planes.count:
+            crossing = planes.crossing(plane, position, direction, to_surface, mirror_x)
+            if active & (crossing.hits | crossing.mirror_hits):
+                response, straight = planes.reading(crossing, direction)
+                depth = absorption.depth(position.z, direction.z, crossing.distance)
+                value = weight * response * dr.exp(-depth - b0 * crossing.distance)
+                excess = dr.maximum(length + crossing.distance - straight, 0)
+                histories.deposit(tally, channel, excess, node, crossing.cell, cells, value, crossing.hits)
+                if dr.hint(mirror_x, mode="scalar"):
+                    image = histories.mirrored(node)
+                    histories.deposit(
+                        tally,
+                        channel,
+                        excess,
+                        image,
+                        crossing.mirror_cell,
+                        cells,
+                        value,
+                        crossing.mirror_hits,
+                    )
+            plane += 1
+
+        # ---------------------------------------------------------- fly
+        invented += dr.select(active, weight * (bias - 1), 0)
+        weight *= bias
+        scatters = free < to_surface
+        t = dr.minimum(free, to_surface)
+        gone = active & ~scatters & leaves
+        depth = absorption.depth(position.z, direction.z, dr.select(t < FAR, t, 0))
+        kept = dr.exp(-depth)
+        absorbed += dr.select(active, weight * (1 - kept), 0)
+        weight *= kept
+        survival *= kept
+        length += t
+        position = mi.Point3f(dr.fma(direction, t, position))
+        escaped += dr.select(gone, weight, 0)
+        active &= ~gone
+
+        # ---------------------------------------------------------- scatter (the same numbers serve a bounce)
+        turn = mi.Point2f(rng.next_float32(), rng.next_float32())
+        interaction = dr.zeros(mi.MediumInteraction3f)
+        interaction.wi = -direction
+        interaction.sh_frame = mi.Frame3f(interaction.wi)
+        turned, _, _ = phase.sample(
+            phase_context,
+            interaction,
+            rng.next_float32(),
+            mi.Point2f(rng.next_float32(), rng.next_float32()),
+            active & scatters,
+        )
+
+        # ---------------------------------------------------------- reflect
+        if dr.hint(reflecting, mode="scalar"):
+            bounces = active & ~scatters
+            sample, factor = hit.bsdf().sample(context, hit, 0.5, turn, bounces)
+            reflected = dr.select(bounces, factor[0], 1)
+            smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+            lost = dr.select(bounces, weight * (1 - reflected), 0)
+            escaped += dr.select(smooth, lost, 0)
+            at_walls += dr.select(smooth, 0, lost)
+            weight *= reflected
+            survival *= reflected
+            off = hit.n * dr.select(dr.dot(hit.n, direction) < 0, 1e-4, -1e-4)
+            position = dr.select(bounces, hit.p + off, position)
+            turned = dr.select(bounces, hit.to_world(sample.wo), turned)
+            surfaces += dr.select(bounces & smooth, 1, 0)
+            walls += dr.select(bounces & ~smooth, 1, 0)
+        else:
+            at_walls += dr.select(active & ~scatters, weight, 0)
+            weight = dr.select(scatters, weight, 0)
+        direction = mi.Vector3f(dr.normalize(dr.select(active, turned, direction)))
+        scatterings += dr.select(active & scatters, 1, 0)
+        active &= weight > 0
+
+        # ---------------------------------------------------------- roulette
+        hopeless = planes.behind(position, direction)
+        limit = dr.select(hopeless, 2.0, ROULETTE_BELOW)
+        plays = active & (survival < limit)
+        lives = rng.next_float32() < ROULETTE_SURVIVAL
+        before = dr.select(plays, weight, 0)
+        weight = dr.select(plays, dr.select(lives, weight / ROULETTE_SURVIVAL, 0), weight)
+        survival = dr.select(plays & lives, survival / ROULETTE_SURVIVAL, survival)
+        invented += dr.select(plays, weight - before, 0)
+        active &= ~plays | lives
+        flights += 1
+        unfinished += dr.select(active & (flights >= MAX_FLIGHTS), weight, 0)
+        alive = active & (flights < MAX_FLIGHTS)
+
+    traced = lanes * each
+    # All outputs in one kernel: a sum asked for alone would walk every photon again.
+    outputs = (emitted, absorbed, at_walls, escaped, unfinished, invented)
+    dr.eval(tally, *outputs)
+    sums = [float(dr.sum(v)[0]) / traced for v in outputs]
+    counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
+    counts /= traced if planes.images is None else traced * planes.images.astype(np.float32)
+    if mirror_x:
+        counts *= 0.5
+    return counts, Bookkeeping(*sums)

@@ -1,0 +1,222 @@
+"""The comparison of render and formula as a table, for the terminal and as a page."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_figure, radial_figure
+from lightfield.report.page import fill, page_figure, write_page
+from lightfield.report.style import save_png
+from lightfield.studies.compare.maps import LEVELS, Comparison, PlaneComparison, verdict
+
+HEAD = (
+    "z (m)",
+    "on the axis",
+    "formula there",
+    "half width (m)",
+    "formula (m)",
+    "width y/x",
+    "light lacking",
+    "5 % to r (m)",
+    "10 % to r (m)",
+)
+TERMINAL_HEAD = ("z m", "on axis", "formula off", "hwhm m", "formula", "lacking", "5% to", "10% to")
+PROVENANCE = {
+    "seed": "seed",
+    "photons": "photons traced",
+    "requested_relative_error": "requested relative error",
+    "reached_relative_error": "reached relative error",
+    "scene_digest": "scene digest",
+    "source": "made by",
+    "history": "when",
+}
+
+
+def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
+    """Cells of the table as text, one row per plane, in the order of `HEAD`."""
+    return [
+        [
+            f"{plane.z_m:g}",
+            plus_minus(plane.axis.render[0], plane.axis.stderr[0]),
+            plus_minus(100 * plane.axis_error, 100 * plane.axis_error_stderr, " %", sign=True),
+            plus_minus(plane.render_spot.hwhm_m, plane.render_spot.stderr.get("hwhm_x_m", math.nan)),
+            number(plane.formula_spot.hwhm_m),
+            plus_minus(plane.render_spot.ellipticity, plane.render_spot.stderr.get("ellipticity", math.nan)),
+            plus_minus(100 * plane.lost, 100 * plane.lost_stderr, " %"),
+            *(_radius(plane, level) for level in LEVELS),
+        ]
+        for plane in planes
+    ]
+
+
+def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
+    """Table of one wavelength that fits a terminal of 80 columns; 1.234(5) means 1.234 ± 0.005."""
+    units = SHORT_UNITS.get(comparison.units, comparison.units)
+    title = f"{_quantity(comparison)} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for head in TERMINAL_HEAD:
+        table.add_column(head, justify="right", no_wrap=True)
+    for plane in comparison.at(wavelength_nm):
+        spot = plane.render_spot
+        table.add_row(
+            f"{plane.z_m:g}",
+            concise(plane.axis.render[0], plane.axis.stderr[0]),
+            concise(100 * plane.axis_error, 100 * plane.axis_error_stderr) + " %",
+            concise(spot.hwhm_m, spot.stderr.get("hwhm_x_m", math.nan)),
+            number(plane.formula_spot.hwhm_m),
+            concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
+            *(_radius(plane, level) for level in LEVELS),
+            style="yellow" if plane.excess_on_axis() > LEVELS[0] else None,
+        )
+    return table
+
+
+def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> str:
+    """Page of a comparison.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    attributes : mapping
+        Global attributes of the data set: provenance and energy.
+    """
+    bands = []
+    for wavelength in comparison.wavelengths_nm:
+        planes = comparison.at(wavelength)
+        key = f"w{wavelength:g}".replace(".", "p")
+        figures = [
+            page_figure(
+                maps_figure(planes, comparison.units, comparison.quantity),
+                f"{key}-maps",
+                "Light on each plane, rendered and by the formula, and the error of the formula. Inside "
+                "the dashed line it is within 5 %, inside the solid line within 10 %. Looking at the lamp: "
+                "+x is right, +y up.",
+                "Maps of render, formula and relative error on each plane",
+            ),
+            page_figure(
+                radial_figure(planes),
+                f"{key}-radial",
+                "Means over rings around the lamp's axis, with bands of three standard errors. Grey zones: "
+                "5 % and 10 %.",
+                "Radial profiles of render and formula and the error of the formula",
+            ),
+        ]
+        if len(planes) > 1:
+            figures.append(
+                page_figure(
+                    axial_figure(planes),
+                    f"{key}-axial",
+                    "Along the tank. All carry three standard errors, mostly smaller than the symbol.",
+                    "Brightness on the axis, half width and lost light against distance",
+                )
+            )
+        body = [
+            [
+                {"text": cell, "over": index == 2 and plane.excess_on_axis() > LEVELS[0]}
+                for index, cell in enumerate(row)
+            ]
+            for plane, row in zip(planes, rows(planes), strict=True)
+        ]
+        bands.append({"name": f"{wavelength:g} nm", "rows": body, "figures": figures})
+    return fill(
+        "compare.html",
+        title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
+        verdict=verdict(comparison),
+        bands=bands,
+        table_head=HEAD,
+        energy=energy_rows(attributes),
+        provenance=[(text, attributes[name]) for name, text in PROVENANCE.items() if name in attributes],
+        scene_toml=attributes.get("scene_toml", ""),
+    )
+
+
+def write_comparison(
+    comparison: Comparison, attributes: Mapping[str, Any], folder: str | os.PathLike[str]
+) -> list[Path]:
+    """Write the page and its figures as PNG into a folder; the page comes first in the result."""
+    target = Path(folder)
+    files = [write_page(comparison_page(comparison, attributes), target / "index.html")]
+    for wavelength in comparison.wavelengths_nm:
+        planes = comparison.at(wavelength)
+        drawings = {
+            "maps": maps_figure(planes, comparison.units, comparison.quantity),
+            "radial": radial_figure(planes),
+        }
+        if len(planes) > 1:
+            drawings["axial"] = axial_figure(planes)
+        for name, drawing in drawings.items():
+            files.append(save_png(drawing, target / f"compare_{name}_{wavelength:g}nm.png"))
+    return files
+
+
+def energy_rows(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Energy balance as shares of the emitted power."""
+    emitted = float(attributes.get("energy_emitted", 0.0))
+    names = {
+        "absorbed": "absorbed by the water",
+        "walls": "absorbed by walls and floor",
+        "escaped": "left the water",
+        "unfinished": "still under way at the flight limit",
+        "roulette": "added by the roulette (zero on average)",
+    }
+    if emitted <= 0:
+        return []
+    table = [
+        (text, f"{100 * float(attributes[f'energy_{name}']) / emitted:.2f} %")
+        for name, text in names.items()
+        if f"energy_{name}" in attributes
+    ]
+    if "energy_closure" in attributes:
+        table.append(("closure (accounted for, less emitted)", f"{float(attributes['energy_closure']):+.1e}"))
+    return table
+
+
+def plus_minus(value: float, stderr: float, unit: str = "", sign: bool = False) -> str:
+    """Value ± standard error, both to the first digit of the error; three digits when no error is known."""
+    if not math.isfinite(value):
+        return "–"
+    plus = "+" if sign else ""
+    if not (math.isfinite(stderr) and stderr > 0):
+        text = f"{value:{plus}.3g}{unit}"
+    elif 0 < abs(value) < 0.01:
+        power = math.floor(math.log10(abs(value)))
+        digits = max(power - math.floor(math.log10(stderr)), 0)
+        text = f"({value / 10**power:{plus}.{digits}f} ± {stderr / 10**power:.{digits}f})e{power}{unit}"
+    else:
+        digits = max(-math.floor(math.log10(stderr)), 0)
+        text = f"{value:{plus}.{digits}f} ± {stderr:.{digits}f}{unit}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def concise(value: float, stderr: float) -> str:
+    """Value with its standard error in the last digit, 1.234(5)."""
+    text = plus_minus(value, stderr)
+    inner, found, rest = text.partition(" ± ")
+    if not found:
+        return text
+    error, _, power = rest.partition(")")
+    digit = error.replace(".", "").lstrip("0") or "0"
+    if "." in inner or "." not in error:
+        return f"{inner.lstrip('(')}({digit}){power}"
+    return text
+
+
+def number(value: float) -> str:
+    """Three significant digits, a dash for what is unknown."""
+    return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def _radius(plane: PlaneComparison, level: float) -> str:
+    radius = plane.radius_within(level)
+    return f"> {plane.profile.r_m[-1]:.2f}" if math.isinf(radius) else f"{radius:.2f}"
+
+
+def _quantity(comparison: Comparison) -> str:
+    return comparison.quantity.replace("_", " ").capitalize()

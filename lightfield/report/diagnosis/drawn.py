@@ -1,0 +1,93 @@
+"""A diagnosis as the report draws it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lightfield.diagnosis.search.rivals import separation
+from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+
+if TYPE_CHECKING:
+    from lightfield.diagnosis.diagnose import Diagnosis
+
+_COMPARED = 6
+#: A rejected explanation that comes no nearer to the readings than this, in sigma, is itself next to nothing.
+_VISIBLE_SIGMA = 3.0
+
+
+def _label(names: tuple[str, ...]) -> str:
+    return " + ".join(names)
+
+
+def _separations(found: Diagnosis) -> Separation | None:
+    """Distances between the accepted explanations and the best of the others."""
+    finding, problem = found.finding, found.prepared.problem
+    if not finding.accepted:
+        return None
+    chosen = list(finding.accepted[:_COMPARED])
+    whiten, phi = finding.whiten, finding.level.phi
+    seen = finding.level.base.chi2 - _VISIBLE_SIGMA**2 * phi
+    for tried in sorted(finding.tried, key=lambda t: t.bic):
+        if len(chosen) >= _COMPARED:
+            break
+        if (
+            len(tried.explanation) == len(chosen[0].explanation)
+            and tried.fit.chi2 < seen
+            and all(tried.names != c.names for c in chosen)
+        ):
+            chosen.append(tried)
+    sigma = np.array(
+        [
+            [0.0 if j is k else separation(problem, whiten, j.fit, k, phi).separation_sigma for k in chosen]
+            for j in chosen
+        ]
+    )
+    return Separation([_label(c.names) for c in chosen], sigma)
+
+
+def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
+    """Everything on the page of a diagnosis."""
+    readings, problem, finding = found.readings, found.prepared.problem, found.finding
+    base = finding.level.base.prediction
+    tank = found.forward.scene.tank
+    box: Mapping[str, float] | None = None
+    if tank is not None:
+        box = {
+            name: float(getattr(tank, name))
+            for name in ("width_m", "depth_m", "length_m", "behind_lamp_m", "lamp_depth_m")
+        }
+    verdict = found.verdict
+    return DiagnosisView(
+        verdict.model_dump(mode="json"),
+        DrawnReadings(
+            readings.x_m,
+            readings.y_m,
+            readings.z_m,
+            readings.wavelength_nm,
+            readings.value,
+            found.sigma,
+            [str(m) for m in readings.medium],
+            problem.keep == 0,
+        ),
+        [
+            Prediction(" + ".join(["base", *(c.name for c in step.explanation)]), step.fit.prediction)
+            for step in found.steps
+        ],
+        [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
+        _separations(found),
+        box,
+        found.scene.lamp.hwhm_deg,
+        title or found.forward.scene.name or "Diagnosis",
+        (
+            ("readings", readings.source or "given as arrays"),
+            ("number of readings", str(verdict.readings)),
+            ("lightfield", verdict.lightfield_version),
+            ("scene", found.forward.scene.digest()[:16]),
+            ("seed", str(verdict.seed)),
+            ("run on these readings", str(verdict.run)),
+        ),
+        found.scene.to_toml(),
+    )

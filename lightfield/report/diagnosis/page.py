@@ -1,0 +1,216 @@
+"""The diagnosis as a page: the verdict in one sentence, then everything it rests on."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lightfield.report.diagnosis.figures import (
+    LEAST_PERCENT,
+    data_figure,
+    ladder_figure,
+    residual_map,
+    separation_figure,
+    signature_figure,
+)
+from lightfield.report.diagnosis.view import DiagnosisView
+from lightfield.report.page import fill, page_figure, write_page
+from lightfield.report.tank import tank_figure
+
+TAGS = {
+    "none": ("good", "nothing missing"),
+    "identified": ("good", "identified"),
+    "ambiguous": ("open", "cannot be told apart"),
+    "unexplained": ("bad", "unexplained"),
+}
+FORMULA_IS_NOT_CAUSE = (
+    "An effect is named for the formula that explains the readings; a formula that fits is not yet the cause."
+)
+
+
+def write_diagnosis(view: DiagnosisView, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_page(diagnosis_page(view), path)
+
+
+def diagnosis_page(view: DiagnosisView) -> str:
+    """Page of a diagnosis.
+
+    Parameters
+    ----------
+    view : DiagnosisView
+    """
+    verdict = view.verdict
+    kind, text = TAGS[verdict["verdict"]]
+    headline, more = _headline(verdict["sentence"])
+    readings = view.readings
+    advice = verdict.get("next_measurement") or {}
+    spots = advice.get("readings") or []
+    figures: dict[str, Any] = {
+        "data": page_figure(
+            data_figure(view),
+            "data",
+            "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
+            "model with its one-sigma band. Below: what is left, open for the base model, filled for the "
+            "explained one.",
+            "Readings and models per plane with residuals",
+        ),
+        "residuals": page_figure(
+            residual_map(view),
+            "residuals",
+            "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
+            "Residuals by position",
+        ),
+        "ladder": page_figure(
+            ladder_figure(verdict["ladder"], verdict["noise_floor_percent"]),
+            "ladder",
+            "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+            "Error of each rung of the ladder against the noise floor",
+        ),
+        "tank": page_figure(
+            tank_figure(readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg),
+            "tank",
+            "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
+            "Tank from above and from the side with positions of readings",
+        ),
+        "signatures": None,
+        "separation": None,
+    }
+    if view.scan_axis == "z_m":  # a map of points on one line shows nothing more
+        figures["residuals"] = None
+    if view.signatures:
+        figures["signatures"] = page_figure(
+            signature_figure(view),
+            "signatures",
+            "Dots: what the base model leaves. Lines: what each accepted explanation adds, all else "
+            "refitted. Lines that lie on each other cannot be told apart by these readings.",
+            "Signatures of the accepted explanations over the residual",
+        )
+    if view.separation is not None and len(view.separation.names) > 1:
+        figures["separation"] = page_figure(
+            separation_figure(view.separation),
+            "separation",
+            "Row: the truth, as fitted. Column: the nearest that the other explanation can come, in sigma. "
+            "Under 3 (bold) they form one class; above 6 they are told apart safely.",
+            "Matrix of separations between explanations",
+        )
+    return fill(
+        "diagnosis.html",
+        title=view.title,
+        verdict=headline,
+        tag={"kind": kind, "text": text},
+        lead=[*more, *_lead(verdict)],
+        rungs=[_rung(rung) for rung in verdict["ladder"]],
+        explanations=[_explanation(each) for each in verdict["explanations"]],
+        rival=_rival(verdict),
+        next_sentence=advice.get("sentence") or "No further reading is asked for.",
+        spots=[
+            [f"{s['x_m']:g}", f"{s['y_m']:g}", f"{s['z_m']:g}", s.get("medium", "water"), s.get("repeats", 1)]
+            for s in spots
+        ],
+        limits=[_limit(name, each) for name, each in verdict["detection_limits"].items()],
+        untestable=[(_words(name), reason) for name, reason in verdict["untestable"].items()],
+        assumed=verdict["assumed"],
+        warnings=verdict.get("warnings", []),
+        provenance=view.provenance,
+        scene_toml=view.scene_toml,
+        **figures,
+    )
+
+
+def _headline(sentence: str) -> tuple[str, list[str]]:
+    """What was found, and apart from it how sure that is: the first is read from across the room."""
+    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>the first lies [^()]+)\)(?P<within>.*)\.", sentence)
+    if apart:
+        return f"{apart['what']}{apart['within']}.", [f"{apart['far'][:1].upper()}{apart['far'][1:]}."]
+    found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)
+    if found:
+        return f"{found['what']}.", [found["family"].capitalize() + found["rest"]]
+    first, _, rest = sentence.partition(". ")
+    return (f"{first}.", [rest]) if rest else (sentence, [])
+
+
+def _lead(verdict: Mapping[str, Any]) -> list[str]:
+    ladder = verdict["ladder"]
+    first, last = ladder[0]["error_percent"], ladder[-1]["error_percent"]
+    floor = verdict["noise_floor_percent"]
+    lines = []
+    if len(ladder) > 1:
+        lines.append(
+            f"The error falls from {_percent(first, 2)} % to {_percent(last, 2)} %; "
+            f"the noise floor is {floor:.2g} %."
+        )
+        lines.append(FORMULA_IS_NOT_CAUSE)
+    else:
+        lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
+    run = int(verdict.get("run", 1))
+    if run > 1:
+        lines.append(
+            f"This is look {run} at these readings. Every look spends some of their power: keep a plane or a "
+            "day untouched."
+        )
+    return lines
+
+
+def _rung(rung: Mapping[str, Any]) -> list[str]:
+    rendered = rung.get("rendered_error_percent")
+    fresh = "–" if rendered is None else f"{rendered:.3g}"
+    if rendered is not None and rung.get("rendered_stderr_percent"):
+        fresh += f" ± {rung['rendered_stderr_percent']:.1g}"
+    return [
+        _words(str(rung["label"])),
+        _percent(rung["error_percent"]),
+        _percent(rung["chi2_per_dof"]),
+        _optional(rung.get("held_out_percent")),
+        fresh,
+    ]
+
+
+def _explanation(each: Mapping[str, Any]) -> dict[str, Any]:
+    values = []
+    for path, estimate in each["parameters"].items():
+        unit = "" if estimate.get("unit", "1") == "1" else f" {estimate['unit']}"
+        error = (
+            f" ± {estimate['stderr']:.2g}"
+            if estimate.get("stderr") is not None
+            else f" ({estimate.get('reason')})"
+        )
+        values.append(f"{path} = {estimate['value']:.4g}{error}{unit}")
+    return {
+        "effects": " + ".join(_words(name) for name in each["effects"]),
+        "weight": f"{each['weight']:.2f}",
+        "error": _percent(each["error_percent"]),
+        "held_out": _optional(each.get("held_out_percent")),
+        "values": values,
+    }
+
+
+def _rival(verdict: Mapping[str, Any]) -> str:
+    rival = verdict.get("nearest_rival")
+    if not rival:
+        return ""
+    names = " + ".join(_words(name) for name in rival["effects"])
+    return f"The nearest other explanation, {names}, is {rival['separation_sigma']:.1f} sigma away."
+
+
+def _limit(name: str, each: Mapping[str, Any]) -> dict[str, str]:
+    unit = "" if each["unit"] == "1" else f" {each['unit']}"
+    text = (
+        f"{each['value']:.2g}{unit}" if each["within_range"] else "none: not even its largest plausible size"
+    )
+    return {"effect": _words(name), "parameter": each["parameter"], "limit": text}
+
+
+def _optional(value: float | None) -> str:
+    return "–" if value is None else _percent(value)
+
+
+def _percent(value: float, digits: int = 3) -> str:
+    return f"{value:.{digits}g}" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g}"
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,167 @@
+"""What the diagnosis page draws: plain arrays and the verdict as data; no fitting code is known here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One rung of the ladder for every reading.
+
+    Parameters
+    ----------
+    label : str
+        As in the ladder, for example "+ scattering".
+    value : array, shape (n,), unit of the readings
+    """
+
+    label: str
+    value: Array
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What an accepted explanation adds to the base model.
+
+    Parameters
+    ----------
+    label : str
+    change : array, shape (n,), unit of the readings
+        Prediction with the explanation, all else refitted, less the prediction of the refitted base model.
+    """
+
+    label: str
+    change: Array
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Distances between explanations.
+
+    Parameters
+    ----------
+    names : sequence of str, length k
+    sigma : array, shape (k, k)
+        [j, k]: distance of j, as fitted, from the nearest readings that k can produce.
+    """
+
+    names: Sequence[str]
+    sigma: Array
+
+
+@dataclass(frozen=True)
+class DrawnReadings:
+    """Readings with their errors.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m, wavelength_nm : arrays, shape (n,)
+    value, sigma : arrays, shape (n,), unit of the readings
+        `sigma` is the whole error that the diagnosis used.
+    medium : sequence of str, length n
+    left_out : array of bool, shape (n,)
+        Saturated readings and outliers.
+    """
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    wavelength_nm: Array
+    value: Array
+    sigma: Array
+    medium: Sequence[str]
+    left_out: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Readings of one scan: same plane, medium and wavelength."""
+
+    label: str
+    rows: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """Everything on the page.
+
+    Parameters
+    ----------
+    verdict : mapping
+        The verdict as `diagnose --json` writes it.
+    readings : DrawnReadings
+    predictions : sequence of Prediction
+        Base model first, best explanation last; one for "nothing missing".
+    signatures : sequence of Signature
+        Accepted explanations, best first.
+    separation : Separation, optional
+    tank : mapping, optional
+        width_m, depth_m, length_m, behind_lamp_m, lamp_depth_m.
+    hwhm_deg : float
+        Half width of the lamp's beam, to draw it.
+    title : str
+    provenance : sequence of (name, value)
+    scene_toml : str
+        The fitted scene.
+    """
+
+    verdict: Mapping[str, Any]
+    readings: DrawnReadings
+    predictions: Sequence[Prediction]
+    signatures: Sequence[Signature] = ()
+    separation: Separation | None = None
+    tank: Mapping[str, float] | None = None
+    hwhm_deg: float = 3.81
+    title: str = "Diagnosis"
+    provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
+    scene_toml: str = ""
+
+    @property
+    def scan_axis(self) -> str:
+        """Coordinate that varies most within planes: "x_m", "y_m", or "z_m" when neither varies."""
+        readings = self.readings
+        spans = {
+            name: max(float(np.ptp(getattr(readings, name)[group.rows])) for group in self.groups())
+            for name in ("x_m", "y_m")
+        }
+        best = max(spans, key=lambda name: spans[name])
+        return best if spans[best] > 1e-9 else "z_m"
+
+    @property
+    def is_grid(self) -> bool:
+        """Do x and y both vary within the scans?"""
+        return all(
+            max(float(np.ptp(getattr(self.readings, name)[group.rows])) for group in self.groups()) > 1e-6
+            for name in ("x_m", "y_m")
+        )
+
+    def groups(self) -> list[Group]:
+        """Scans in order of medium, wavelength and distance; labels say only what differs."""
+        readings = self.readings
+        media, waves = np.asarray(readings.medium), readings.wavelength_nm
+        keys = sorted(
+            {(m, float(w), float(z)) for m, w, z in zip(media, waves, np.round(readings.z_m, 6), strict=True)}
+        )
+        several_media, several_waves = len({k[0] for k in keys}) > 1, len({k[1] for k in keys}) > 1
+        found = []
+        for medium, wavelength, z in keys:
+            rows = (media == medium) & (waves == wavelength) & (np.round(readings.z_m, 6) == z)
+            label = f"z = {z:g} m"
+            if several_waves:
+                label += f", {wavelength:g} nm"
+            if several_media:
+                label += f", {medium}"
+            found.append(Group(label, np.flatnonzero(rows)))
+        return found
+
+    def residual_sigma(self, step: int) -> Array:
+        """(Reading - prediction) / sigma of one rung, shape (n,)."""
+        return (self.readings.value - self.predictions[step].value) / self.readings.sigma

@@ -1,0 +1,68 @@
+"""The rendered light on every plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from lightfield.report.compare.figures import SHORT_UNITS
+from lightfield.report.style import MUTED, figure
+
+DECADES = 4.0
+PARTS = (0.5, 0.1, 0.01)
+
+
+def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
+    """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `lightfield.maps.dataset.to_dataset`.
+    most : int
+        Columns; of more planes, first, last and some between are shown.
+    """
+    quantity = dataset.attrs["quantity"]
+    planes = _some(dataset.sizes["z_m"], most)
+    waves = _some(dataset.sizes["wavelength_nm"], 3)
+    values = dataset[quantity].values
+    x, y = dataset.x_m.values, dataset.y_m.values
+    wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
+    high = 0.5 * float(np.diff(y).mean()) if y.size > 1 else 0.5
+    extent = (x[0] - wide, x[-1] + wide, y[0] - high, y[-1] + high)
+    top = float(np.nanmax(values))
+    norm = LogNorm(top / 10**DECADES, top) if top > 0 else None
+    with figure(max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + 1.85 * len(waves)) as fig:
+        axes = fig.subplots(len(waves), len(planes), squeeze=False, sharex=True, sharey=True)
+        for row, wave in enumerate(waves):
+            for column, plane in enumerate(planes):
+                axis, light = axes[row, column], values[wave, plane]
+                shown = axis.imshow(
+                    np.maximum(light, top / 10 ** (DECADES + 1)) if top > 0 else light,
+                    origin="lower",
+                    extent=extent,
+                    cmap="magma",
+                    norm=norm,
+                )
+                dimmest, brightest = float(np.nanmin(light)), float(np.nanmax(light))
+                levels = sorted(part * brightest for part in PARTS)
+                if x.size > 1 and y.size > 1 and dimmest < levels[-1] < brightest:
+                    axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
+                axis.grid(False)
+                axis.tick_params(labelsize=8.5)
+                if row == 0:
+                    axis.set_title(f"z = {float(dataset.z_m[plane]):g} m", loc="center")
+            axes[row, 0].set_ylabel(f"{float(dataset.wavelength_nm[wave]):g} nm\n\ny (m)")
+        for axis in axes[-1]:
+            axis.set_xlabel("x (m)")
+        bar = fig.colorbar(shown, ax=axes, extend="min", pad=0.015, aspect=20)
+        unit = dataset[quantity].attrs["units"]
+        bar.set_label(f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}", fontsize=9)
+        fig.supxlabel("Contours: 50 %, 10 % and 1 % of the plane's maximum", fontsize=9, color=MUTED)
+    return fig
+
+
+def _some(count: int, most: int) -> list[int]:
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]

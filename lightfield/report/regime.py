@@ -1,0 +1,67 @@
+"""Where the formula holds: optical thickness against albedo, one panel per receiver."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from lightfield.report.style import MUTED, WIDTH, figure, label
+from lightfield.studies.regime import LEVELS, undecided
+
+COLOURS = ("#3f8f5b", "#a9c96b", "#eec25b", "#cf6a50")
+NAMES = ("within 5 %", "within 10 %", "within 25 %", "failed")
+
+
+def regime_figure(dataset: xr.Dataset) -> Figure:
+    """Class of every grid point with its error in per cent; `?` where noise leaves the class open.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `lightfield.studies.regime.regime_map`.
+    """
+    receivers, albedos, depths = (dataset[name].values for name in ("receiver", "albedo", "optical_depth"))
+    colours = ListedColormap(COLOURS)
+    classes = BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
+    open_points = undecided(dataset)
+    with figure(WIDTH, 1.2 + 0.36 * len(albedos) * len(receivers) + 0.75 * len(receivers)) as fig:
+        axes = fig.subplots(len(receivers), 1, squeeze=False, sharex=True)[:, 0]
+        for i, (axis, receiver) in enumerate(zip(axes, receivers, strict=True)):
+            error = dataset.formula_error.values[i]
+            which = np.where(np.isnan(error), np.nan, np.searchsorted(LEVELS, np.abs(error)))
+            axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
+            for j in range(len(albedos)):
+                for k in range(len(depths)):
+                    text = percent(error[j, k]) + ("?" if open_points[i, j, k] else "")
+                    axis.text(k, j, text, ha="center", va="center", fontsize=9, color="#101418")
+            axis.set_xticks(range(len(depths)), [f"{d:g}" for d in depths])
+            axis.set_yticks(range(len(albedos)), [f"{a:g}" for a in albedos])
+            axis.grid(False)
+            axis.tick_params(length=0)
+            label(axis, "", "albedo b / c", str(receiver)[:1].upper() + str(receiver)[1:])
+        axes[-1].set_xlabel("optical thickness c z")
+        handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
+        fig.legend(handles=handles, loc="outside lower center", ncols=4)
+        title = "Error of Gaussian × inverse square × Beer-Lambert on the axis, in %"
+        fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=MUTED)
+    return fig
+
+
+def percent(error: float) -> str:
+    """Error in per cent, short enough for a cell."""
+    if np.isnan(error):
+        return "–"
+    value = 100 * error
+    if abs(value) < 0.05:
+        return "0"
+    text = (
+        f"{value:.1f}"
+        if abs(value) < 9.95
+        else f"{value:.0f}"
+        if value > -99.5
+        else f"{max(value, -99.9):.1f}"
+    )
+    return text.replace("-", "\N{MINUS SIGN}")

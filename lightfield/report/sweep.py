@@ -1,0 +1,255 @@
+"""Figures of a sweep: profiles against a varied parameter, where the formula holds, maps side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import PercentFormatter
+
+from lightfield.report.regime import COLOURS, NAMES, percent
+from lightfield.report.style import MUTED, SERIES, WIDTH, figure, label
+from lightfield.studies.compare.maps import SIGMAS
+from lightfield.studies.regime import LEVELS
+from lightfield.sweep.results import axes_of
+
+MOST_LINES, MOST_TILES = 6, 5
+SHORT = {
+    "W m-2 nm-1": "W/(m² nm)",
+    "W m-2 sr-1 nm-1": "W/(m² sr nm)",
+    "W nm-1": "W/nm",
+    "W sr-1 nm-1": "W/(sr nm)",
+}
+
+
+def profiles_figure(data: xr.Dataset) -> Figure:
+    """Derived quantities against the longest axis, colours for the next, the rest held at its middle step.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From `lightfield.sweep.results.open_store`.
+    """
+    along, hue = _two_axes(data)
+    held, rest = _hold(data, {along, hue, *_map_dims(data)})
+    quantity = data.attrs["quantity"]
+    middle = held.sizes[_plane(held)] // 2
+    plane = _plane(held)
+    panels = {
+        f"on_axis_{quantity}": f"{_sentence(quantity.replace('_', ' '))} on the axis",
+        "half_width_m": "Half width of the spot",
+        "plane_power": "Integral over the plane",
+        "formula_error_on_axis": "Error of the closed-form model on the axis",
+    }
+    with figure(WIDTH, 6.4) as fig:
+        for axis, name in zip(fig.subplots(2, 2, sharex=True).ravel(), panels, strict=True):
+            chosen = _some(held.sizes[hue], MOST_LINES)
+            for line, step in enumerate(chosen):
+                at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
+                _line(axis, at, along, name, SERIES[line], _step_name(held, hue, step))
+            variable = held[name]
+            unit = SHORT.get(variable.attrs.get("units", ""), variable.attrs.get("units", ""))
+            label(axis, "", unit if unit != "1" else "", panels[name])
+            if name.startswith("formula_error"):
+                axis.axhline(0, color=MUTED, linewidth=0.8)
+                axis.yaxis.set_major_formatter(PercentFormatter(1, decimals=0))
+            elif name != "half_width_m":
+                axis.set_yscale("log")
+        for axis in fig.axes[2:4]:
+            axis.set_xlabel(_axis_name(held, along))
+            if _is_log(held[along].values):
+                axis.set_xscale("log")
+            _text_ticks(axis, held, along)
+        fig.axes[0].legend(title=_axis_name(held, hue), fontsize=8.5, title_fontsize=8.5)
+        where = "" if hue == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
+        _note(fig, [where, *rest, f"bands: {SIGMAS:g} standard errors"])
+    return fig
+
+
+def formula_figure(data: xr.Dataset) -> Figure:
+    """Where the formula holds: its error on the axis over two axes, one panel per plane.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From `lightfield.sweep.results.open_store`.
+    """
+    along, up = _two_axes(data)
+    held, rest = _hold(data, {along, up, *_map_dims(data)})
+    plane = _plane(held)
+    panels = [0] if up == plane else _some(held.sizes[plane], 4)
+    columns, lines = _some(held.sizes[along], 14), _some(held.sizes[up], 12)
+    colours, classes = ListedColormap(COLOURS), BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
+    wide = 2 if len(panels) > 1 and len(columns) <= 7 else 1
+    rows = -(-len(panels) // wide)
+    with figure(WIDTH, 1.3 + rows * (0.6 + max(1.1, 0.3 * len(lines)))) as fig:
+        axes = fig.subplots(rows, wide, squeeze=False, sharex=True, sharey=True)
+        for axis in axes.ravel()[len(panels) :]:
+            axis.set_axis_off()
+        for axis, panel in zip(axes.ravel(), panels, strict=False):
+            at = held.isel({along: columns, up: lines})
+            at = at if up == plane else at.isel({plane: panel})
+            error = _flat(at["formula_error_on_axis"], up, along)
+            noise = SIGMAS * _flat(at["formula_error_on_axis_stderr"], up, along)
+            which = np.where(np.isnan(error), np.nan, np.searchsorted(LEVELS, np.abs(error)))
+            axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
+            for j, i in np.ndindex(*error.shape):
+                unsure = any(abs(abs(error[j, i]) - level) < noise[j, i] for level in LEVELS)
+                text = percent(float(error[j, i])) + ("?" if unsure else "")
+                axis.text(i, j, text, ha="center", va="center", fontsize=8.5, color="#101418")
+            axis.set_xticks(range(len(columns)), [_step_name(held, along, i) for i in columns])
+            axis.set_yticks(range(len(lines)), [_step_name(held, up, j) for j in lines])
+            axis.grid(False)
+            axis.tick_params(length=0)
+            title = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, panel)}"
+            label(axis, "", "", title)
+        for axis in axes[-1]:
+            axis.set_xlabel(_axis_name(held, along))
+        fig.supylabel(_axis_name(held, up), fontsize=10)
+        handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
+        fig.legend(handles=handles, loc="outside lower center", ncols=4)
+        _note(fig, ["error of the closed-form model on the axis, in %", "?: noise leaves it open", *rest])
+    return fig
+
+
+def tiles_figure(data: xr.Dataset) -> Figure | None:
+    """Maps side by side over two axes, on one logarithmic scale; None where the store holds no maps.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        From `lightfield.sweep.results.open_store`.
+    """
+    quantity = data.attrs["quantity"]
+    if quantity not in data:
+        return None
+    along, up = _two_axes(data)
+    held, rest = _hold(data, {along, up, *_map_dims(data)})
+    plane, middle = _plane(held), held.sizes[_plane(held)] // 2
+    columns, lines = _some(held.sizes[along], MOST_TILES), _some(held.sizes[up], MOST_TILES)
+    chosen = held[quantity].isel({along: columns, up: lines}).isel(wavelength_nm=0, missing_dims="ignore")
+    chosen = chosen.isel(band=0, missing_dims="ignore")
+    if up != plane:
+        chosen = chosen.isel({plane: middle})
+    row, column = chosen.dims[-2:]
+    values = chosen.transpose(up, along, row, column).values
+    top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
+    width = min(WIDTH, 2.2 + 1.75 * len(columns))
+    with figure(width, 1.1 + 1.75 * len(lines)) as fig:
+        axes = fig.subplots(len(lines), len(columns), squeeze=False, sharex=True, sharey=True)
+        for (j, i), axis in np.ndenumerate(axes):
+            shown = axis.imshow(
+                np.maximum(values[len(lines) - 1 - j, i], top * 1e-5), origin="lower", cmap="magma",
+                norm=LogNorm(top * 1e-4, top), extent=_extent(held, column, row),
+            )  # fmt: skip
+            axis.grid(False)
+            axis.tick_params(labelsize=7.5)
+            if j == 0:
+                axis.set_title(_step_name(held, along, columns[i]), fontsize=9.5, loc="center")
+            if i == 0:
+                axis.set_ylabel(_step_name(held, up, lines[len(lines) - 1 - j]), fontsize=9.5)
+        bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30)
+        unit = held[quantity].attrs["units"]
+        bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT.get(unit, unit)})", fontsize=9)
+        fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
+        fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
+        where = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
+        _note(fig, [where, *rest])
+    return fig
+
+
+# -- choosing what is drawn --------------------------------------------------------------------------
+
+
+def _map_dims(data: xr.Dataset) -> list[str]:
+    """Dimensions that are not varied parameters."""
+    return [str(dim) for dim in data.dims if dim not in axes_of(data)]
+
+
+def _plane(data: xr.Dataset) -> str:
+    return "z_m" if "z_m" in data.dims else "plane"
+
+
+def _two_axes(data: xr.Dataset) -> tuple[str, str]:
+    """The axis to draw along (the longest of numbers), and that for colours or rows (planes if none)."""
+    axes = sorted(axes_of(data), key=lambda a: (data[a].dtype.kind not in "fi", -data.sizes[a]))
+    several = [name for name in axes if data.sizes[name] > 1] or axes
+    return several[0], several[1] if len(several) > 1 else _plane(data)
+
+
+def _hold(data: xr.Dataset, kept: set[str]) -> tuple[xr.Dataset, list[str]]:
+    """Every other axis at its middle step, and what that is."""
+    notes = []
+    for name in axes_of(data):
+        if name not in kept:
+            step = data.sizes[name] // 2
+            notes.append(f"{_axis_name(data, name)} = {_step_name(data, name, step)}")
+            data = data.isel({name: step})
+    return data, notes
+
+
+def _some(count: int, most: int) -> list[int]:
+    """All steps, or first, last and evenly chosen ones between."""
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
+
+def _line(axis: Axes, data: xr.Dataset, along: str, name: str, colour: str, text: str) -> None:
+    values, noise = _flat(data[name], along), SIGMAS * _flat(data[f"{name}_stderr"], along)
+    x = data[along].values if data[along].dtype.kind in "fi" else np.arange(len(values))
+    axis.plot(x, values, color=colour, label=text, marker="o", markersize=3)
+    spread = np.where(np.isfinite(noise), noise, 0)
+    axis.fill_between(x, values - spread, values + spread, color=colour, alpha=0.25, linewidth=0)
+
+
+def _flat(variable: xr.DataArray, *dims: str) -> np.ndarray:
+    """Values over the named dimensions, the first of whatever else is left (bands)."""
+    others = {dim: 0 for dim in variable.dims if dim not in dims}
+    return np.asarray(variable.isel(others).transpose(*dims).values, float)
+
+
+def _extent(data: xr.Dataset, column: str, row: str) -> tuple[float, float, float, float] | None:
+    if column != "x_m" or row != "y_m":
+        return None
+    x, y = data.x_m.values, data.y_m.values
+    half_x, half_y = (0.5 * float(np.diff(c).mean()) if len(c) > 1 else 0.5 for c in (x, y))
+    return float(x[0] - half_x), float(x[-1] + half_x), float(y[0] - half_y), float(y[-1] + half_y)
+
+
+# -- words -------------------------------------------------------------------------------------------
+
+
+def _axis_name(data: xr.Dataset, name: str) -> str:
+    unit = data[name].attrs.get("units", "") if name in data.coords else ""
+    text = "z" if name == "z_m" else name
+    return text if unit in ("", "1") else f"{text} ({unit})"
+
+
+def _step_name(data: xr.Dataset, name: str, step: int) -> str:
+    value = data[name].values[step] if name in data.coords else step
+    return f"{value:.3g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def _text_ticks(axis: Axes, data: xr.Dataset, name: str) -> None:
+    if data[name].dtype.kind not in "fi":
+        axis.set_xticks(range(data.sizes[name]), [str(v) for v in data[name].values])
+
+
+def _is_log(values: np.ndarray) -> bool:
+    """Steps of equal ratio over more than a decade."""
+    if values.dtype.kind not in "fi" or len(values) < 3 or values.min() <= 0:
+        return False
+    return bool(np.allclose(np.diff(np.log(values), 2), 0, atol=1e-6) and values.max() > 10 * values.min())
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _note(fig: Figure, parts: Sequence[str]) -> None:
+    text = "; ".join(part for part in parts if part)
+    fig.suptitle(text, x=0.01, ha="left", fontsize=9, color=MUTED)

@@ -1,0 +1,40 @@
+"""What a parameter of a scene acts on: declared once, with the field; every list is derived from that."""
+
+from __future__ import annotations
+
+from enum import Flag, auto
+
+
+class Acts(Flag):
+    """Stages of the way from the lamp to a reading; a field acts on one or several of them."""
+
+    # Every combination exists once. Enum's own hash is slow, and a fit looks lists up by it all the time.
+    __hash__ = object.__hash__
+
+    POWER = auto()  #: spectral power of the lamp: all light alike
+    TIME = auto()  #: lamp power over its value at time zero
+    BEAM = auto()  #: radiant intensity over directions, as planes at some distance see it
+    SOURCE = auto()  #: from where light starts
+    AIR = auto()  #: light at readings in air, and at no other
+    ABSORPTION = auto()  #: absorption coefficient of the water, the same everywhere
+    BASE = auto()  #: the water that all else is added to
+    SCATTERING = auto()  #: scattering coefficient of the water, the same everywhere
+    COLOUR = auto()  #: how these two change with the wavelength
+    HARDENING = auto()  #: spread of the attenuation within a band
+    LAYERS = auto()  #: attenuation that changes along the tank
+    PHASE = auto()  #: phase function
+    BOX = auto()  #: where walls, floor, ends and top are
+    REFLECTION = auto()  #: how much light walls and surface send back
+    RECEIVER = auto()  #: response to the direction of arrival
+    PLACES = auto()  #: where and in which bands light is read
+    READOUT = auto()  #: from light to the number that is read
+
+
+#: What a photon's walk and its tally depend on; all else is weighed afterwards, or is the reference water.
+TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | Acts.BOX | Acts.RECEIVER
+#: What makes scattered and reflected light.
+DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION
+#: What dims the light on its way, wherever it goes.
+ATTENUATION = Acts.ABSORPTION | Acts.SCATTERING | Acts.HARDENING
+#: What acts when the light has arrived, or on all light alike.
+AFTERWARDS = Acts.TIME | Acts.READOUT

@@ -1,0 +1,117 @@
+"""What a scene says about the detectors. One field is one parameter."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import Nanometres, Part, declare, number
+
+Metres = Annotated[float, Field(strict=True)]
+PositiveMetres = Annotated[float, Field(strict=True, gt=0.0)]
+
+
+class Detector(Part):
+    """Receivers that face the lamp (-z), on planes or at single positions, with their readout."""
+
+    quantity: Literal["irradiance", "scalar_irradiance", "radiance"] = declare(
+        "irradiance", "plane irradiance (cosine), scalar irradiance, or radiance over a cone", Acts.RECEIVER
+    )
+    full_angle_deg: float = number(
+        2.0, "deg", "full angle of the collimator (radiance)", Acts.RECEIVER, above=0.0, high=180.0
+    )
+    aim: Literal["axis", "lamp"] = declare(
+        "axis", "collimator parallel to the axis, or aimed at the lamp", Acts.RECEIVER
+    )
+    planes_m: tuple[PositiveMetres, ...] = declare(
+        (4.5, 5.5, 6.5, 7.5, 8.5), "z of the detector planes, rising", Acts.PLACES, unit="m"
+    )
+    width_m: float | None = number(
+        None,
+        "m",
+        "width of a plane in x; when absent 2 m, or the tank's width if less",
+        Acts.PLACES,
+        above=0.0,
+        high=1e4,
+    )
+    height_m: float | None = number(
+        None,
+        "m",
+        "height of a plane in y; when absent the width, up to the tank's floor and top",
+        Acts.PLACES,
+        above=0.0,
+    )
+    pixels: int = number(
+        65,
+        "1",
+        "pixels along the width, and along a height that is not stated",
+        Acts.PLACES,
+        low=1,
+        high=4096,
+    )
+    positions_m: tuple[tuple[Metres, Metres, Metres], ...] | None = declare(
+        None, "single positions [x, y, z] instead of planes", Acts.PLACES, unit="m"
+    )
+    bands_nm: tuple[tuple[Nanometres, Nanometres], ...] = declare(
+        ((500.0, 550.0),), "wavelength bands [from, to]", Acts.PLACES, unit="nm"
+    )
+    background: float = number(
+        0.0,
+        "reading",
+        "constant reading from ambient light or dark signal",
+        Acts.READOUT,
+        low=-1e9,
+        high=1e9,
+        neutral=0.0,
+    )
+    saturation: float = number(
+        0.0,
+        "1",
+        "k of s / (1 + k s), s relative to the largest reading",
+        Acts.READOUT,
+        low=0.0,
+        high=10.0,
+        neutral=0.0,
+    )
+    saturation_quadratic: float = number(
+        0.0,
+        "1",
+        "k of s (1 - k s), s relative to the largest reading",
+        Acts.READOUT,
+        low=0.0,
+        high=0.5,
+        neutral=0.0,
+    )
+    acceptance_hwhm_deg: float = number(
+        0.0,
+        "deg",
+        "half width of a Gaussian acceptance; 0 means unlimited",
+        Acts.RECEIVER,
+        low=0.0,
+        high=180.0,
+        neutral=0.0,
+    )
+    tilt_x_deg: float = number(
+        0.0, "deg", "receiver axis turned towards +x", Acts.RECEIVER, above=-90.0, below=90.0, neutral=0.0
+    )
+
+    @model_validator(mode="after")
+    def _places_and_bands(self) -> Detector:
+        if not self.planes_m and not self.positions_m:
+            raise ValueError("nothing to measure; remedy: give planes_m or positions_m")
+        if self.acceptance_hwhm_deg and self.quantity != "irradiance":
+            raise ValueError(
+                f"acceptance_hwhm_deg is for irradiance, found {self.quantity}; remedy: set it to 0"
+            )
+        if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
+            raise ValueError(
+                f"planes_m must rise, found {list(self.planes_m)}; remedy: sort them, drop doubles"
+            )
+        if not self.bands_nm:
+            raise ValueError("no wavelength band; remedy: give bands_nm = [[500, 550]]")
+        for low, high in self.bands_nm:
+            if high <= low:
+                raise ValueError(f"a band must rise, found [{low:g}, {high:g}]; remedy: write [from, to]")
+        return self

@@ -1,0 +1,133 @@
+"""What lies in the tank: the size of planes, which of their cells are in water, detectors and lamp."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.scene.detector import Detector
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.parameters import told
+from lightfield.scene.tank import Tank
+
+WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
+ROUNDING_M = 1e-9
+#: What the ends of the tank in x, y and z follow from.
+SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
+
+
+def plane_size_m(detector: Detector, tank: Tank | None) -> tuple[float, float]:
+    """Width and height of the detector planes, m, centred on z; where unstated, clipped to the tank.
+
+    A lamp that is not at half the depth leaves unequal room below and above: such a plane reaches as far as
+    the larger of them, and `cells_inside` tells which of it is in the water. Only where its cells are too
+    coarse for that, with the one on the axis sticking out, it is as high as twice the smaller room.
+    """
+    width, height = detector.width_m, detector.height_m
+    if width is None:
+        width = WIDTH_M if tank is None else min(WIDTH_M, tank.width_m)
+    if height is None and tank is not None:
+        less, more = sorted(map(abs, tank.box_m[1]))
+        height = min(width, 2 * more)
+        rows = detector.pixels
+        if height / rows * (0.5 if rows % 2 else 1.0) > less:
+            height = min(width, 2 * less)
+    return width, width if height is None else height
+
+
+def rows_of(detector: Detector, tank: Tank | None) -> int:
+    """Rows of cells on a plane: nearly square ones, or as many as columns where the height is not stated."""
+    width, height = plane_size_m(detector, tank)
+    return detector.pixels if detector.height_m is None else max(1, round(height * detector.pixels / width))
+
+
+def cells_inside(
+    tank: Tank | None, x_m: Array, y_m: Array, pitch_x_m: float, pitch_y_m: float
+) -> NDArray[np.float64]:
+    """Part of the area of every cell that is in the tank, 0 to 1, shape (n_y, n_x).
+
+    Parameters
+    ----------
+    tank : Tank, optional
+        None: unbounded water.
+    x_m, y_m : arrays, shape (n_x,) and (n_y,), m
+        Centres of the cells.
+    pitch_x_m, pitch_y_m : float, m
+        Their size.
+    """
+    if tank is None:
+        return np.ones((len(y_m), len(x_m)))
+    shares = []
+    for centres, pitch, (low, high) in zip((x_m, y_m), (pitch_x_m, pitch_y_m), tank.box_m[:2], strict=True):
+        first, last = np.asarray(centres) - 0.5 * pitch, np.asarray(centres) + 0.5 * pitch
+        length = np.minimum(last, high + ROUNDING_M) - np.maximum(first, low - ROUNDING_M)
+        shares.append(np.clip(np.round(length / pitch, 9), 0.0, 1.0))
+    in_x, in_y = shares
+    return np.asarray(np.outer(in_y, in_x))
+
+
+def check_inside(detector: Detector, tank: Tank) -> None:
+    """Refuse detectors outside the tank.
+
+    Raises
+    ------
+    ValueError
+        A position, a plane, or a part of a plane whose size was given; what is only a default is named.
+    """
+    if detector.positions_m is not None:
+        for place in detector.positions_m:
+            _check_place(place, tank, "move it, or enlarge the tank")
+        return
+    remedy = "move it, or enlarge the tank"
+    if "planes_m" not in detector.model_fields_set:
+        remedy = f"give detector.planes_m (now its default, {list(detector.planes_m)}) or positions_m"
+    for z in detector.planes_m:
+        _check_place((0.0, 0.0, z), tank, remedy)
+    low, high = tank.box_m[1]
+    for name, room, ends in (
+        ("width_m", tank.width_m, told(tank, "width_m")),
+        ("height_m", 2 * min(high, -low), f"its floor at y = {low:g} m and its top at y = {high:g} m"),
+    ):
+        size = getattr(detector, name)
+        if size is not None and size > room + ROUNDING_M:
+            raise ValueError(
+                f"detector.{name} = {size:g} does not fit, the tank has {ends}; "
+                f"remedy: at most {room:.6g}, or leave it out: the plane is then clipped to the tank"
+            )
+
+
+def room_for_lamp_m(lamp: Lamp, tank: Tank) -> dict[str, tuple[float, float]]:
+    """Least and largest offset, m, in x and y with which the lamp's window is in the tank, by field."""
+    across = zip(("offset_x_m", "offset_y_m"), tank.box_m, strict=False)
+    return {name: (low + lamp.radius_m, high - lamp.radius_m) for name, (low, high) in across}
+
+
+def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
+    """Refuse a lamp outside the tank.
+
+    Raises
+    ------
+    ValueError
+        Its window does not fit in there.
+    """
+    for (name, (low, high)), sizes in zip(room_for_lamp_m(lamp, tank).items(), SIZES, strict=False):
+        offset = getattr(lamp, name)
+        if not low - ROUNDING_M <= offset <= high + ROUNDING_M:
+            window = f" and a window of lamp.radius_m = {lamp.radius_m:g}" if lamp.radius_m else ""
+            why = ", ".join(told(tank, size) for size in sizes)
+            raise ValueError(
+                f"lamp.{name} = {offset:g}{window} is outside the tank, {low:g} <= {name} <= {high:g} "
+                f"by {why}; remedy: move the lamp, or enlarge the tank"
+            )
+
+
+def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str) -> None:
+    for axis, value, (low, high), sizes in zip("xyz", place, tank.box_m, SIZES, strict=True):
+        if not low <= value <= high:
+            x, y, z = place
+            why = ", ".join(told(tank, name) for name in sizes)
+            raise ValueError(
+                f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, {low:g} <= {axis} <= {high:g} "
+                f"by {why}; remedy: {remedy}"
+            )

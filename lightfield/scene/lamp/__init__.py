@@ -1,0 +1,1 @@
+"""The lamp: angular profile, luminaire files, spectrum."""

@@ -1,0 +1,115 @@
+"""What a scene says about the lamp. One field is one parameter."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from lightfield.scene.acts import Acts
+from lightfield.scene.lamp.photometry import intensity_table
+from lightfield.scene.parameters import Part, TablePath, declare, number
+from lightfield.storage.tables import read_columns, readable
+
+
+class Lamp(Part):
+    """The source; Gaussian family: exp(-ln2 (theta/hwhm)^m) + f exp(-ln2 (theta/hwhm_s)^2)."""
+
+    profile: Literal["gaussian", "super-gaussian", "two-component", "table", "isotropic", "pencil"] = declare(
+        "gaussian", "angular shape of the beam", Acts.BEAM
+    )
+    hwhm_deg: float = number(
+        3.81, "deg", "half width of the beam at half maximum", Acts.BEAM, low=0.05, high=90.0
+    )
+    shape_exponent: float = number(
+        2.0, "1", "m of exp(-ln2 (theta/hwhm)^m)", Acts.BEAM, low=0.2, high=50.0, neutral=2.0
+    )
+    skirt_fraction: float = number(
+        0.0,
+        "1",
+        "on-axis intensity of the skirt over that of the core",
+        Acts.BEAM,
+        low=0.0,
+        high=10.0,
+        neutral=0.0,
+    )
+    skirt_hwhm_deg: float = number(
+        15.0, "deg", "half width of the skirt at half maximum", Acts.BEAM, low=0.05, high=90.0
+    )
+    ellipticity: float = number(
+        1.0, "1", "hwhm in y over hwhm in x", Acts.BEAM, low=0.05, high=20.0, neutral=1.0
+    )
+    offset_x_m: float = number(0.0, "m", "lamp centre in x", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
+    offset_y_m: float = number(0.0, "m", "lamp centre in y", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
+    tilt_x_deg: float = number(
+        0.0, "deg", "beam axis turned towards +x", Acts.BEAM, above=-90.0, below=90.0, neutral=0.0
+    )
+    tilt_y_deg: float = number(
+        0.0, "deg", "beam axis turned towards +y", Acts.BEAM, above=-90.0, below=90.0, neutral=0.0
+    )
+    apparent_distance_m: float = number(
+        0.0,
+        "m",
+        "distance behind the window from which the light seems to come",
+        Acts.BEAM | Acts.SOURCE,
+        low=0.0,
+        high=50.0,
+        neutral=0.0,
+    )
+    radius_m: float = number(
+        0.0, "m", "radius of a uniformly bright window", Acts.SOURCE, low=0.0, high=5.0, neutral=0.0
+    )
+    window_index: float = number(
+        1.0,
+        "1",
+        "readings in air see I(theta/n)/n^2 of the beam in water",
+        Acts.AIR,
+        low=1.0,
+        high=2.0,
+        neutral=1.0,
+    )
+    drift_per_hour: float = number(
+        0.0, "1/h", "lamp power changes by 1 + d t", Acts.TIME, low=-10.0, high=10.0, neutral=0.0
+    )
+    warmup_fraction: float = number(
+        0.0,
+        "1",
+        "lamp power changes by 1 + f (1 - exp(-t/tau))",
+        Acts.TIME,
+        above=-1.0,
+        high=10.0,
+        neutral=0.0,
+    )
+    warmup_time_s: float = number(600.0, "s", "tau of the warm-up", Acts.TIME, above=0.0, high=1e6)
+    power_w: float = number(
+        50.0, "W", "radiant power of the beam over the whole spectrum", Acts.POWER, above=0.0, high=1e6
+    )
+    spectrum: Literal["planck", "cie-a", "table"] = declare("planck", "spectral shape", Acts.POWER)
+    temperature_k: float = number(
+        2900.0, "K", "temperature of the Planck spectrum", Acts.POWER, low=500.0, high=20000.0
+    )
+    intensity_table: TablePath | None = declare(
+        None,
+        "for profile table: CSV (angle_deg, intensity), IES LM-63 (.ies) or EULUMDAT (.ldt)",
+        Acts.BEAM,
+    )
+    spectrum_table: TablePath | None = declare(
+        None, "for spectrum table: CSV (wavelength_nm, power), any scale", Acts.POWER
+    )
+
+    @model_validator(mode="after")
+    def _profile_has_its_parameters(self) -> Lamp:
+        needs = {
+            "super-gaussian": "shape_exponent",
+            "two-component": "skirt_fraction",
+            "table": "intensity_table",
+        }.get(self.profile)
+        if needs and needs not in self.model_fields_set:
+            raise ValueError(f'profile "{self.profile}" needs {needs}; remedy: add {needs}')
+        if self.spectrum == "table" and self.spectrum_table is None:
+            raise ValueError('spectrum "table" needs spectrum_table; remedy: add spectrum_table')
+        if self.intensity_table is not None:
+            readable(intensity_table, self.intensity_table)
+        if self.spectrum_table is not None:
+            readable(read_columns, self.spectrum_table, ("wavelength_nm", "power"))
+        return self

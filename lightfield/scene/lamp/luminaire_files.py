@@ -1,0 +1,120 @@
+"""Luminaire files: IES LM-63 and EULUMDAT as intensity against angle from the nadir, averaged around it.
+
+Own readers: of the public ones, one needs Python 3.11 and another fills up files that are cut short.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.arrays import Array
+
+
+def read_ies(text: str) -> tuple[Array, Array]:
+    """Type C photometry of an IES LM-63 file (1986 to 2019).
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+
+    Returns
+    -------
+    angle_deg, intensity_cd : array, shape (n,)
+        Angle from the nadir; mean over the half planes.
+
+    Raises
+    ------
+    ValueError
+        Not such a file, cut short, or another photometric type.
+    """
+    lines = text.splitlines()
+    start = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("TILT=")), None)
+    if start is None:
+        raise ValueError("no TILT= line")
+    numbers = [float(word) for line in lines[start + 1 :] for word in line.replace(",", " ").split()]
+    take = _Taker(numbers)
+    if lines[start].strip().upper() == "TILT=INCLUDE":
+        take(1)
+        take(2 * int(take(1)[0]))
+    _, _, multiplier, n_vertical, n_horizontal, kind = take(6)
+    take(4 + 3)
+    if kind != 1:
+        raise ValueError(
+            f"photometric type {'?CBA'[int(kind)] if 1 <= kind <= 3 else kind}, only type C is known"
+        )
+    vertical, horizontal = take(int(n_vertical)), take(int(n_horizontal))
+    candela = np.array(take(int(n_vertical) * int(n_horizontal))).reshape(int(n_horizontal), int(n_vertical))
+    return _rising(vertical), multiplier * _mean_around(candela, np.array(horizontal))
+
+
+def read_eulumdat(text: str) -> tuple[Array, Array]:
+    """EULUMDAT file (Stockmar 1990), any of its symmetries.
+
+    Parameters
+    ----------
+    text : str
+        Content of the file.
+
+    Returns
+    -------
+    angle_deg, intensity : array, shape (n,)
+        Angle from the nadir; mean over the C planes, cd per kilolumen.
+
+    Raises
+    ------
+    ValueError
+        Not such a file, or cut short.
+    """
+    lines = [line.strip().replace(",", ".") for line in text.splitlines()]
+    if len(lines) < 30:
+        raise ValueError(f"{len(lines)} lines, the head alone has 26")
+    symmetry, planes, angles = int(lines[2]), int(lines[3]), int(lines[5])
+    sets = int(lines[25])
+    take = _Taker([float(word) for line in lines[26 + 6 * sets :] for word in line.split()])
+    take(10)
+    c, gamma = np.array(take(planes)), take(angles)
+    first, stored = {
+        0: (0, planes),
+        1: (0, 1),
+        2: (0, planes // 2 + 1),
+        3: (planes // 4, planes // 2 + 1),
+        4: (0, planes // 4 + 1),
+    }[symmetry]
+    candela: Array = np.array(take(stored * angles)).reshape(stored, angles)
+    around = c[first : first + stored]
+    if symmetry == 0:  # the file leaves out C360, which is C0
+        around, candela = np.append(c, c[0] + 360.0), np.vstack([candela, candela[:1]])
+    return _rising(gamma), _mean_around(candela, around)
+
+
+class _Taker:
+    """Hands out numbers in the order of the file, and notices its end."""
+
+    def __init__(self, numbers: list[float]) -> None:
+        self.numbers, self.at = numbers, 0
+
+    def __call__(self, count: int) -> list[float]:
+        part = self.numbers[self.at : self.at + count]
+        if count < 1 or len(part) < count:
+            raise ValueError(f"cut short: {count} numbers expected, {len(part)} left")
+        self.at += count
+        return part
+
+
+def _mean_around(candela: Array, plane_deg: Array) -> Array:
+    """Mean over the turn; the planes span one symmetric part of it, so that the trapezoid over them is the
+    mean.
+    """
+    if len(plane_deg) == 1:
+        return np.asarray(candela[0])
+    steps = np.diff(_rising(list(plane_deg)))
+    middle = 0.5 * (candela[1:] + candela[:-1])
+    return np.asarray(steps @ middle / steps.sum())
+
+
+def _rising(angles: list[float]) -> Array:
+    result = np.array(angles)
+    if np.any(np.diff(result) <= 0):
+        raise ValueError("angles do not rise")
+    return result

@@ -1,0 +1,185 @@
+"""Angular shape of the beam: relative radiant intensity, solid angle, and how to draw directions from it."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+from lightfield.scene.lamp.photometry import intensity_table
+
+if TYPE_CHECKING:
+    from lightfield.scene.lamp.lamp import Lamp
+
+LN2 = math.log(2.0)
+HALF_PI = 0.5 * math.pi
+GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(24)
+
+
+def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLike) -> Array:
+    """Radiant intensity over that on the beam axis, I / I(0).
+
+    Gaussian family: exp(-ln2 (theta/hwhm)^m) + f exp(-ln2 (theta/hwhm_s)^2), over 1 + f; the paper's eq. 1 is
+    m = 2, f = 0 with B = ln2 / hwhm^2. Zero behind the lamp (theta > 90 deg), except for the isotropic lamp.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Profile, half width, shape, skirt, ellipticity.
+    theta_x_rad, theta_y_rad : array, rad
+        Beam-frame angles theta (cos phi, sin phi), broadcast against each other.
+
+    Returns
+    -------
+    array
+        In the broadcast shape.
+    """
+    x, y = np.asarray(theta_x_rad, dtype=float), np.asarray(theta_y_rad, dtype=float)
+    if lamp.profile == "isotropic":
+        return np.ones(np.broadcast_shapes(x.shape, y.shape))
+    xx, yy = x * x, y * y
+    squared = xx + yy
+    if lamp.profile == "pencil":
+        return np.asarray((squared == 0.0).astype(float))
+    stretched = squared if lamp.ellipticity == 1.0 else xx + yy / lamp.ellipticity**2
+    return np.asarray(radial_intensity(lamp, stretched) * (squared <= HALF_PI * HALF_PI))
+
+
+def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:
+    """I / I(0) against the squared effective angle theta_x^2 + (theta_y / e)^2, without the cut at 90 deg.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Gaussian family or table.
+    theta_squared : array, rad^2
+        Squared effective angle.
+    """
+    if lamp.profile == "table":
+        angle, intensity = intensity_table(str(lamp.intensity_table))
+        return np.interp(np.sqrt(theta_squared), angle, intensity, right=0.0)
+    q = theta_squared * (1.0 / math.radians(lamp.hwhm_deg) ** 2)
+    if lamp.shape_exponent != 2.0:
+        q = q ** (0.5 * lamp.shape_exponent)
+    core = np.exp(-LN2 * q)
+    if lamp.skirt_fraction == 0.0:
+        return np.asarray(core)
+    skirt = np.exp(theta_squared * (-LN2 / math.radians(lamp.skirt_hwhm_deg) ** 2))
+    return np.asarray((core + lamp.skirt_fraction * skirt) / (1.0 + lamp.skirt_fraction))
+
+
+@lru_cache(maxsize=256)
+def solid_angle_sr(lamp: Lamp) -> float:
+    """Integral of the relative intensity over all directions: beam power over axial intensity, in sr.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Any profile with extent.
+
+    Raises
+    ------
+    SceneError
+        For a pencil beam, whose intensity is infinite.
+    """
+    if lamp.profile == "isotropic":
+        return 4.0 * math.pi
+    if lamp.profile == "pencil":
+        raise SceneError(
+            "a pencil beam has no solid angle", where="lamp.profile", rule="intensity is finite",
+            remedy='use profile = "gaussian" with a small hwhm_deg',
+        )  # fmt: skip
+    theta, weight = _quadrature(lamp)
+    steps = 1 if lamp.ellipticity == 1.0 else 512
+    phi = (np.arange(steps) + 0.5) * (HALF_PI / steps)
+    value = relative_intensity(lamp, np.outer(np.cos(phi), theta), np.outer(np.sin(phi), theta))
+    return float(2.0 * math.pi * np.mean(value @ (weight * np.sin(theta))))
+
+
+def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
+    """Gauss-Legendre nodes on pieces that follow the beam's scales, 0 to 90 degrees."""
+    if lamp.profile == "table":
+        edges: NDArray[Any] = np.outer(
+            [1.0, lamp.ellipticity], intensity_table(str(lamp.intensity_table))[0]
+        ).ravel()
+    else:
+        steps = np.array(
+            [0.25, 0.5, 0.75, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0]
+        )
+        widths = math.radians(lamp.hwhm_deg) * np.array([1.0, lamp.ellipticity])
+        edges = np.concatenate([np.outer(widths, steps).ravel(), math.radians(lamp.skirt_hwhm_deg) * steps])
+    pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
+    half: NDArray[Any] = 0.5 * np.diff(pieces)
+    middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
+    return (middle[:, None] + half[:, None] * GAUSS_X).ravel(), (half[:, None] * GAUSS_W).ravel()
+
+
+@lru_cache(maxsize=64)
+def inverse_cdf_table(lamp: Lamp, nodes: int = 4096) -> tuple[Array, Array]:
+    """Cumulative beam power within an effective angle, and that angle: invert by interpolation.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Gaussian family, table or isotropic; ellipticity is left out, see `sample`.
+    nodes : int
+        Table length.
+
+    Returns
+    -------
+    u, theta_rad : array, shape (nodes,)
+        Both rising, u from 0 to 1.
+    """
+    if lamp.profile == "isotropic":
+        whole: NDArray[Any] = np.linspace(0.0, math.pi, nodes)
+        return np.sin(0.5 * whole) ** 2, whole
+    widest = max(math.radians(lamp.hwhm_deg), math.radians(lamp.skirt_hwhm_deg) * (lamp.skirt_fraction > 0))
+    if lamp.profile == "table":
+        widest = HALF_PI
+    core = np.linspace(0.0, min(6.0 * widest, HALF_PI), nodes * 3 // 4)
+    tail = np.linspace(core[-1], HALF_PI, nodes - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)
+    theta: NDArray[Any] = np.concatenate([core, tail])
+    half, middle = 0.5 * np.diff(theta), 0.5 * (theta[1:] + theta[:-1])
+    x, w = np.polynomial.legendre.leggauss(6)
+    at = middle[:, None] + half[:, None] * x
+    power = (radial_intensity(lamp, at * at) * np.sin(at)) @ w * half
+    u = np.concatenate([[0.0], np.cumsum(power)])
+    return u / u[-1], theta
+
+
+def sample(lamp: Lamp, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
+    """Directions distributed like the beam.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Any profile.
+    u1, u2 : array, uniform in [0, 1)
+        Two random numbers per direction.
+
+    Returns
+    -------
+    theta_x_rad, theta_y_rad : array
+        Beam-frame angles.
+    weight : array
+        1 for a round beam; for an elliptic one the ratio of beam to sampling density, up to a constant.
+    """
+    turn = 2.0 * math.pi * np.asarray(u2, dtype=float)
+    if lamp.profile == "pencil":
+        zero = np.zeros(np.broadcast_shapes(np.shape(u1), turn.shape))
+        return zero, zero.copy(), zero + 1.0
+    u, theta = inverse_cdf_table(lamp)
+    # Linear in sin^2(theta/2) between nodes: uniform per solid angle inside a cell.
+    s = np.interp(np.asarray(u1, dtype=float), u, np.sin(0.5 * theta) ** 2)
+    effective = 2.0 * np.arcsin(np.sqrt(s))
+    x, y = effective * np.cos(turn), lamp.ellipticity * effective * np.sin(turn)
+    if lamp.ellipticity == 1.0 or lamp.profile == "isotropic":
+        return effective * np.cos(turn), effective * np.sin(turn), np.ones_like(x)
+    true = np.hypot(x, y)
+    weight = np.sinc(true / math.pi) / np.sinc(effective / math.pi) * (true <= HALF_PI)
+    return x, y, weight

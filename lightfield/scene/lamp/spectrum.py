@@ -1,0 +1,60 @@
+"""Spectral power of the lamp: Planck, CIE illuminant A, or a table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lightfield.arrays import Array
+from lightfield.storage.tables import read_columns
+
+if TYPE_CHECKING:
+    from lightfield.scene.lamp.lamp import Lamp
+
+SECOND_RADIATION_NM_K = 1.438776877e7  # h c / k, CODATA 2018 (exact in the SI)
+ILLUMINANT_A_NM = 1.435e7 / 2848.0  # h c / (k T) as the CIE fixes it: 2855.5 K on today's scale
+
+
+def planck_fraction_per_nm(wavelength_nm: ArrayLike, scale_nm: float) -> Array:
+    """Part of a black body's radiation per nanometre (Planck's law over the Stefan-Boltzmann law).
+
+    Parameters
+    ----------
+    wavelength_nm : array, nm
+        In vacuum.
+    scale_nm : float
+        h c / (k T); with x = scale / wavelength the value is 15/pi^4 x^5 / (e^x - 1) / scale.
+
+    Returns
+    -------
+    array, 1/nm
+        Integrates to 1 over all wavelengths.
+    """
+    x = scale_nm / np.asarray(wavelength_nm, dtype=float)
+    return np.asarray(15.0 / np.pi**4 * x**5 * np.exp(-x) / -np.expm1(-x) / scale_nm)
+
+
+def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
+    """Radiant power of the beam per nanometre.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Spectrum, temperature, power.
+    wavelength_nm : array, nm
+        Where.
+
+    Returns
+    -------
+    array, W/nm
+        Integrates to `power_w`; a table is zero outside its range.
+    """
+    at = np.asarray(wavelength_nm, dtype=float)
+    if lamp.spectrum == "table":
+        known, power = read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))
+        total = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(known)))
+        return np.asarray(lamp.power_w * np.interp(at, known, power, left=0.0, right=0.0) / total)
+    scale = ILLUMINANT_A_NM if lamp.spectrum == "cie-a" else SECOND_RADIATION_NM_K / lamp.temperature_k
+    return lamp.power_w * planck_fraction_per_nm(at, scale)

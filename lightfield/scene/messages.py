@@ -1,0 +1,150 @@
+"""Turns every complaint about a scene into one line: key, value, rule, remedy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from lightfield.errors import SceneError
+from lightfield.scene.parameters import bounds
+
+RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+NUMBER_ERRORS = {"float_type", "int_type", "int_from_float"}
+
+
+def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> SceneError:
+    """All problems of a scene as one error, one line each.
+
+    Parameters
+    ----------
+    error : ValidationError
+        As raised by pydantic.
+    model : type
+        Class that was being read, to name the valid keys and ranges.
+    where : str
+        File name or other origin.
+    """
+    lines = [_line(dict(problem), model) for problem in error.errors()]
+    if len(lines) == 1:
+        return SceneError(lines[0], where=where)
+    return SceneError(f"{len(lines)} problems in the scene", where=where, problems=lines)
+
+
+def unknown_key(path: str, valid: Iterable[str]) -> str:
+    """Line for a key that does not exist, with the nearest valid one.
+
+    Parameters
+    ----------
+    path : str
+        Dotted path as written.
+    valid : iterable of str
+        Valid dotted paths at that place.
+    """
+    choices = sorted(valid)
+    leaf = path.rpartition(".")[2]
+    near = [c for c in choices if c.rpartition(".")[2].startswith(f"{leaf}_")]
+    near = near or difflib.get_close_matches(path, choices, n=1, cutoff=0.6)
+    if near:
+        return f"remedy: did you mean {' or '.join(near[:3])}?"
+    return f"remedy: valid here are {', '.join(choices)}" if choices else "remedy: remove it"
+
+
+def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
+    owner, keys = _walk(model, tuple(problem["loc"]))
+    path, kind, value = ".".join(keys), str(problem["type"]), problem.get("input")
+    if kind == "extra_forbidden":
+        prefix = "".join(f"{key}." for key in keys[:-1])
+        valid = [prefix + name for name in owner.model_fields]
+        return (
+            f"{path}: unknown key; found {_short(value)}; rule: only known keys; {unknown_key(path, valid)}"
+        )
+    rule, remedy = _rule(problem, owner, keys)
+    found = "" if kind == "missing" else f"; found {_short(value)}"
+    what = {"missing": "missing", "value_error": "not possible"}.get(kind, "wrong value")
+    return (
+        f"{path or 'scene'}: {what}{found if kind != 'value_error' else ''}; rule: {rule}; remedy: {remedy}"
+    )
+
+
+def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel], list[str]]:
+    """The class that owns the last key, and the keys as written in the file (union tags dropped)."""
+    keys: list[str] = []
+    owner: type[BaseModel] = model
+    current: Any = model
+    for part in loc:
+        classes = [c for c in _classes(current)]
+        tagged = [c for c in classes if part in _tags(c)]
+        if len(classes) > 1 and tagged:
+            current = tagged[0]
+            continue
+        keys.append(str(part))
+        if len(classes) == 1:
+            owner = classes[0]
+            field = owner.model_fields.get(str(part))
+            current = field.annotation if field is not None else None
+    return owner, keys
+
+
+def _classes(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [c for part in getattr(annotation, "__args__", ()) for c in _classes(part)]
+
+
+def _tags(model: type[BaseModel]) -> tuple[str, ...]:
+    field = model.model_fields.get("type")
+    return tuple(getattr(field.annotation, "__args__", ())) if field is not None else ()
+
+
+def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -> tuple[str, str]:
+    kind, context = str(problem["type"]), problem.get("ctx", {})
+    name = next((key for key in reversed(keys) if not key.isdigit()), "")
+    field = owner.model_fields.get(name)
+    meaning = field.description if field is not None and field.description else name
+    if kind in RANGE_ERRORS | NUMBER_ERRORS and field is not None:
+        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        unit = str(extra.get("unit", "1"))
+        sort = "a whole number" if field.annotation is int else "a number"
+        remedy = "a value in that range" if kind in RANGE_ERRORS else "a number without quotes or unit"
+        if keys[-1] != name:
+            return f"{_message(problem)} ({unit}): {meaning}", f"write {remedy}"
+        return f"{sort} {_interval(owner, name)} ({unit}): {meaning}", f"write {name} = {remedy}"
+    if kind == "literal_error":
+        return f"one of {context['expected']}", f"choose one of them: {meaning}"
+    if kind.startswith("union_tag"):
+        return (
+            f"type is one of {context.get('expected_tags', 'the phase functions')}",
+            "set type to one of them",
+        )
+    if kind == "value_error":
+        rule, _, remedy = str(context["error"]).partition("; remedy: ")
+        return rule, remedy or f"change {'.'.join(keys)}"
+    if kind in {"model_type", "model_attributes_type"}:
+        return "a table of keys", f"write it as [{'.'.join(keys)}]"
+    if kind == "missing":
+        return f"{meaning} has no default", f"add {name}"
+    return _message(problem), f"correct it: {meaning}"
+
+
+def _message(problem: Mapping[str, Any]) -> str:
+    return str(problem["msg"]).removeprefix("Input should be ").removeprefix("a valid ")
+
+
+def _interval(owner: type[BaseModel], name: str) -> str:
+    low, high = bounds(owner, name)
+    strict_low = any(hasattr(rule, "gt") for rule in owner.model_fields[name].metadata)
+    strict_high = any(hasattr(rule, "lt") for rule in owner.model_fields[name].metadata)
+    words = []
+    if low > -float("inf"):
+        words.append(f"{'>' if strict_low else '>='} {low:g}")
+    if high < float("inf"):
+        words.append(f"{'<' if strict_high else '<='} {high:g}")
+    return " and ".join(words) or "that is finite"
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."

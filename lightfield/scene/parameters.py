@@ -1,0 +1,208 @@
+"""How one number of a scene is declared: unit, meaning, range and neutral value, once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, reduce
+from operator import attrgetter, or_
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from lightfield.scene.acts import Acts
+
+FOLDER_KEY = "folder"
+
+
+class Part(BaseModel):
+    """Immutable piece of a scene: unknown keys are errors, numbers are finite, text is never a number."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=False)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One scalar of a scene, as fits, sweeps and plots see it."""
+
+    path: str
+    unit: str
+    meaning: str
+    low: float
+    high: float
+    neutral: float | None
+    value: float
+    acts_on: Acts
+
+
+def number(
+    default: Any,
+    unit: str,
+    meaning: str,
+    acts_on: Acts,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
+    neutral: float | None = None,
+) -> Any:
+    """Declare a number.
+
+    Parameters
+    ----------
+    default : float, int, None or ...
+        Default value; `...` means the number must be given.
+    unit : str
+        Unit as printed, "1" for a ratio.
+    meaning : str
+        One clause for people.
+    acts_on : Acts
+        What of the way from the lamp to a reading it changes.
+    low, high : float, optional
+        Inclusive range.
+    above, below : float, optional
+        Exclusive range.
+    neutral : float, optional
+        Value that switches the effect off.
+    """
+    extra = _extra(acts_on, unit, neutral)
+    return Field(
+        default,
+        description=meaning,
+        ge=low,
+        le=high,
+        gt=above,
+        lt=below,
+        strict=True,
+        json_schema_extra=extra,
+    )
+
+
+def declare(
+    default: Any, meaning: str, acts_on: Acts, *, unit: str | None = None, neutral: Any = None
+) -> Any:
+    """Declare what is no single number: a word, a list, a file; arguments as for `number`."""
+    return Field(default, description=meaning, json_schema_extra=_extra(acts_on, unit, neutral))
+
+
+def _extra(acts_on: Acts, unit: str | None, neutral: Any) -> dict[str, Any]:
+    """What is kept with a field beside its type and range, as a JSON Schema shows it."""
+    given = {"unit": unit, "neutral": neutral}
+    names = [str(stage.name).lower() for stage in Acts if stage in acts_on]
+    return {**{key: value for key, value in given.items() if value is not None}, "acts_on": names}
+
+
+@cache
+def acts_of(model: type[BaseModel], name: str) -> Acts:
+    """What a field acts on; nothing, where it is not declared (names and descriptions)."""
+    extra = model.model_fields[name].json_schema_extra
+    stages = extra.get("acts_on", []) if isinstance(extra, dict) else []
+    return reduce(or_, (Acts[str(stage).upper()] for stage in stages), Acts(0))  # type: ignore[union-attr]
+
+
+def unit_of(model: type[BaseModel], name: str) -> str:
+    """Unit of a field, empty where it has none."""
+    extra = model.model_fields[name].json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+@cache
+def fields_on(model: type[BaseModel], what: Acts) -> tuple[str, ...]:
+    """Names of the fields of a part that act on any of these stages."""
+    return tuple(name for name in model.model_fields if acts_of(model, name) & what)
+
+
+@cache
+def _switches(model: type[BaseModel], what: Acts) -> tuple[Callable[[Any], Any], Any]:
+    """Reads the fields that act on any of these stages and have a neutral value; and these values."""
+    extras = {name: model.model_fields[name].json_schema_extra for name in fields_on(model, what)}
+    neutral = {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+    if not neutral:
+        return (lambda part: ()), ()
+    return attrgetter(*neutral), tuple(neutral.values()) if len(neutral) > 1 else next(iter(neutral.values()))
+
+
+def switched_off(part: BaseModel, what: Acts) -> bool:
+    """Is every field of a part that acts on any of these stages, and has a neutral value, at it?"""
+    read, neutral = _switches(type(part), what)
+    return bool(read(part) == neutral)
+
+
+def numbers_of(
+    part: BaseModel, prefix: str = "", absent: Mapping[str, float] = MappingProxyType({})
+) -> Iterator[Parameter]:
+    """Every scalar number of a part and of the parts inside it, with dotted path.
+
+    Parameters
+    ----------
+    part : BaseModel
+        Scene or piece of one.
+    prefix : str
+        Path of the part, ending with a dot, or empty.
+    absent : mapping of str to float
+        What numbers that were not given come to, by dotted path.
+    """
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if isinstance(value, BaseModel):
+            yield from numbers_of(value, f"{prefix}{name}.", absent)
+            continue
+        value = absent.get(f"{prefix}{name}") if value is None else value
+        extra = field.json_schema_extra
+        if not isinstance(extra, dict) or "unit" not in extra or not isinstance(value, int | float):
+            continue
+        low, high = bounds(type(part), name)
+        neutral = extra.get("neutral")
+        yield Parameter(
+            path=f"{prefix}{name}",
+            unit=str(extra["unit"]),
+            meaning=field.description or "",
+            low=low,
+            high=high,
+            neutral=float(neutral) if isinstance(neutral, int | float) else None,
+            value=float(value),
+            acts_on=acts_of(type(part), name),
+        )
+
+
+def told(part: BaseModel, name: str) -> str:
+    """A value as an error names it: `depth_m = 2.44`, and whether that is only the default."""
+    value = getattr(part, name)
+    shown = f"{value:g}" if isinstance(value, int | float) else value
+    return f"{name} = {shown}{'' if name in part.model_fields_set else ' (its default)'}"
+
+
+def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:
+    """Lowest and highest value of a number, infinite where it has no limit.
+
+    Parameters
+    ----------
+    model : type
+        Class that declares the number.
+    name : str
+        Field name.
+    """
+    low, high = -float("inf"), float("inf")
+    for rule in model.model_fields[name].metadata:
+        for attribute in ("ge", "gt"):
+            low = max(low, getattr(rule, attribute, low))
+        for attribute in ("le", "lt"):
+            high = min(high, getattr(rule, attribute, high))
+    return low, high
+
+
+def _resolve(value: str, info: ValidationInfo) -> str:
+    """A table's path as an absolute path, taken from the scene file's folder."""
+    folder = (info.context or {}).get(FOLDER_KEY, os.curdir)
+    path = Path(os.path.abspath(Path(folder, value).expanduser()))
+    if not path.is_file():
+        raise ValueError(f"no such file: {path}; remedy: give a path relative to the scene file")
+    return str(path)
+
+
+TablePath = Annotated[str, AfterValidator(_resolve)]
+Nanometres = Annotated[float, Field(strict=True, ge=200.0, le=2000.0)]

@@ -1,0 +1,400 @@
+"""A scene: everything that is known about an experiment, immutable, addressed by dotted paths."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from lightfield.errors import SceneError
+from lightfield.scene.detector import Detector
+from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.messages import scene_error, unknown_key
+from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
+from lightfield.scene.tank import Tank
+from lightfield.scene.water.coefficients import absorption_per_m
+from lightfield.scene.water.water import Water
+from lightfield.storage.files import atomic_path
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
+
+#: Every point of `water.absorption_at` is a parameter too: "water.absorption_at.450nm".
+AT_FIELD = "absorption_at"
+AT = f"water.{AT_FIELD}."
+TABLES = (
+    ("lamp", "intensity_table"),
+    ("lamp", "spectrum_table"),
+    ("water", "table"),
+    ("water", "phase", "file"),
+)
+
+
+class Scene(Part):
+    """Lamp, water, tank and detector of one experiment."""
+
+    name: str = Field("", description="short name, for titles")
+    description: str = Field("", description="free text")
+    lamp: Lamp = Field(default_factory=Lamp, description="the source")
+    water: Water = Field(default_factory=Water, description="the medium")
+    tank: Tank | None = Field(None, description="the box; absent: unbounded water")
+    detector: Detector = Field(default_factory=Detector, description="the receivers")
+
+    @model_validator(mode="after")
+    def _all_is_in_the_tank(self) -> Scene:
+        if self.tank is not None:
+            check_inside(self.detector, self.tank)
+            check_lamp_inside(self.lamp, self.tank)
+        return self
+
+    @model_validator(mode="after")
+    def _water_never_amplifies(self) -> Scene:
+        """Less absorption than the base has is possible, less than none is not."""
+        if self.water.absorption_per_m >= 0:
+            return self
+        centres = [0.5 * (low + high) for low, high in self.detector.bands_nm]
+        try:
+            total = absorption_per_m(self.water, centres)
+        except SceneError as error:
+            raise ValueError(str(error)) from error
+        if total.min() < 0:
+            raise ValueError(
+                f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
+                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0; "
+                f"remedy: write at least {self.water.absorption_per_m - total.min():.4g}"
+            )
+        return self
+
+    # -- files ---------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene file; tables named in it are looked for next to it.
+
+        Parameters
+        ----------
+        path : path-like
+            TOML file.
+
+        Raises
+        ------
+        SceneError
+            Not readable, not TOML, or not a scene: all problems at once.
+        """
+        source = Path(path)
+        try:
+            text = source.read_bytes().decode("utf-8")
+        except OSError as error:
+            raise SceneError(
+                "cannot read the scene", where=str(path), found=error.strerror, remedy="check the path"
+            ) from error
+        except UnicodeDecodeError as error:
+            raise SceneError(
+                "not a text file",
+                where=str(path),
+                rule="scene files are UTF-8 text",
+                remedy="save it as UTF-8 TOML",
+            ) from error
+        if all(not line.strip() or line.lstrip().startswith("#") for line in text.splitlines()):
+            raise SceneError(
+                "the file says nothing",
+                where=str(path),
+                rule="at least one of [lamp], [water], [tank], [detector]",
+                remedy="write what is known; the rest has defaults",
+            )
+        return cls.from_toml(text, where=str(path), folder=source.parent)
+
+    @classmethod
+    def from_toml(cls, text: str, *, where: str = "scene", folder: str | os.PathLike[str] = ".") -> Scene:
+        """Scene from TOML text.
+
+        Parameters
+        ----------
+        text : str
+            TOML.
+        where : str
+            Name of the origin in errors.
+        folder : path-like
+            Folder that relative table paths start from.
+
+        Raises
+        ------
+        SceneError
+            Not TOML, or not a scene.
+        """
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise SceneError(f"not TOML: {error}", where=where, remedy="correct that line") from error
+        return cls.from_dict(data, where=where, folder=folder)
+
+    @classmethod
+    def from_dict(
+        cls, data: Mapping[str, Any], *, where: str = "scene", folder: str | os.PathLike[str] = "."
+    ) -> Scene:
+        """Scene from nested dictionaries, as TOML or JSON give them.
+
+        Parameters
+        ----------
+        data : mapping
+            Nested values.
+        where : str
+            Name of the origin in errors.
+        folder : path-like
+            Folder that relative table paths start from.
+
+        Raises
+        ------
+        SceneError
+            Not a scene.
+        """
+        try:
+            return cls.model_validate(data, context={FOLDER_KEY: os.fspath(folder)})
+        except ValidationError as error:
+            raise scene_error(error, cls, where) from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was said about the scene, without what was left at its default."""
+        return dict(self.model_dump(mode="json", exclude_unset=True, exclude_none=True))
+
+    def to_toml(self) -> str:
+        """The scene as TOML; `from_toml` gives the same scene back."""
+        return tomli_w.dumps(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene; tables inside the file's folder are named relative to it.
+
+        Parameters
+        ----------
+        path : path-like
+            Target, usually `*.toml`.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        data, folder = self.to_dict(), Path(path).resolve().parent
+        for *parents, leaf in TABLES:
+            owner: Any = data
+            for key in parents:
+                owner = owner.get(key) or {}
+            if leaf in owner and Path(owner[leaf]).resolve().is_relative_to(folder):
+                owner[leaf] = Path(owner[leaf]).resolve().relative_to(folder).as_posix()
+        with atomic_path(path) as temporary:
+            temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """JSON Schema (2020-12) of a scene file, with unit and neutral value of every number."""
+        return cls.model_json_schema()
+
+    # -- parameters ----------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Every scalar of the scene by dotted path; a scene without a tank has no tank parameters."""
+        width, height = self.plane_size_m
+        absent = {"detector.width_m": width, "detector.height_m": height}
+        known = {parameter.path: parameter for parameter in numbers_of(self, absent=absent)}
+        if self.water.base == "none":  # nothing that could be clearer
+            absorption = known["water.absorption_per_m"]
+            known[absorption.path] = replace(absorption, low=0.0)
+        for name, (low, high) in room_for_lamp_m(self.lamp, self.tank).items() if self.tank else ():
+            offset = known[f"lamp.{name}"]
+            known[offset.path] = replace(offset, low=max(offset.low, low), high=min(offset.high, high))
+        for wavelength, value in self.water.absorption_at:
+            path = f"{AT}{wavelength:g}nm"
+            known[path] = Parameter(
+                path,
+                "1/m",
+                f"absorption at {wavelength:g} nm",
+                0.0,
+                100.0,
+                None,
+                value,
+                acts_of(Water, AT_FIELD),
+            )
+        return known
+
+    @property
+    def plane_size_m(self) -> tuple[float, float]:
+        """Width and height of the detector planes; where nothing is said, clipped to the tank."""
+        return plane_size_m(self.detector, self.tank)
+
+    def get(self, path: str) -> Any:
+        """Value at a dotted path.
+
+        Parameters
+        ----------
+        path : str
+            For example "water.phase.g".
+
+        Raises
+        ------
+        SceneError
+            There is no such parameter in this scene.
+        """
+        if path.startswith(AT):
+            return self.water.absorption_at[self._point(path)][1]
+        current: Any = self
+        for name in path.split("."):
+            if not isinstance(current, BaseModel) or name not in type(current).model_fields:
+                raise self._no_such(path)
+            current = getattr(current, name)
+        return current
+
+    def with_values(self, values: Mapping[str, Any], validate: bool = True) -> Scene:
+        """The same scene with some values changed.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            New values by dotted path. Setting `tank.surface_reflectance` above 0 makes the surface flat.
+        validate : bool
+            False skips the check of values (not of paths), for the inner loop of a fit.
+
+        Raises
+        ------
+        SceneError
+            Unknown path, or a value that breaks a rule.
+        """
+        values = {path: _plain(value) for path, value in values.items()}
+        values = self._with_points(self._surface_follows(values))
+        if not validate:
+            return self._replaced(values)
+        data = self.model_dump(exclude_unset=True)
+        for path, value in values.items():
+            *parents, leaf = path.split(".")
+            self.get(path)
+            owner: dict[str, Any] = data
+            part: Any = self
+            for key in parents:
+                owner, part = owner.setdefault(key, {}), getattr(part, key)
+                if (
+                    "type" in type(part).model_fields
+                ):  # tells which phase function it is, also when left unsaid
+                    owner.setdefault("type", part.type)
+            owner[leaf] = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+        try:
+            return type(self).model_validate(data)
+        except ValidationError as error:
+            raise scene_error(error, type(self), "values") from None
+
+    def digest(self) -> str:
+        """SHA-256 of all that the physics depends on: every value, and the content of every table."""
+        data = self.model_dump(mode="json", exclude={"name", "description"})
+        for *parents, leaf in TABLES:
+            owner: Any = data
+            for key in parents:
+                owner = owner[key]
+            if owner.get(leaf):
+                owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
+        if not data["water"]["absorption_at"]:
+            del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
+        data["detector"]["width_m"] = self.plane_size_m[0]
+        text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Keep `surface` and `surface_reflectance` consistent when only one of them is set."""
+        surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
+        if surface is None and isinstance(reflectance, float | int) and reflectance > 0:
+            return {**values, "tank.surface": "flat"}
+        if (
+            surface is not None
+            and reflectance is None
+            and self.tank is not None
+            and surface != self.tank.surface
+        ):
+            return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
+        return values
+
+    def _point(self, path: str) -> int:
+        """Which point of `water.absorption_at` a path means."""
+        paths = [f"{AT}{wavelength:g}nm" for wavelength, _ in self.water.absorption_at]
+        if path not in paths:
+            raise self._no_such(path)
+        return paths.index(path)
+
+    def _with_points(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Values of single points of `water.absorption_at` put in their places."""
+        named = [path for path in values if path.startswith(AT)]
+        if not named:
+            return values
+        points = list(self.water.absorption_at)
+        for path in named:
+            k = self._point(path)
+            points[k] = (points[k][0], values[path])
+        others = {path: value for path, value in values.items() if path not in named}
+        return {**others, "water.absorption_at": tuple(points)}
+
+    def _replaced(self, values: Mapping[str, Any]) -> Scene:
+        changes: dict[str, dict[str, Any]] = {}
+        for path, value in values.items():
+            owner, _, leaf = path.rpartition(".")
+            changes.setdefault(owner, {})[leaf] = value
+        # From the inside outwards, so that every table is copied once.
+        while changes:
+            owner = max(changes, key=lambda path: path.count(".") + bool(path))
+            update, table = changes.pop(owner), self
+            for name in owner.split(".") if owner else ():
+                if not isinstance(table, BaseModel) or name not in type(table).model_fields:
+                    raise self._no_such(f"{owner}.{next(iter(update))}")
+                table = getattr(table, name)
+            for leaf in update:
+                if not isinstance(table, BaseModel) or leaf not in type(table).model_fields:
+                    raise self._no_such(f"{owner}.{leaf}")
+            changed = table.model_copy(update=update)
+            if not owner:
+                return changed
+            parent, _, name = owner.rpartition(".")
+            changes.setdefault(parent, {})[name] = changed
+        return self
+
+    def _no_such(self, path: str) -> SceneError:
+        if self.tank is None and path.startswith("tank."):
+            return SceneError(
+                f"{path}: this scene has no tank",
+                rule="walls need a [tank]",
+                remedy="add a [tank] table to the scene",
+            )
+        known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
+        return SceneError(f"{path}: no such parameter; {unknown_key(path, known)}")
+
+
+def _plain(value: Any) -> Any:
+    """NumPy scalars as Python numbers."""
+    return value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value
+
+
+def _without_minus_zero(value: Any) -> Any:
+    """-0.0 is the same scene as 0.0."""
+    if isinstance(value, dict):
+        return {key: _without_minus_zero(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_minus_zero(inner) for inner in value]
+    return value + 0.0 if isinstance(value, float) else value
+
+
+def _stamp(path: str) -> tuple[int, int]:
+    state = os.stat(path)
+    return state.st_mtime_ns, state.st_size
+
+
+@lru_cache(maxsize=64)
+def _content_hash(path: str, _modified: int, _size: int) -> str:
+    return "sha256:" + hashlib.sha256(Path(path).read_bytes()).hexdigest()

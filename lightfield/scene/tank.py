@@ -1,0 +1,92 @@
+"""What a scene says about the tank. One field is one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import model_validator
+
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import Part, declare, number, told
+
+
+class Tank(Part):
+    """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a flat surface."""
+
+    width_m: float = number(3.66, "m", "wall to wall in x", Acts.BOX, above=0.0, high=1e5)
+    depth_m: float = number(2.44, "m", "floor to surface", Acts.BOX, above=0.0, high=1e5)
+    length_m: float = number(36.6, "m", "end to end in z", Acts.BOX, above=0.0, high=1e5)
+    behind_lamp_m: float = number(
+        0.5, "m", "from the back wall to the lamp window", Acts.BOX, low=0.0, high=1e5
+    )
+    lamp_depth_m: float = number(
+        None,
+        "m",
+        "from the surface down to the lamp axis; half the depth when absent",
+        Acts.BOX,
+        above=0.0,
+        high=1e5,
+    )
+    wall_albedo: float = number(
+        0.0, "1", "reflected part at walls and floor", Acts.REFLECTION, low=0.0, high=1.0, neutral=0.0
+    )
+    surface: Literal["none", "flat"] = declare(
+        "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
+    )
+    surface_reflectance: float = number(
+        0.0,
+        "1",
+        "multiplies the Fresnel reflectance of the flat surface",
+        Acts.REFLECTION,
+        low=0.0,
+        high=1.0,
+        neutral=0.0,
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _surface_and_its_reflectance(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        reflectance = data.get("surface_reflectance")
+        if reflectance is None:
+            return {**data, "surface_reflectance": 1.0} if data.get("surface") == "flat" else data
+        if isinstance(reflectance, int | float) and reflectance > 0:
+            if data.get("surface", "flat") == "none":
+                raise ValueError(
+                    f'surface_reflectance = {reflectance} with surface "none"; remedy: write surface = "flat"'
+                )
+            return {**data, "surface": data.get("surface", "flat")}
+        return data
+
+    @model_validator(mode="after")
+    def _lamp_is_inside(self) -> Tank:
+        self._lamp_at_half_depth()
+        for inner, outer in (("lamp_depth_m", "depth_m"), ("behind_lamp_m", "length_m")):
+            if getattr(self, inner) >= getattr(self, outer):
+                raise ValueError(
+                    f"{inner} must be less than {outer}, found {told(self, inner)} and {told(self, outer)}; "
+                    f"remedy: correct the one, or give the other"
+                )
+        return self
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Tank:
+        """A copy with other values; a lamp of unstated depth stays at half the depth."""
+        copy = super().model_copy(update=update, deep=deep)
+        copy._lamp_at_half_depth()
+        return copy
+
+    def _lamp_at_half_depth(self) -> None:
+        if "lamp_depth_m" not in self.model_fields_set:
+            self.__dict__["lamp_depth_m"] = 0.5 * self.depth_m
+
+    @property
+    def box_m(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+        """First and last x, y and z of the water, as seen from the lamp's window."""
+        half, back = 0.5 * self.width_m, self.behind_lamp_m
+        return (
+            (-half, half),
+            (self.lamp_depth_m - self.depth_m, self.lamp_depth_m),
+            (-back, self.length_m - back),
+        )

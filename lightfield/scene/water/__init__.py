@@ -1,0 +1,1 @@
+"""Inherent optical properties of water: data tables, constituents, coefficients."""

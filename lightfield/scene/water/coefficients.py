@@ -1,0 +1,144 @@
+"""Absorption and scattering coefficients of a scene's water at given wavelengths."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import switched_off
+from lightfield.scene.water.constituents import (
+    cdom_absorption_per_m,
+    chlorophyll_absorption_per_m,
+    chlorophyll_scattering_per_m,
+    sediment_absorption_per_m,
+    sediment_scattering_per_m,
+)
+from lightfield.scene.water.library import list_presets, pure_water_absorption
+from lightfield.scene.water.molecular import molecular_scattering_per_m
+from lightfield.storage.tables import read_columns
+
+if TYPE_CHECKING:
+    from lightfield.scene.water.water import Water
+
+
+def is_grey(water: Water) -> bool:
+    """Whether absorption and scattering are the same at all wavelengths.
+
+    Parameters
+    ----------
+    water : Water
+        Of a scene.
+    """
+    return switched_off(water, Acts.COLOUR)
+
+
+def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
+    """Absorption coefficient a: base + grey part + points + chlorophyll + CDOM + sediment.
+
+    Parameters
+    ----------
+    water : Water
+        Of a scene.
+    wavelength_nm : array, nm
+        Where.
+
+    Returns
+    -------
+    array, 1/m
+        Shape of `wavelength_nm`. Gradient, layer and hardening are left to the path, see `analytic`.
+
+    Raises
+    ------
+    SceneError
+        A wavelength outside the base's table.
+    """
+    w = np.asarray(wavelength_nm, dtype=float)
+    if is_grey(water):
+        return np.full(w.shape, water.absorption_per_m)
+    a = _base(water, w)[0] + water.absorption_per_m
+    if water.absorption_at:
+        known, there = zip(*water.absorption_at, strict=True)
+        a = a + np.interp(w, known, there)
+    if water.chlorophyll_mg_per_m3:
+        a = a + chlorophyll_absorption_per_m(water.chlorophyll_mg_per_m3, w)
+    if water.cdom_440_per_m:
+        a = a + cdom_absorption_per_m(water.cdom_440_per_m, water.cdom_slope_per_nm, w)
+    if water.sediment_g_per_m3:
+        a = a + sediment_absorption_per_m(water.sediment_g_per_m3, w)
+    return a
+
+
+def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
+    """Scattering coefficient b: base + grey part + the particles that come with chlorophyll + sediment.
+
+    Parameters
+    ----------
+    water : Water
+        Of a scene.
+    wavelength_nm : array, nm
+        Where.
+
+    Returns
+    -------
+    array, 1/m
+        Shape of `wavelength_nm`.
+
+    Raises
+    ------
+    SceneError
+        A wavelength outside the base's table.
+    """
+    w = np.asarray(wavelength_nm, dtype=float)
+    if is_grey(water):
+        return np.full(w.shape, water.scattering_per_m)
+    b = _base(water, w)[1] + water.scattering_per_m
+    if water.chlorophyll_mg_per_m3:
+        b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)
+    if water.sediment_g_per_m3:
+        b = b + sediment_scattering_per_m(water.sediment_g_per_m3, w)
+    return b
+
+
+def _base(water: Water, w: Array) -> tuple[Array, Array]:
+    """Absorption and scattering of the base water."""
+    if water.base == "none":
+        return np.zeros_like(w), np.zeros_like(w)
+    if water.base == "pure":
+        return _pure(w.tobytes(), w.shape, water.temperature_c, water.salinity_psu)
+    if water.base == "table":
+        known, a, b = read_columns(
+            str(water.table), ("wavelength_nm", "absorption_per_m", "scattering_per_m")
+        )
+    else:
+        preset = list_presets()[water.base]
+        known, a, b = preset.wavelength_nm, preset.absorption_per_m, preset.scattering_per_m
+    if len(known) > 1:
+        _inside(w, known, water.base)
+    return np.interp(w, known, a), np.interp(w, known, b)
+
+
+@lru_cache(maxsize=64)
+def _pure(
+    wavelengths: bytes, shape: tuple[int, ...], temperature_c: float, salinity_psu: float
+) -> tuple[Array, Array]:
+    """Remembered, because a fit asks for the same wavelengths thousands of times."""
+    w = np.frombuffer(wavelengths).reshape(shape)
+    known, absorption, gradient = pure_water_absorption()
+    _inside(w, known, "pure")
+    a = np.interp(w, known, absorption) + (temperature_c - 20.0) * np.interp(w, known, gradient)
+    return a, molecular_scattering_per_m(w, temperature_c, salinity_psu)
+
+
+def _inside(w: Array, known: Array, name: str) -> None:
+    if w.size and (w.min() < known[0] or w.max() > known[-1]):
+        raise SceneError(
+            "wavelength outside the water's table", where=f'water.base "{name}"',
+            found=f"{w.min():g} to {w.max():g} nm", rule=f"{known[0]:g} to {known[-1]:g} nm",
+            remedy="choose bands inside the table, or another base",
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Phase functions, and what a scene file may say about them."""

@@ -1,0 +1,136 @@
+"""What a scene says about the water. One field is one parameter."""
+
+from __future__ import annotations
+
+import difflib
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
+from lightfield.scene.water.library import list_presets
+from lightfield.scene.water.phase.spec import HenyeyGreenstein, PhaseSpec
+from lightfield.storage.tables import read_columns, readable
+
+Absorption = Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
+COEFFICIENTS = Acts.ABSORPTION | Acts.SCATTERING | Acts.COLOUR
+
+
+class Water(Part):
+    """Inherent optical properties: base, grey additions, constituents, non-uniformity, phase function."""
+
+    base: str = declare(
+        "none", '"none", "pure", "table" or the name of a preset', Acts.BASE | COEFFICIENTS, neutral="none"
+    )
+    absorption_per_m: float = number(
+        0.0,
+        "1/m",
+        "grey absorption, added to the base; below 0 for water clearer than its base",
+        Acts.ABSORPTION,
+        low=-100.0,
+        high=100.0,
+        neutral=0.0,
+    )
+    scattering_per_m: float = number(
+        0.0, "1/m", "grey scattering, added to the base", Acts.SCATTERING, low=0.0, high=100.0, neutral=0.0
+    )
+    table: TablePath | None = declare(
+        None,
+        'for base "table": CSV (wavelength_nm, absorption_per_m, scattering_per_m)',
+        Acts.BASE | COEFFICIENTS,
+    )
+    chlorophyll_mg_per_m3: float = number(
+        0.0, "mg/m^3", "chlorophyll", COEFFICIENTS, low=0.0, high=1000.0, neutral=0.0
+    )
+    cdom_440_per_m: float = number(
+        0.0,
+        "1/m",
+        "absorption of dissolved organic matter at 440 nm",
+        Acts.ABSORPTION | Acts.COLOUR,
+        low=0.0,
+        high=100.0,
+        neutral=0.0,
+    )
+    cdom_slope_per_nm: float = number(
+        0.014,
+        "1/nm",
+        "exponential slope of that absorption",
+        Acts.ABSORPTION | Acts.COLOUR,
+        low=0.0,
+        high=0.1,
+    )
+    sediment_g_per_m3: float = number(
+        0.0, "g/m^3", "non-algal particles", COEFFICIENTS, low=0.0, high=1e4, neutral=0.0
+    )
+    absorption_at: tuple[tuple[Nanometres, Absorption], ...] = declare(
+        (),
+        "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
+        Acts.ABSORPTION | Acts.COLOUR,
+        neutral=(),
+    )
+    temperature_c: float = number(20.0, "degC", "of the water", Acts.BASE | COEFFICIENTS, low=-2.0, high=40.0)
+    salinity_psu: float = number(
+        0.0, "1", "practical salinity", Acts.BASE | Acts.SCATTERING | Acts.COLOUR, low=0.0, high=45.0
+    )
+    gradient_per_m2: float = number(
+        0.0, "1/m^2", "absorption grows by this per metre of z", Acts.LAYERS, low=-1.0, high=1.0, neutral=0.0
+    )
+    gradient_centre_m: float = number(
+        3.25, "m", "z at which the gradient adds nothing", Acts.LAYERS, low=-100.0, high=100.0
+    )
+    layer_absorption_per_m: float = number(
+        0.0,
+        "1/m",
+        "extra absorption of a slab across the tank",
+        Acts.LAYERS,
+        low=0.0,
+        high=100.0,
+        neutral=0.0,
+    )
+    layer_centre_m: float = number(6.5, "m", "z of the slab's middle", Acts.LAYERS, low=0.0, high=1000.0)
+    layer_width_m: float = number(
+        1.0, "m", "thickness of the slab along z", Acts.LAYERS, above=0.0, high=1000.0
+    )
+    hardening_per_m: float = number(
+        0.0,
+        "1/m",
+        "q of -ln T = K r - (q r)^2 / 2 (wide band)",
+        Acts.HARDENING,
+        low=0.0,
+        high=10.0,
+        neutral=0.0,
+    )
+    phase: PhaseSpec = declare(HenyeyGreenstein(), "phase function", Acts.PHASE)
+
+    @field_validator("absorption_per_m")
+    @classmethod
+    def _only_a_base_can_be_clearer(cls, value: float, info: ValidationInfo) -> float:
+        if value < 0 and info.data.get("base") == "none":
+            raise ValueError(
+                f"found {value:g}, a number >= 0 (1/m) in water without a base; "
+                "remedy: write absorption_per_m = a value >= 0, or name a base"
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _base_is_known(self) -> Water:
+        wavelengths = [wavelength for wavelength, _ in self.absorption_at]
+        if any(b <= a for a, b in pairwise(wavelengths)):
+            raise ValueError(
+                f"wavelengths of absorption_at must rise, found {wavelengths}; "
+                "remedy: sort them, drop doubles"
+            )
+        if self.base == "table" and self.table is None:
+            raise ValueError('base "table" needs table; remedy: add table = "file.csv"')
+        if self.table is not None:
+            readable(read_columns, self.table, ("wavelength_nm", "absorption_per_m", "scattering_per_m"))
+        known = ["none", "pure", "table", *list_presets()]
+        if self.base not in known:
+            near = difflib.get_close_matches(self.base, known, n=1, cutoff=0.4)
+            raise ValueError(
+                f'base "{self.base}" is not one of {", ".join(known)}; '
+                f"remedy: {f'did you mean {near[0]}?' if near else 'choose one of them'}"
+            )
+        return self

@@ -1,0 +1,105 @@
+"""Reading small tables of numbers that a scene file names, with every bad line reported."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+
+
+def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
+    """Named columns of a CSV file; the first must rise, none may be negative.
+
+    Parameters
+    ----------
+    path : str
+        CSV file with a header line; lines that begin with # are comments.
+    columns : sequence of str
+        Column names, any order in the file; other columns are ignored.
+
+    Returns
+    -------
+    tuple of array, shape (n,)
+        One per name.
+
+    Raises
+    ------
+    SceneError
+        Missing columns, or lines that are not numbers: all at once.
+    """
+    state = os.stat(path)
+    return _read(path, tuple(columns), state.st_mtime_ns, state.st_size)
+
+
+def readable(reader: Callable[..., Any], *arguments: Any) -> None:
+    """Try to read a table while a scene is checked; its complaint becomes one of the scene's.
+
+    Parameters
+    ----------
+    reader : callable
+        Reads the table.
+    *arguments
+        For the reader.
+
+    Raises
+    ------
+    ValueError
+        With the reader's message on one line.
+    """
+    try:
+        reader(*arguments)
+    except SceneError as error:
+        raise ValueError(" | ".join(line.strip() for line in str(error).splitlines())) from error
+
+
+@lru_cache(maxsize=64)
+def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tuple[Array, ...]:
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise SceneError(
+            "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
+        ) from error
+    rows = [
+        (number, line.split(",")) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"
+    ]
+    header = [name.strip() for name in rows[0][1]] if rows else []
+    missing = [name for name in columns if name not in header]
+    if missing:
+        raise SceneError(
+            f"column {', '.join(missing)} missing", where=path, found=",".join(header),
+            rule=f"columns {', '.join(columns)}", remedy="name the columns in the first line",
+        )  # fmt: skip
+    places = [header.index(name) for name in columns]
+    problems: list[str] = []
+    values: list[list[float]] = []
+    for number, cells in rows[1:]:
+        try:
+            row = [float(cells[place]) for place in places]
+        except (ValueError, IndexError):
+            problems.append(f"line {number}: not numbers: {','.join(cells)}")
+            continue
+        if not all(math.isfinite(value) and value >= 0 for value in row):
+            problems.append(f"line {number}: negative or not finite: {','.join(cells)}")
+        elif values and row[0] <= values[-1][0]:
+            problems.append(f"line {number}: {columns[0]} must rise, {row[0]:g} after {values[-1][0]:g}")
+        values.append(row)
+    if not problems and len(values) < 2:
+        problems.append("fewer than two rows")
+    if problems:
+        raise SceneError(
+            f"{len(problems)} bad line(s) in a table", where=path, rule="numbers >= 0, first column rising",
+            remedy="correct the table", problems=problems,
+        )  # fmt: skip
+    result = tuple(np.array(column) for column in zip(*values, strict=True))
+    for column in result:
+        column.setflags(write=False)
+    return result

@@ -1,0 +1,1 @@
+"""Questions asked of a scene or of readings."""

@@ -1,0 +1,1 @@
+"""The formula against the render, and a model against readings."""

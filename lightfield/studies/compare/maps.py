@@ -1,0 +1,368 @@
+"""Render against formula: where Gaussian x inverse square x Beer-Lambert parts from the rendered light field.
+
+The render is the reference, so every relative error is (formula - render) / render. A difference counts only
+*beyond* `SIGMAS` Monte Carlo standard errors: excess = max(0, |formula - render| - SIGMAS stderr) / render.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.ndimage import gaussian_filter
+
+from lightfield.arrays import Array
+from lightfield.errors import UsageError
+from lightfield.maps.spot import Spot, smoothed, spot_shape
+from lightfield.scene import Scene
+from lightfield.scene.in_tank import ROUNDING_M, cells_inside
+
+# (scene, x, y, z, wavelength_nm) -> absolute values in the unit of the maps, shape of x
+Formula = Callable[[Scene, Array, Array, Array, float], Array]
+LEVELS = (0.05, 0.10)
+SIGMAS = 3.0
+BAND_SAMPLES = 5
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Mean over rings around the lamp's axis, each array of shape (n_rings,)."""
+
+    r_m: Array
+    render: Array
+    stderr: Array
+    formula: Array
+
+    @property
+    def excess(self) -> Array:
+        """Relative error of the formula beyond Monte Carlo error."""
+        return excess(self.render, self.stderr, self.formula)
+
+
+@dataclass(frozen=True)
+class PlaneComparison:
+    """One plane at one wavelength.
+
+    Parameters
+    ----------
+    wavelength_nm, z_m : float
+    x_m, y_m : arrays, shape (n_x,) and (n_y,), m
+    render, stderr, formula : arrays, shape (n_y, n_x), unit of the comparison
+        The formula is averaged over each cell, as the render is. NaN in cells outside the tank.
+    axis : Profile of one ring: the cells at x = y = 0
+    profile : Profile
+    render_spot, formula_spot : Spot
+    lost, lost_stderr : float
+        Part of the light on the plane that the formula lacks (negative: it has too much).
+    """
+
+    wavelength_nm: float
+    z_m: float
+    x_m: Array
+    y_m: Array
+    render: Array
+    stderr: Array
+    formula: Array
+    axis: Profile
+    profile: Profile
+    render_spot: Spot
+    formula_spot: Spot
+    lost: float
+    lost_stderr: float
+
+    @property
+    def ratio(self) -> Array:
+        """Formula over render, NaN where no light was rendered and outside the tank, shape (n_y, n_x)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.render > 0, self.formula / self.render, np.nan)
+
+    @property
+    def axis_error(self) -> float:
+        """Relative error of the formula on the axis."""
+        render, formula = self.axis.render[0], self.axis.formula[0]
+        return float(formula / render - 1) if render > 0 else float("nan")
+
+    @property
+    def axis_error_stderr(self) -> float:
+        """Monte Carlo standard error of `axis_error`."""
+        render, formula = self.axis.render[0], self.axis.formula[0]
+        return float(formula / render * self.axis.stderr[0] / render) if render > 0 else float("nan")
+
+    def excess(self) -> Array:
+        """Relative error beyond Monte Carlo error in every cell, shape (n_y, n_x)."""
+        return excess(self.render, self.stderr, self.formula)
+
+    def smooth_excess(self, width_cells: float = 1.5) -> Array:
+        """The same after averaging neighbouring cells (Gaussian), for contours that noise does not tear."""
+
+        def mean(values: Array, sigma: float) -> Array:
+            return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=6.0))
+
+        known = np.isfinite(self.render)
+        weight = np.where(known, mean(known.astype(float), width_cells), 1.0)
+        # The square of a Gaussian kernel is one of width sigma / sqrt 2 over 4 pi sigma^2.
+        narrow = mean(_finite(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)
+        formula, render = (smoothed(v, width_cells, 6.0) for v in (self.formula, self.render))
+        return excess(render, np.sqrt(narrow) / weight, formula)
+
+    def excess_on_axis(self) -> float:
+        """`smooth_excess` at x = y = 0."""
+        return float(self.smooth_excess()[np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))])
+
+    def radius_within(self, level: float) -> float:
+        """Largest radius, m, up to which every ring is within a relative error; infinite when all are."""
+        beyond = np.flatnonzero(self.profile.excess > level)
+        if beyond.size == 0:
+            return float("inf")
+        first = int(beyond[0])
+        if first == 0:
+            return 0.0
+        return float(0.5 * (self.profile.r_m[first - 1] + self.profile.r_m[first]))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain numbers for JSON and tables; what is unknown is None."""
+        numbers = {
+            "wavelength_nm": self.wavelength_nm,
+            "z_m": self.z_m,
+            "axis_render": self.axis.render[0],
+            "axis_render_stderr": self.axis.stderr[0],
+            "axis_formula": self.axis.formula[0],
+            "axis_error": self.axis_error,
+            "axis_error_stderr": self.axis_error_stderr,
+            "lost": self.lost,
+            "lost_stderr": self.lost_stderr,
+            **{f"radius_within_{100 * level:.0f}_percent_m": self.radius_within(level) for level in LEVELS},
+        }
+        for name, spot in (("render", self.render_spot), ("formula", self.formula_spot)):
+            numbers |= {
+                f"{name}_centre_x_m": spot.centre_x_m,
+                f"{name}_centre_y_m": spot.centre_y_m,
+                f"{name}_hwhm_x_m": spot.hwhm_x_m,
+                f"{name}_hwhm_y_m": spot.hwhm_y_m,
+                f"{name}_ellipticity": spot.ellipticity,
+            }
+        errors = {f"render_{name}_stderr": error for name, error in self.render_spot.stderr.items()}
+        return {name: float(v) if np.isfinite(v) else None for name, v in (numbers | errors).items()}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All planes of a rendering at all its wavelengths: wavelength by wavelength, near to far."""
+
+    scene: Scene
+    quantity: str
+    units: str
+    planes: tuple[PlaneComparison, ...]
+
+    @property
+    def wavelengths_nm(self) -> list[float]:
+        """Wavelengths, each once."""
+        return sorted({plane.wavelength_nm for plane in self.planes})
+
+    def at(self, wavelength_nm: float) -> list[PlaneComparison]:
+        """Planes at one of the wavelengths, near to far."""
+        return sorted((p for p in self.planes if p.wavelength_nm == wavelength_nm), key=lambda p: p.z_m)
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the maps, as plain values."""
+        return {
+            "scene": self.scene.name,
+            "scene_digest": self.scene.digest(),
+            "quantity": self.quantity,
+            "units": self.units,
+            "sigmas": SIGMAS,
+            "verdict": verdict(self),
+            "planes": [plane.summary() for plane in self.planes],
+        }
+
+
+def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | None = None) -> Comparison:
+    """Compare the maps of a rendering with the formula.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `lightfield.maps.dataset.to_dataset` or a file that it was written to.
+    formula : callable, optional
+        Default: the closed-form model of the scene, without any light that was scattered or reflected.
+    scene : Scene, optional
+        Default: the scene stored with the data set.
+
+    Raises
+    ------
+    UsageError
+        The data set has single positions, and no planes.
+    """
+    if "x_m" not in dataset.dims:
+        raise UsageError(
+            "these maps are of single positions, not of planes",
+            rule="render and formula are compared on planes",
+            remedy="render the scene with planes_m instead of positions_m",
+        )
+    if scene is None:
+        scene = Scene.from_toml(dataset.attrs["scene_toml"], where="scene of the data set")
+    if formula is None:
+        formula = closed_form
+    quantity = dataset.attrs["quantity"]
+    x, y = dataset.x_m.values.astype(float), dataset.y_m.values.astype(float)
+    # Asked here too: maps of before planes were clipped to the tank have cells outside it.
+    outside = cells_inside(scene.tank, x, y, *(_pitch(c) or ROUNDING_M for c in (x, y))) < 1
+    planes = []
+    for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
+        over = [wavelength]
+        if "wavelength_bounds_nm" in dataset:  # the map is a mean over the band: so is the formula
+            low, high = dataset["wavelength_bounds_nm"].values[index]
+            over = list(low + (high - low) * (np.arange(BAND_SAMPLES) + 0.5) / BAND_SAMPLES)
+        for number, z in enumerate(dataset.z_m.values.astype(float)):
+            expected = np.mean([cell_mean(formula, scene, x, y, z, w) for w in over], axis=0)
+            render, stderr = (
+                np.where(outside, np.nan, dataset[name].values[index, number])
+                for name in (quantity, f"{quantity}_stderr")
+            )
+            planes.append(compare_plane(wavelength, z, x, y, render, stderr, expected))
+    return Comparison(scene, quantity, dataset[quantity].attrs["units"], tuple(planes))
+
+
+def compare_plane(
+    wavelength_nm: float, z_m: float, x_m: Array, y_m: Array, render: Array, stderr: Array, formula: Array
+) -> PlaneComparison:
+    """Compare one map with the formula's, both of shape (n_y, n_x), where the map knows values."""
+    formula = np.where(np.isnan(render), np.nan, formula)
+    formula_spot = spot_shape(formula, x_m, y_m)
+    known = not formula_spot.problem
+    centre = (formula_spot.centre_x_m, formula_spot.centre_y_m) if known else (0.0, 0.0)
+    total, power = float(np.nansum(render)), float(np.nansum(formula))
+    total_stderr = float(np.sqrt(np.sum(_finite(stderr) ** 2)))
+    return PlaneComparison(
+        wavelength_nm=float(wavelength_nm),
+        z_m=float(z_m),
+        x_m=x_m,
+        y_m=y_m,
+        render=render,
+        stderr=stderr,
+        formula=formula,
+        axis=on_axis(render, stderr, formula, x_m, y_m),
+        profile=radial_profile(render, stderr, formula, x_m, y_m, centre),
+        render_spot=spot_shape(render, x_m, y_m, stderr),
+        formula_spot=formula_spot,
+        lost=1 - power / total if total > 0 else float("nan"),
+        lost_stderr=power / total**2 * total_stderr if total > 0 else float("nan"),
+    )
+
+
+def excess(render: Array, stderr: Array, formula: Array) -> Array:
+    """Relative error of the formula that Monte Carlo noise cannot explain; zero where no light was rendered.
+
+    NaN outside the tank.
+    """
+    beyond = np.abs(formula - render) - SIGMAS * stderr
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.maximum(beyond, 0) / render
+    return np.where(render > 0, relative, np.where(np.isnan(render), np.nan, 0.0))
+
+
+def radial_profile(
+    render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array, centre: tuple[float, float] = (0, 0)
+) -> Profile:
+    """Means over rings one pixel wide that lie wholly on the plane and in the tank.
+
+    Errors of different cells are taken as independent: a photon rarely meets a plane twice.
+    """
+    radius = np.hypot(*np.meshgrid(x_m - centre[0], y_m - centre[1]))
+    pitch = _pitch(x_m) or 1.0
+    # Rounding, not flooring: with cells on a centred grid no cell then lies on the border of two rings.
+    ring = np.round(radius / pitch).astype(int)
+    reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
+    known = np.isfinite(render)
+    rings = max(1, min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1))))
+    inside = (ring < rings) & known
+    count = np.bincount(ring[inside], minlength=rings)
+    used = count > 0
+
+    def mean(values: Array) -> Array:
+        return np.bincount(ring[inside], values[inside], minlength=rings)[used] / count[used]
+
+    error = np.sqrt(mean(_finite(stderr) ** 2) / count[used])
+    # A ring in which no cell ever counted a photon has an unknown, not a vanishing, error.
+    silent = mean(np.isfinite(stderr).astype(float)) == 0
+    return Profile(mean(radius), mean(render), np.where(silent, np.inf, error), mean(formula))
+
+
+def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array) -> Profile:
+    """Mean of the cell, or the equally near cells, at x = y = 0."""
+    radius = np.hypot(*np.meshgrid(x_m, y_m))
+    near = radius <= radius.min() * (1 + 1e-6) + 1e-12
+    error = np.sqrt(np.sum(stderr[near] ** 2)) / near.sum()
+    return Profile(
+        radius[near][:1],
+        render[near].mean(keepdims=True),
+        np.array([error]),
+        formula[near].mean(keepdims=True),
+    )
+
+
+def cell_mean(
+    formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, wavelength_nm: float
+) -> Array:
+    """The formula averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_y, n_x)."""
+    half_x, half_y = (0.5 * _pitch(c) for c in (x_m, y_m))
+    total = np.zeros((y_m.size, x_m.size))
+    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
+        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
+            x, y = np.meshgrid(x_m + u * half_x, y_m + v * half_y)
+            total += 0.25 * wu * wv * formula(scene, x, y, np.full_like(x, z_m), wavelength_nm)
+    return total
+
+
+def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, wavelength_nm: float) -> Array:
+    """The closed-form model in absolute units, W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)."""
+    from lightfield.formula.field import direct_field
+    from lightfield.scene.lamp.profile import solid_angle_sr
+    from lightfield.scene.lamp.spectrum import spectral_power
+
+    power = float(np.ravel(spectral_power(scene.lamp, np.array([wavelength_nm])))[0])
+    intensity = power if scene.lamp.profile == "pencil" else power / float(solid_angle_sr(scene.lamp))
+    field = direct_field(scene, x_m.ravel(), y_m.ravel(), z_m.ravel(), wavelength_nm=wavelength_nm)
+    return intensity * np.asarray(field, float).reshape(x_m.shape)
+
+
+def verdict(comparison: Comparison) -> str:
+    """One plain sentence: how much light the formula loses, and up to where it can be trusted."""
+    planes = comparison.at(comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2])
+    first, last = planes[0], planes[-1]
+    lost = f"Of the light on the plane the formula loses {_percent(first.lost)} at {first.z_m:g} m"
+    if last is not first:
+        lost += f" and {_percent(last.lost)} at {last.z_m:g} m"
+    good = [p for p in planes if p.excess_on_axis() <= LEVELS[0]]
+    if len(good) == len(planes):
+        where = "on the axis it is within 5 % on every plane"
+    elif not good:
+        where = "on the axis it is more than 5 % off on every plane"
+    else:
+        where = "on the axis it is within 5 % at " + ", ".join(f"{p.z_m:g}" for p in good) + " m only"
+    radius = last.radius_within(LEVELS[1])
+    if np.isinf(radius):
+        off = f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
+    elif radius == 0:
+        off = f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
+    else:
+        off = f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
+    return f"{lost}; {where}; {off}."
+
+
+def _pitch(centres: Array) -> float:
+    """Size of evenly spaced cells, m; 0 for one alone."""
+    return float(np.median(np.diff(centres))) if centres.size > 1 else 0.0
+
+
+def _percent(part: float) -> str:
+    percent = 100 * part
+    return f"{percent:.1f} %" if abs(percent) < 10 else f"{percent:.0f} %"
+
+
+def _finite(stderr: Array) -> Array:
+    return np.where(np.isfinite(stderr), stderr, 0.0)

@@ -1,0 +1,151 @@
+"""Up to which range can the formula be trusted, in which water, with which receiver?
+
+On the axis of the lamp in unbounded water, Gaussian x inverse square x Beer-Lambert is compared with the
+render over optical thickness c z and single-scattering albedo b / c. Only ratios matter. The grid is computed
+as a sweep (`lightfield.studies.regime_sweep`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.arrays import Array
+from lightfield.studies.compare.maps import SIGMAS
+
+OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
+ALBEDOS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95)
+RECEIVERS: dict[str, dict[str, Any]] = {
+    "irradiance": {"quantity": "irradiance"},
+    "2 degree collimator": {"quantity": "radiance", "full_angle_deg": 2.0, "aim": "axis"},
+}
+LEVELS = (0.05, 0.10, 0.25)
+DISTANCE_M, CELL_M = 5.0, 0.1
+
+
+@dataclass(frozen=True)
+class Point:
+    """Render and formula on the axis, in any common unit."""
+
+    render: float
+    stderr: float
+    formula: float
+
+
+# (optical depth c z, albedo b / c, name of the receiver) -> Point
+Evaluate = Callable[[float, float, str], Point]
+
+
+def regime_map(
+    evaluate: Evaluate,
+    optical_depths: Sequence[float] = OPTICAL_DEPTHS,
+    albedos: Sequence[float] = ALBEDOS,
+    receivers: Sequence[str] = tuple(RECEIVERS),
+) -> xr.Dataset:
+    """Relative error of the formula over a grid.
+
+    Parameters
+    ----------
+    evaluate : callable
+        (optical depth, albedo, receiver) to a `Point`.
+    optical_depths, albedos : sequence of float
+        c z and b / c.
+    receivers : sequence of str
+
+    Returns
+    -------
+    xarray.Dataset
+        `formula_error` and `formula_error_stderr`, dimensions (receiver, albedo, optical_depth).
+    """
+    shape = (len(receivers), len(albedos), len(optical_depths))
+    error, stderr = np.full(shape, np.nan), np.full(shape, np.nan)
+    for i, receiver in enumerate(receivers):
+        for j, albedo in enumerate(albedos):
+            for k, depth in enumerate(optical_depths):
+                point = evaluate(depth, albedo, receiver)
+                if point.render > 0:
+                    ratio = point.formula / point.render
+                    error[i, j, k], stderr[i, j, k] = ratio - 1, ratio * point.stderr / point.render
+    dims = ("receiver", "albedo", "optical_depth")
+    return xr.Dataset(
+        {
+            "formula_error": (dims, error, {"units": "1", "long_name": "formula / render - 1 on the axis"}),
+            "formula_error_stderr": (dims, stderr, {"units": "1", "long_name": "Monte Carlo standard error"}),
+        },
+        coords={
+            "receiver": list(receivers),
+            "albedo": ("albedo", np.asarray(albedos, float), {"long_name": "single-scattering albedo b / c"}),
+            "optical_depth": ("optical_depth", np.asarray(optical_depths, float), {"long_name": "c z"}),
+        },
+    )
+
+
+def reach(optical_depth: Array, error: Array, level: float) -> float:
+    """Largest optical depth up to which the error stays within a level, interpolated between points.
+
+    Parameters
+    ----------
+    optical_depth, error : arrays, shape (n,)
+    level : float
+
+    Returns
+    -------
+    float
+        Infinite when it is never exceeded, NaN when already the first point exceeds it.
+    """
+    size = np.abs(error)
+    beyond = np.flatnonzero(~(size <= level))
+    if beyond.size == 0:
+        return float("inf")
+    k = int(beyond[0])
+    if k == 0:
+        return float("nan")
+    if not np.isfinite(size[k]):
+        return float(optical_depth[k - 1])
+    # Logarithms of both: for thin water the error is proportional to the thickness.
+    low, high = np.log(np.maximum(size[k - 1 : k + 1], 1e-12))
+    share = (np.log(level) - low) / (high - low)
+    return float(np.exp(np.interp(share, [0, 1], np.log(optical_depth[k - 1 : k + 1]))))
+
+
+def undecided(dataset: xr.Dataset) -> Array:
+    """Points whose class Monte Carlo noise leaves open, shape of `formula_error`."""
+    size, noise = np.abs(dataset.formula_error.values), SIGMAS * dataset.formula_error_stderr.values
+    return np.any([np.abs(size - level) < noise for level in LEVELS], axis=0)
+
+
+def rows(dataset: xr.Dataset) -> list[list[str]]:
+    """Table: receiver, albedo, and the optical depth reached within 5, 10 and 25 %."""
+    depth = dataset.optical_depth.values
+    table = []
+    for receiver in dataset.receiver.values:
+        for albedo in dataset.albedo.values:
+            error = dataset.formula_error.sel(receiver=receiver, albedo=albedo).values
+            table.append(
+                [str(receiver), f"{albedo:g}", *(_reach_text(depth, error, level) for level in LEVELS)]
+            )
+    return table
+
+
+def verdict(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
+    """One sentence for the water of a typical albedo."""
+    nearest = float(dataset.albedo.sel(albedo=albedo, method="nearest"))
+    depth = dataset.optical_depth.values
+    parts = []
+    for receiver in dataset.receiver.values:
+        error = dataset.formula_error.sel(receiver=receiver, albedo=nearest).values
+        parts.append(f"c z = {_reach_text(depth, error, level)} ({receiver})")
+    return (
+        f"In water of albedo {nearest:g} the formula is within {100 * level:g} % up to {' and '.join(parts)}."
+    )
+
+
+def _reach_text(depth: Array, error: Array, level: float) -> str:
+    found = reach(depth, error, level)
+    if np.isinf(found):
+        return f"> {depth[-1]:g}"
+    return f"< {depth[0]:g}" if np.isnan(found) else f"{found:.2g}"

@@ -1,1 +1,0 @@
-"""Inherent optical properties of water: data tables, constituents, phase functions."""

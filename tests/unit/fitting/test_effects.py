@@ -1,0 +1,148 @@
+"""The table of effects is data about the scene: entries name what exists and say all they must."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from lightfield.errors import UsageError
+from lightfield.fitting import effects
+from lightfield.fitting.effects import Effect, Form, Free, registry
+from lightfield.fitting.forward import has_diffuse_light
+from lightfield.scene import Scene
+
+WITH_TANK = Scene.from_dict({"tank": {}})
+REQUIRED = set(
+    [
+        "apparent_source",
+        "beam_offset",
+        "beam_tilt",
+        "beam_shape",
+        "beam_skirt",
+        "beam_ellipticity",
+        "lamp_drift",
+        "scattering",
+        "water_gradient",
+        "spectral_hardening",
+        "cdom",
+        "chlorophyll",
+        "sediment",
+        "wall_reflection",
+        "surface_reflection",
+        "background",
+        "saturation",
+        "acceptance",
+        "detector_tilt",
+        "window_refraction",
+    ]
+)
+
+
+@pytest.fixture
+def fresh_table():
+    effects.table.cache_clear()
+    yield
+    effects.table.cache_clear()
+
+
+def third_party(monkeypatch: pytest.MonkeyPatch, value: object) -> None:
+    class Fake(EntryPoint):
+        def load(self):
+            return value
+
+    point = Fake("mine", "mine:EFFECT", effects.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+
+
+def test_all_effects_are_there() -> None:
+    assert set(effects.table()) >= REQUIRED
+
+
+def test_effects_free_parameters_of_the_scene() -> None:
+    known = WITH_TANK.parameters()
+    for effect in effects.table().values():
+        for path in effect.paths:
+            assert path in known, (effect.name, path)
+
+
+def test_amplitudes_are_neutral_in_a_plain_scene() -> None:
+    """An amplitude starts where the scene's own description says that the effect is off."""
+    known = WITH_TANK.parameters()
+    for effect in effects.table().values():
+        for form in effect.forms:
+            for free in form.amplitudes:
+                assert known[free.path].neutral == WITH_TANK.get(free.path), (effect.name, free.path)
+
+
+def test_every_effect_says_how_to_check_it() -> None:
+    for effect in effects.table().values():
+        for text in (effect.physics, effect.signature, effect.laboratory):
+            assert text.endswith(".") and len(text) > 20, effect.name
+
+
+def test_second_forms_exist_where_nature_has_two() -> None:
+    """Linear drift or warm-up, gradient or layer, two kinds of saturation."""
+    for name in ("lamp_drift", "water_gradient", "saturation"):
+        assert len(effects.get(name).forms) == 2
+
+
+def test_a_package_can_add_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_table: None) -> None:
+    mine = Effect(
+        "power_error", "source", (Form("factor", (Free("lamp.power_w", 1.0, 100.0, 1.0),)),), "P.", "S.", "L."
+    )
+    third_party(monkeypatch, lambda: [mine])
+    assert effects.get("power_error") is mine
+
+
+def test_a_package_cannot_replace_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_table: None) -> None:
+    third_party(monkeypatch, effects.get("background"))
+    effects.table.cache_clear()
+    with pytest.raises(UsageError, match="two effects have one name"):
+        effects.table()
+
+
+def test_a_package_that_gives_something_else_is_named(
+    monkeypatch: pytest.MonkeyPatch, fresh_table: None
+) -> None:
+    third_party(monkeypatch, [42])
+    with pytest.raises(UsageError, match="mine:EFFECT"):
+        effects.table()
+
+
+def test_a_package_that_fails_or_mistypes_a_path_is_named(
+    monkeypatch: pytest.MonkeyPatch, fresh_table: None
+) -> None:
+    def broken() -> None:
+        raise ModuleNotFoundError("No module named 'gone'")
+
+    third_party(monkeypatch, broken)
+    with pytest.raises(UsageError, match=r"mine:EFFECT.*No module named"):
+        effects.table()
+    third_party(
+        monkeypatch, Effect("odd", "source", (Form("f", (Free("lamp.hwhm_dge", 1.0, 9.0, 1.0),)),), *"PSL")
+    )
+    with pytest.raises(UsageError, match=r"odd frees a parameter.*did you mean lamp\.hwhm_deg"):
+        effects.table()
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="beam_tilt"):
+        effects.get("beam_tlit")
+    with pytest.raises(UsageError, match="linear in z, layer"):
+        effects.get_form("water_gradient:lair")
+
+
+def test_diffuse_light_is_not_combined_with_what_needs_directions() -> None:
+    assert not effects.get("acceptance").combines_with(effects.get("scattering"))
+    assert effects.get("background").combines_with(effects.get("scattering"))
+
+
+def test_what_makes_scattered_or_reflected_light_says_so() -> None:
+    """Only then is an explanation judged under the errors of that light."""
+    for effect in effects.table().values():
+        for form in effect.forms:
+            lit = {free.path: free.typical for free in form.amplitudes}
+            assert has_diffuse_light(WITH_TANK.with_values(lit, validate=False)) == effect.diffuse, (
+                effect.name
+            )

@@ -1,0 +1,77 @@
+"""Readings and their errors put together from light in several colours, in water and in air."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+COLOURS = (450.0, 550.0, 650.0)
+
+
+class Glow:
+    """Diffuse light of as many m^-2 as its wavelength in nm has hundreds; 1 % and 2 % of it are errors."""
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        return np.array([np.full(6, (w or 0.0) / 100) for w in wavelengths_nm])
+
+    def errors(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        mine = self.light(scene, wavelengths_nm)[channel, np.arange(6)]
+        return np.diag(0.01 * mine), 0.02 * mine
+
+    def with_denser(self, other: Glow) -> Glow:
+        return self
+
+
+def table() -> Readings:
+    return Readings.from_arrays(
+        x_m=np.zeros(6), y_m=np.zeros(6), z_m=np.full(6, 5.0), value=np.ones(6),
+        stderr=np.full(6, 0.01), time_s=60.0 * np.arange(6),
+        wavelength_nm=np.array([650.0, 450.0, 550.0, 450.0, 650.0, 550.0]),
+        medium=np.array(["water", "water", "air", "air", "water", "water"]), quantity="irradiance",
+    )  # fmt: skip
+
+
+def glowing(asked: list[dict[str, Any]] | None = None) -> SceneForward:
+    def source(scene: Scene, *places: np.ndarray, **options: Any) -> Glow:
+        if asked is not None:
+            asked.append(options)
+        return Glow()
+
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1}})
+    return SceneForward(scene, table(), source)
+
+
+def test_every_reading_has_the_light_and_the_error_of_its_own_colour() -> None:
+    """Gains 2, 3 and 4 for the three colours; nothing scatters in air."""
+    forward = glowing()
+    gains = dict(zip(forward.gain_names, (2.0, 3.0, 4.0), strict=True))
+    dark = SceneForward(forward.scene, table())
+    more = forward.predict(gains) - dark.predict(gains)
+    expected = np.array([4 * 6.5, 2 * 4.5, 0.0, 0.0, 4 * 6.5, 3 * 5.5])
+    assert more == pytest.approx(expected, rel=1e-9)
+    modes, smooth = forward.errors(gains)
+    assert np.linalg.norm(modes, axis=1) == pytest.approx(0.01 * expected)
+    assert smooth == pytest.approx(0.02 * expected)
+
+
+def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:
+    """The share goes to the source, and with a source that has a budget of its own it is a share of that."""
+    asked: list[dict[str, Any]] = []
+    there = {name: np.zeros(6) for name in ("x_m", "y_m")} | {"z_m": np.full(6, 4.0)}
+    for share in (1.0, 0.25):
+        glowing(asked).at(share, **there).predict({})
+    assert asked == [{}, {"share": 0.25}]
+    forward = glowing(asked)
+    forward._source = partial(forward._source, photons=1000)
+    forward.at(0.25, **there).predict({})
+    assert asked[-1] == {"photons": 1000, "share": 0.25}

@@ -1,0 +1,115 @@
+"""The data set of a rendering keeps numbers, units and provenance through NetCDF and EXR."""
+
+import json
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from lightfield.errors import OutputError
+from lightfield.maps.dataset import plane_image, read_netcdf, to_dataset, write_exr_planes, write_netcdf
+from lightfield.maps.exr import read_spectral_exr
+from lightfield.scene import Scene
+
+
+@pytest.fixture
+def dataset(make):
+    return to_dataset(make(pixels=9, glow=1e-4, lamp__offset_x_m=0.2))
+
+
+def test_every_map_has_unit_error_and_named_axes(dataset):
+    assert dict(dataset.sizes) == {"wavelength_nm": 1, "z_m": 3, "y_m": 9, "x_m": 9, "bound": 2}
+    for name in ("irradiance", "irradiance_direct", "irradiance_diffuse"):
+        assert dataset[name].attrs["units"] == "W m-2 nm-1"
+        assert dataset[name].attrs["ancillary_variables"] == f"{name}_stderr"
+        assert (dataset[f"{name}_stderr"] > 0).all()
+    for name in ("x_m", "y_m", "z_m", "wavelength_nm"):
+        assert dataset[name].attrs["units"] in ("m", "nm")
+
+
+def test_band_averages_say_their_band(dataset):
+    np.testing.assert_array_equal(dataset.wavelength_nm, [525])
+    np.testing.assert_array_equal(dataset.wavelength_bounds_nm, [[500, 550]])
+    assert dataset.wavelength_nm.attrs["bounds"] == "wavelength_bounds_nm"
+
+
+def test_provenance_brings_the_scene_back(dataset):
+    attrs = dataset.attrs
+    again = Scene.from_toml(attrs["scene_toml"])
+    assert again.digest() == attrs["scene_digest"]
+    assert (attrs["seed"], attrs["photons"]) == (3, 5_000_000_000)
+    assert attrs["energy_absorbed"] == 0.011
+    assert attrs["Conventions"].startswith("CF-")
+
+
+def test_netcdf_returns_the_same_data_set(dataset, tmp_path):
+    xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)
+
+
+def test_netcdf_is_readable_without_xarray(dataset, tmp_path):
+    with netCDF4.Dataset(write_netcdf(dataset, tmp_path / "maps.nc")) as file:
+        assert file.variables["irradiance"].dimensions == ("wavelength_nm", "z_m", "y_m", "x_m")
+        np.testing.assert_array_equal(file.variables["irradiance"][:], dataset.irradiance.values)
+
+
+def test_one_exr_per_plane_with_the_numbers_of_the_data_set(dataset, tmp_path):
+    files = write_exr_planes(dataset, tmp_path)
+    assert [f.name for f in files] == [f"irradiance_z{z:.3f}m.exr" for z in (4.5, 6.5, 8.5)]
+    image = read_spectral_exr(files[1])
+    np.testing.assert_array_equal(image.value, dataset.irradiance.values[:, 1].astype(np.float32))
+    np.testing.assert_array_equal(image.stderr, dataset.irradiance_stderr.values[:, 1].astype(np.float32))
+    np.testing.assert_allclose(image.x_m, dataset.x_m, atol=1e-12)
+    assert image.z_m == 6.5
+    assert image.units == "W.m^-2.nm^-1"
+    # The lamp stands at +x: so does the light, in memory and in the file.
+    assert image.x_m[np.unravel_index(image.value[0].argmax(), (9, 9))[1]] > 0
+
+
+def test_exr_says_lamp_water_seed_and_error(dataset):
+    attributes = plane_image(dataset, 0).attributes
+    assert json.loads(attributes["lamp"])["hwhm_deg"] == 3.81
+    assert json.loads(attributes["water"])["absorption_per_m"] == 0.1
+    assert attributes["seed"] == 3
+    assert attributes["monte_carlo_relative_error"] == 0.01
+    assert attributes["quantity"] == "irradiance"
+
+
+def test_foreign_and_broken_files_are_one_clear_error(tmp_path):
+    (tmp_path / "text.nc").write_text("no data set")
+    with pytest.raises(OutputError, match=r"text\.nc: cannot read this as a data set"):
+        read_netcdf(tmp_path / "text.nc")
+    with pytest.raises(OutputError, match="cannot read"):
+        read_netcdf(tmp_path / "missing.nc")
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(OutputError, match="not a rendering"):
+        read_netcdf(tmp_path / "other.nc")
+
+
+def test_a_failed_write_leaves_nothing(dataset, tmp_path):
+    blocked = tmp_path / "maps.nc"
+    blocked.mkdir()
+    with pytest.raises(OutputError, match="cannot replace"):
+        write_netcdf(dataset, blocked)
+    assert [p.name for p in tmp_path.iterdir()] == ["maps.nc"]
+
+
+def test_single_positions_keep_their_coordinates(make, tmp_path):
+    """Maps of listed positions come as one value per occupied cell, in the order of the grid."""
+    rendering = make(pixels=3)
+    occupied = np.zeros((3, 3, 3), bool)
+    occupied[0, 1, 1] = occupied[2, 1, 2] = True
+    rendering.grid.occupied = occupied
+    full = rendering.maps
+
+    class AtPositions:
+        scene, grid = rendering.scene, rendering.grid
+
+        def maps(self, wavelengths_nm=None, part="all"):
+            return tuple(values[:, occupied] for values in full(wavelengths_nm, part))
+
+    dataset = to_dataset(AtPositions())
+    assert dataset.irradiance.dims == ("wavelength_nm", "position")
+    np.testing.assert_allclose(dataset.z_m, [4.5, 8.5])
+    np.testing.assert_allclose(dataset.x_m, [0, 2 / 3], atol=1e-12)
+    xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)

@@ -1,0 +1,152 @@
+"""Spectral EXR: independent readers see the same numbers in the right place.
+
+Layout: Fichet, Pacanowski & Wilkie (2021), JCGT 10(3). The pattern is asymmetric in x, in y and in
+wavelength, so that any flip, transposition or mixed-up channel is noticed.
+"""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from lightfield.errors import OutputError
+from lightfield.maps.colour import colour_matching
+from lightfield.maps.exr import SpectralImage, channel_name, read_spectral_exr, write_spectral_exr
+
+WAVELENGTHS = np.array([95.5, 500.0, 525.0, 1000.0])  # alphabetical order of the channels is another one
+X, Y = np.array([-0.75, -0.25, 0.25, 0.75, 1.25]), np.array([-0.2, 0.0, 0.2])
+
+
+def pattern() -> np.ndarray:
+    """A number that tells its wavelength, row (upwards) and column (towards +x): 1, 0.1 and 0.01 per step."""
+    k, j, i = np.meshgrid(np.arange(4), np.arange(3), np.arange(5), indexing="ij")
+    return 1e-6 * (1 + k + 0.1 * j + 0.01 * i)
+
+
+@pytest.fixture
+def image():
+    return SpectralImage(
+        WAVELENGTHS, pattern(), 0.01 * pattern(), X, Y, 4.5,
+        response={525.0: ([500.0, 550.0], [1.0, 1.0])},
+        attributes={"quantity": "irradiance", "seed": 7, "photons": 3 * 10**9, "mc": 0.1},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def file(tmp_path, image):
+    return write_spectral_exr(tmp_path / "plane.exr", image)
+
+
+def test_channel_names_have_a_decimal_comma_and_six_decimals():
+    assert channel_name(525) == "S0.525,000000nm"
+    assert channel_name(95.5) == "S0.95,500000nm"
+
+
+def test_own_reader_returns_what_was_written(file, image):
+    back = read_spectral_exr(file)
+    np.testing.assert_array_equal(back.wavelength_nm, WAVELENGTHS)
+    np.testing.assert_array_equal(back.value, image.value.astype(np.float32))
+    np.testing.assert_array_equal(back.stderr, image.stderr.astype(np.float32))
+    np.testing.assert_allclose(back.x_m, X, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(back.y_m, Y, rtol=0, atol=1e-12)
+    assert (back.z_m, back.units) == (4.5, "W.m^-2.nm^-1")
+    assert back.response == {525.0: ([500.0, 550.0], [1.0, 1.0])}
+    assert back.attributes == {"quantity": "irradiance", "seed": 7, "photons": "3000000000", "mc": 0.1}
+
+
+def test_openexr_sees_the_top_row_first_and_the_layout_header(file):
+    with OpenEXR.File(str(file), separate_channels=True) as opened:
+        header, channels = dict(opened.header()), opened.channels()
+        top_left = channels["S0.525,000000nm"].pixels[0, 0]
+        bottom_right = channels["S0.525,000000nm"].pixels[-1, -1]
+        assert channels["S0.525,000000nm"].pixels.dtype == np.float32
+        assert channels["stderr.S0.525,000000nm"].pixels[0, 0] == np.float32(0.01 * 3.2e-6)
+        assert {"R", "G", "B"} <= set(channels)
+    assert top_left == np.float32(1e-6 * (1 + 2 + 0.2)), "top left is +y, -x"
+    assert bottom_right == np.float32(1e-6 * (1 + 2 + 0.04)), "bottom right is -y, +x"
+    assert header["spectralLayoutVersion"] == "1.0"
+    assert header["emissiveUnits"] == "W.m^-2.nm^-1"
+    assert header["S0.525,000000nm"] == "500nm:1;550nm:1;"
+
+
+def test_mitsuba_reads_the_same_numbers(file):
+    # A process of its own: the variant of Mitsuba is global, and scalar_rgb needs no LLVM.
+    code = (
+        "import sys, json, mitsuba as mi, numpy as np; mi.set_variant('scalar_rgb');"
+        "b = mi.Bitmap(sys.argv[1]);"
+        "names = [f.name for f in b.struct_()]; a = np.array(b);"
+        "print(json.dumps({n: a[:, :, i].tolist() for i, n in enumerate(names)}))"
+    )
+    run = subprocess.run([sys.executable, "-c", code, str(file)], capture_output=True, text=True, check=True)
+    channels = json.loads(run.stdout.splitlines()[-1])
+    for index, wavelength in enumerate(WAVELENGTHS):
+        expected = pattern()[index, ::-1].astype(np.float32)
+        np.testing.assert_array_equal(np.float32(channels[channel_name(wavelength)]), expected)
+
+
+def test_colour_science_reads_the_same_spectrum(file):
+    pytest.importorskip("OpenImageIO", reason="colour-science reads EXR through OpenImageIO")
+    colour = pytest.importorskip("colour")
+    components, specification = colour.read_spectral_image_Fichet2021(str(file), additional_data=True)
+    wavelengths, values = components["S0"]
+    order = np.argsort(wavelengths)
+    np.testing.assert_allclose(wavelengths[order], WAVELENGTHS)
+    np.testing.assert_array_equal(
+        np.moveaxis(values[:, :, order], -1, 0), pattern()[:, ::-1].astype(np.float32)
+    )
+    assert specification.is_emissive
+    assert set(components) == {"S0"}, "error channels are no Stokes component"
+
+
+def test_preview_shows_525_nm_green_and_keeps_the_orientation(tmp_path):
+    value = np.zeros((1, 3, 5))
+    value[0, 2, 4] = 2e-7  # top right
+    path = write_spectral_exr(tmp_path / "p.exr", SpectralImage(np.array([525.0]), value, None, X, Y, 1.0))
+    with OpenEXR.File(str(path)) as opened:
+        rgb = opened.channels()["RGB"].pixels
+    assert np.unravel_index(rgb.sum(axis=2).argmax(), (3, 5)) == (0, 4)
+    assert rgb[0, 4].argmax() == 1
+    assert rgb.max() == 1
+
+
+def test_colour_matching_follows_the_cie_table():
+    # CIE 1931 y at 555 nm = 1.000, x at 600 nm = 1.0622, z at 450 nm = 1.7721; the fits are good to 1 %.
+    xyz = colour_matching(np.array([555.0, 600.0, 450.0]))
+    np.testing.assert_allclose([xyz[0, 1], xyz[1, 0], xyz[2, 2]], [1.0, 1.0622, 1.7721], rtol=0.02)
+
+
+def test_unknown_error_stays_infinite_and_unknown_value_is_refused(tmp_path, image):
+    endless = SpectralImage(WAVELENGTHS, pattern(), np.full((4, 3, 5), np.inf), X, Y, 1.0)
+    assert np.isinf(read_spectral_exr(write_spectral_exr(tmp_path / "a.exr", endless)).stderr).all()
+    broken = pattern()
+    broken[1, 1, 1] = np.nan
+    with pytest.raises(OutputError, match=r"b\.exr: value has 1 values"):
+        write_spectral_exr(tmp_path / "b.exr", SpectralImage(WAVELENGTHS, broken, None, X, Y, 1.0))
+    assert [p.name for p in tmp_path.iterdir()] == ["a.exr"], "nothing half-written stays"
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", bytes.fromhex("762f3101") + bytes(40)])
+def test_a_broken_file_is_one_clear_error(tmp_path, content):
+    path = tmp_path / "broken.exr"
+    path.write_bytes(content)
+    with pytest.raises(OutputError, match=r"broken\.exr: cannot read this as an EXR image"):
+        read_spectral_exr(path)
+
+
+def test_an_ordinary_exr_is_not_taken_for_a_spectral_one(tmp_path):
+    path = tmp_path / "rgb.exr"
+    OpenEXR.File({}, {"RGB": np.zeros((2, 2, 3), "f")}).write(str(path))
+    with pytest.raises(OutputError, match="not a spectral image"):
+        read_spectral_exr(path)
+
+
+def test_repeated_wavelength_and_wrong_shape_are_refused(tmp_path):
+    with pytest.raises(OutputError, match="same wavelength"):
+        write_spectral_exr(
+            tmp_path / "a.exr", SpectralImage(np.array([5.0, 5.0]), pattern()[:2], None, X, Y, 1.0)
+        )
+    with pytest.raises(OutputError, match="wrong shape"):
+        write_spectral_exr(tmp_path / "a.exr", SpectralImage(np.array([5.0]), pattern(), None, X, Y, 1.0))

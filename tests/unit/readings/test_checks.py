@@ -1,0 +1,199 @@
+"""What a scene refuses, and which layouts are said to make a diagnosis blind."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lightfield.errors import MeasurementError
+from lightfield.readings import Readings
+
+TANK = SimpleNamespace(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
+
+
+def scene(tank=TANK, bands=((500, 550),), quantity="irradiance"):
+    return SimpleNamespace(tank=tank, detector=SimpleNamespace(bands_nm=bands, quantity=quantity))
+
+
+def readings(**given) -> Readings:
+    return Readings.from_arrays(**{"z_m": [4.5, 5.5], "value": [1.0, 0.5], **given})
+
+
+# --- against a scene: tank x = -1.83..1.83, y = -1.44 (floor)..1 (surface), z up to 11.5 m
+
+
+def test_the_scenes_single_band_and_quantity_are_filled_in():
+    fitted = readings().check_against(scene())
+    assert fitted.wavelength_nm.tolist() == [525, 525]
+    assert fitted.quantity == "irradiance"
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"x_m": [0, 1.84]}, "x_m is outside the tank"),
+        ({"x_m": [0, -1.84]}, "x_m is outside the tank"),
+        ({"y_m": [0, 1.01]}, "y_m is outside the tank"),
+        ({"y_m": [0, -1.45]}, "y_m is outside the tank"),
+        ({"z_m": [4.5, 11.6]}, "z_m is outside the tank"),
+        ({"wavelength_nm": [525, 560]}, "outside the scene's bands"),
+    ],
+)
+def test_what_does_not_fit_names_the_reading(given, word):
+    with pytest.raises(MeasurementError, match=f"reading 2: .*{word}"):
+        readings(**given).check_against(scene())
+
+
+def test_corners_of_the_tank_belong_to_it():
+    readings(x_m=[1.83, -1.83], y_m=[1.0, -1.44], z_m=[11.5, 0.1]).check_against(scene())
+
+
+def test_unbounded_water_and_air_have_no_walls():
+    readings(x_m=[0, 50]).check_against(scene(tank=None))
+    readings(x_m=[0, 50], medium=["water", "air"]).check_against(scene())
+
+
+def test_another_quantity_is_refused():
+    with pytest.raises(MeasurementError, match="another quantity"):
+        readings(quantity="radiance").check_against(scene())
+
+
+def test_with_several_bands_each_reading_must_say_its_own():
+    bands = ((500, 550), (600, 620))
+    assert readings(wavelength_nm=[525, 610]).check_against(scene(bands=bands)).wavelength_nm.tolist() == [
+        525,
+        610,
+    ]
+    with pytest.raises(MeasurementError, match="reading 2: no wavelength"):
+        readings(wavelength_nm=[525, np.nan]).check_against(scene(bands=bands))
+
+
+def test_problems_of_file_and_scene_come_together_with_lines(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("z_m,value,x_m\n1,2,0\n1.5,nan,0\n2,2,7\n")
+    with pytest.raises(MeasurementError) as caught:
+        Readings.load(path, scene())
+    assert [line.split(":")[0] for line in caught.value.problems] == ["line 3", "line 4"]
+
+
+# --- blindness
+
+
+def good(**changes) -> Readings:
+    """Five planes, both sides, random order, repeats, two exposures, errors, a budget: nothing to warn of."""
+    z, x = (a.ravel() for a in np.meshgrid([4.5, 5.5, 6.5, 7.5, 8.5], [-0.4, 0.0, 0.4], indexing="ij"))
+    z, x = np.r_[z, 4.5, 4.5], np.r_[x, 0.0, 0.0]
+    order = np.random.default_rng(1).permutation(len(z))
+    given = {
+        "z_m": z,
+        "x_m": x,
+        "value": 1 / z**2,
+        "stderr": 0.001,
+        "time_s": 20.0 * order,
+        "integration_time_s": np.where(z > 6, 0.2, 0.1),
+        "plane_gain_percent": 0.2,
+        "position_mm": 1.0,
+    }
+    return Readings.from_arrays(**{**given, **changes})
+
+
+def codes(table: Readings) -> set[str]:
+    return {warning.code for warning in table.warnings}
+
+
+def test_a_good_layout_has_no_warning():
+    assert codes(good()) == set()
+
+
+def test_each_blindness_is_told_alone_and_with_its_remedy():
+    n = len(good())
+    cases = {
+        "scan_order": {"time_s": np.argsort(np.argsort(good().z_m, kind="stable")) * 20.0},
+        "x_one_side": {"x_m": np.abs(good().x_m) + np.arange(n) * 0.0, "repeat": np.arange(n)},
+        "on_axis_only": {"x_m": 0.0},
+        "constant_integration_time": {"integration_time_s": 0.1},
+        "no_stderr": {"stderr": np.nan},
+        "no_error_budget": {"position_mm": None},
+        "no_time": {"time_s": np.nan, "repeat": np.arange(n)},
+        "few_planes": {"z_m": np.where(good().z_m > 6, 8.5, good().z_m)},
+        "saturated": {"saturated": np.arange(n) == 3},
+    }
+    for code, changes in cases.items():
+        table = good(**changes)
+        assert codes(table) == {code}, code
+        assert table.warnings[0].sentence and table.warnings[0].remedy
+
+
+def test_falling_planes_are_plane_order_too_and_coming_back_is_not():
+    z = good().z_m
+    falling = np.argsort(np.argsort(-z, kind="stable"), kind="stable") * 20.0
+    assert codes(good(time_s=falling)) == {"scan_order"}
+    falling[np.flatnonzero(z == 8.5)[0]] = 1e4
+    assert codes(good(time_s=falling)) == set()
+
+
+def test_unknown_exposures_count_as_constant():
+    assert codes(good(integration_time_s=np.nan)) == {"constant_integration_time"}
+
+
+def test_no_repeats():
+    table = good().subset(np.arange(15))
+    assert codes(table) == {"no_repeats"}
+
+
+def test_two_wavelengths_at_one_place_are_no_repeat():
+    z, w = [1, 2, 3, 4, 1, 2, 3, 4], [500] * 4 + [600] * 4
+    assert "no_repeats" in codes(Readings.from_arrays(z_m=z, value=1.0 / np.array(z), wavelength_nm=w))
+
+
+def test_a_subset_forgets_warnings_that_no_longer_hold():
+    table = good(saturated=np.arange(17) == 3)
+    assert codes(table.usable()) == set() and len(table.usable()) == 16
+
+
+# --- units
+
+
+@pytest.mark.parametrize(
+    ("text", "factor"),
+    [
+        ("W m^-2 nm^-1", 1.0),
+        ("uW/cm^2/nm", 1e-2),  # 1e-6 W / 1e-4 m^2
+        ("µW cm⁻² nm⁻¹", 1e-2),
+        ("mW m-2 nm-1", 1e-3),
+        ("W/m2/um", 1e-3),
+        ("W/(m^2 nm)", 1.0),
+    ],
+)
+def test_units_of_irradiance(text, factor):
+    from lightfield.readings.units import to_si
+
+    assert to_si(text, "irradiance") == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["W m^-2", "W m^-2 sr^-1 nm^-1", "lx", "m", "counts", "W m^-3 nm^-1", ""])
+def test_what_is_no_spectral_irradiance(text):
+    from lightfield.readings.units import to_si
+
+    with pytest.raises(ValueError):
+        to_si(text, "irradiance")
+
+
+# --- readings from an independent simulator, where they are at hand
+
+
+def test_independent_readings_load_and_fit_their_scenes(reference):
+    from lightfield.scene import Scene
+
+    folders = sorted((reference / "hidden_effects").glob("*/data.csv"))
+    if not folders:
+        pytest.skip(f"no hidden_effects cases at {reference}")
+    for path in folders:
+        table = Readings.load(path, Scene.load(path.parent / "scene.toml"))
+        rows = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+        assert len(table) == len(rows) - 1
+        last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
+        for name in ("x_m", "z_m", "value", "stderr", "time_s"):
+            assert getattr(table, name)[-1] == float(last[name])

@@ -1,0 +1,82 @@
+"""The cache of responses is trusted only where it is whole and its key is exactly right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lightfield.render.response import store
+
+KEY = {"kind": "test", "grid": [np.arange(3.0), 0.1], "seed": 1}
+ARRAYS = {"tally": np.arange(24, dtype=np.float32).reshape(2, 3, 4), "photons": np.array(7)}
+
+
+@pytest.fixture
+def entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A stored entry in a cache of its own."""
+    monkeypatch.setenv("LIGHTFIELD_CACHE", str(tmp_path))
+    store.save(KEY, ARRAYS)
+    (path,) = (tmp_path / "transport").glob("*.npz")
+    return path
+
+
+def test_what_is_stored_comes_back(entry: Path) -> None:
+    found = store.load(KEY)
+    assert found is not None
+    assert found.keys() == ARRAYS.keys()
+    for name, array in ARRAYS.items():
+        np.testing.assert_array_equal(found[name], array)
+        assert found[name].dtype == array.dtype
+
+
+@pytest.mark.parametrize(
+    "other", [{"seed": 2}, {"grid": [np.arange(3.0), 0.2]}, {"grid": [np.arange(4.0), 0.1]}, {"more": 0}]
+)
+def test_another_key_finds_nothing(entry: Path, other: dict[str, object]) -> None:
+    assert store.load(KEY | other) is None
+    assert entry.exists()
+
+
+def test_an_older_format_is_not_read(entry: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that walks or tallies otherwise never sees old responses."""
+    monkeypatch.setattr(store, "FORMAT", store.FORMAT + 1)
+    assert store.load(KEY) is None
+
+
+@pytest.mark.parametrize("place", [10, 200, -40])
+def test_a_flipped_bit_is_noticed(entry: Path, place: int) -> None:
+    data = bytearray(entry.read_bytes())
+    data[place] ^= 0x10
+    entry.write_bytes(bytes(data))
+    found = store.load(KEY)
+    # A bit that nothing depends on (a file date in the archive) may flip; numbers may not.
+    assert found is None or all((found[name] == ARRAYS[name]).all() for name in ARRAYS)
+
+
+def test_every_flipped_bit_of_the_numbers_is_noticed(entry: Path) -> None:
+    whole = entry.read_bytes()
+    start = whole.index(ARRAYS["tally"].tobytes())
+    for place in range(start, start + ARRAYS["tally"].nbytes, 7):
+        data = bytearray(whole)
+        data[place] ^= 1
+        entry.write_bytes(bytes(data))
+        assert store.load(KEY) is None
+
+
+@pytest.mark.parametrize("kept", [0, 1, 100, 0.5, 0.99])
+def test_a_truncated_entry_is_dropped_and_made_again(entry: Path, kept: float) -> None:
+    data = entry.read_bytes()
+    entry.write_bytes(data[: int(kept if kept >= 1 else kept * len(data))])
+    assert store.load(KEY) is None
+    assert not entry.exists()
+    store.save(KEY, ARRAYS)
+    assert store.load(KEY) is not None
+
+
+def test_an_entry_under_a_wrong_name_is_not_read(entry: Path) -> None:
+    """As after a careless copy: the key inside the file decides, not the name."""
+    other = KEY | {"seed": 2}
+    entry.rename(entry.with_name(f"{store.digest_of(other)}.npz"))
+    assert store.load(other) is None

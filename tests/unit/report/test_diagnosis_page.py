@@ -1,0 +1,184 @@
+"""The diagnosis page says each kind of verdict first, and shows what it rests on."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.verdict import words
+from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
+from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+
+TANK = {"width_m": 3.66, "depth_m": 2.44, "length_m": 36.6, "behind_lamp_m": 0.5, "lamp_depth_m": 1.22}
+
+
+def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_sided=False):
+    """Readings of a scattering water, a base model without scattering, and two explanations of it."""
+    rng = np.random.default_rng(4)
+    scan = np.linspace(-1 if two_sided else 0, 1, count)
+    z, x = (a.ravel() for a in np.meshgrid(planes, scan, indexing="ij"))
+    base = np.exp(-np.log(2) * (x / (0.067 * z)) ** 2 - 0.1 * z) / z**2
+    glow = 0.03 * np.exp(-np.log(2) * (x / (0.12 * z)) ** 2 - 0.05 * z) / z**2
+    top = base.max()
+    base, glow = base / top, glow / top
+    sigma = 0.004 * (base + glow) + 2e-5
+    value = base + glow + sigma * rng.standard_normal(z.size)
+    out = np.zeros(z.size, bool)
+    out[2] = True
+    readings = DrawnReadings(x, 0 * x, z, 0 * x + 525, value, sigma, ["water"] * z.size, out)
+    estimate = {"value": 0.0312, "stderr": 0.0007, "unit": "1/m", "reason": None}
+    explanation = {
+        "effects": ["scattering"],
+        "families": ["water"],
+        "forms": ["henyey-greenstein"],
+        "weight": 0.7,
+        "parameters": {"water.scattering_per_m": estimate},
+        "chi2_per_dof": 1.03,
+        "error_percent": 0.42,
+        "held_out_percent": 0.5,
+        "adequacy_p": 0.4,
+    }
+    skirt = {**explanation, "effects": ["beam_skirt"], "weight": 0.3}
+    rungs = [
+        {"label": "base", "error_percent": 6.1, "chi2_per_dof": 212.0, "held_out_percent": 7.3},
+        {
+            "label": "+ scattering",
+            "error_percent": 0.42,
+            "chi2_per_dof": 1.03,
+            "held_out_percent": 0.5,
+            "rendered_error_percent": 0.45,
+            "rendered_stderr_percent": 0.06,
+        },
+    ]
+    sentences = {
+        "none": "No missing effect detectable; scattering above 0.004 per metre would have been seen.",
+        "identified": "Identified: scattering; the next rival is 7 sigma away.",
+        "ambiguous": "Scattering or a beam skirt: these data cannot tell (1.8 sigma).",
+        "unexplained": "Unexplained by any one or two known effects; the misfit depends on x.",
+    }
+    found = kind in ("identified", "ambiguous")
+    verdict = {
+        "verdict": kind,
+        "sentence": sentences[kind],
+        "effects": ["scattering"] if found else [],
+        "explanations": {"identified": [explanation], "ambiguous": [explanation, skirt]}.get(kind, []),
+        "nearest_rival": {"effects": ["beam_skirt"], "separation_sigma": 1.8} if found else None,
+        "detection_limits": {
+            "wall_reflection": {
+                "parameter": "tank.wall_albedo",
+                "value": 0.03,
+                "unit": "1",
+                "within_range": True,
+            },
+            "lamp_drift": {
+                "parameter": "lamp.drift_per_hour",
+                "value": 0.3,
+                "unit": "1/h",
+                "within_range": False,
+            },
+        },
+        "untestable": {"beam_ellipticity": "no readings off the axis in y"},
+        "unexplained_coordinate": "x_m" if kind == "unexplained" else None,
+        "ladder": rungs if found else rungs[:1],
+        "noise_floor_percent": 0.4,
+        "next_measurement": {
+            "sentence": "Twelve readings at x = 1.2 m, z = 3 m would separate them by 10 sigma.",
+            "between": [["scattering"], ["beam_skirt"]],
+            "readings": [
+                {"x_m": 1.2, "y_m": 0.0, "z_m": 3.0, "medium": "water", "repeats": 8},
+                {"x_m": -0.6, "y_m": 0.3, "z_m": 9.5, "medium": "water", "repeats": 4},
+            ],
+            "separation_now_sigma": 1.8,
+            "separation_predicted_sigma": 10.0,
+        }
+        if kind == "ambiguous"
+        else None,
+        "assumed": ["plane gain 0.3 %"],
+        "warnings": ["scan order = plane order: time and distance cannot be told apart"],
+        "run": 2,
+    }
+    predictions = [Prediction("base", base + 0.3 * glow)]
+    if found:
+        predictions.append(Prediction("+ scattering", base + glow))
+    signatures = [Signature("scattering", 0.7 * glow), Signature("beam skirt", 0.67 * glow)]
+    return DiagnosisView(
+        verdict=verdict,
+        readings=readings,
+        predictions=predictions,
+        signatures=signatures[: len(verdict["explanations"])],
+        separation=Separation(
+            ["scattering", "beam_skirt", "wall_reflection", "background"],
+            np.array([[0, 1.8, 6.2, 14.0], [1.7, 0, 5.1, 11.2], [6.0, 5.2, 0, 140.0], [12.0, 10.0, 90.0, 0]]),
+        )
+        if found
+        else None,
+        tank=TANK,
+        title="story.csv",
+        provenance=[("seed", "0")],
+    )
+
+
+@pytest.mark.parametrize("kind", ["none", "identified", "ambiguous", "unexplained"])
+def test_every_verdict_is_said_first(kind):
+    html = diagnosis_page(example(kind))
+    view = example(kind)
+    sentence = view.verdict["sentence"]
+    assert html.index(sentence) < html.index("<h2>")
+    for needed in ("base", "noise floor 0.4 %", "plane gain 0.3 %", "no readings off the axis in y"):
+        assert needed in html
+    assert ("What would explain it" in html) == (kind == "ambiguous")
+    assert "src=" not in html.replace('src="data:', "")
+
+
+def test_advice_is_drawn_and_listed():
+    html = diagnosis_page(example())
+    assert "measure here next" in html
+    assert "8 times" in html
+    assert "would separate them by 10 sigma" in html
+
+
+def test_parameters_come_with_error_and_unit():
+    assert "water.scattering_per_m = 0.0312 ± 0.0007 1/m" in diagnosis_page(example("identified"))
+
+
+def test_fresh_render_is_shown_on_the_ladder():
+    html = diagnosis_page(example("identified"))
+    assert "rendered afresh" in html
+    assert "0.45 ± 0.06" in html
+
+
+def test_readings_on_the_axis_only_and_many_planes(tmp_path):
+    on_axis = example(count=1, planes=(4.5, 5.5, 6.5, 7.5, 8.5))
+    assert on_axis.scan_axis == "z_m"
+    many = example(planes=tuple(np.linspace(3, 9, 9)), two_sided=True)
+    assert len(many.groups()) == 9
+    for view in (on_axis, many):
+        assert "along the axis" in diagnosis_page(view) or view is many
+    assert write_diagnosis(on_axis, tmp_path / "page.html").stat().st_size > 10_000
+
+
+def test_groups_name_only_what_differs():
+    view = example(planes=(4.5, 6.5), count=3)
+    assert [g.label for g in view.groups()] == ["z = 4.5 m", "z = 6.5 m"]
+    readings = view.readings
+    mixed = DrawnReadings(
+        readings.x_m, readings.y_m, readings.z_m, readings.wavelength_nm, readings.value, readings.sigma,
+        ["air", "water", "water"] * 2, readings.left_out,
+    )  # fmt: skip
+    both = DiagnosisView(view.verdict, mixed, view.predictions)
+    assert next(g.label for g in both.groups()) == "z = 4.5 m, air"
+    np.testing.assert_array_equal(np.sort(np.concatenate([g.rows for g in both.groups()])), np.arange(6))
+
+
+def test_the_distance_of_rivals_stands_below_the_headline():
+    view = example("ambiguous")
+    said = words.sentence(
+        "ambiguous",
+        [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
+        SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
+        {}, None, "", "", True,
+    )  # fmt: skip
+    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, "sentence": said}))
+    assert ">Scattering or beam skirt: these readings cannot tell.<" in html
+    assert ">The first lies 1.8 sigma from beam skirt.<" in html

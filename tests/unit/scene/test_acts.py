@@ -1,0 +1,241 @@
+"""What every field of a scene says that it acts on is what it changes: nothing less, and nothing more.
+
+The lists that the program works with (what a trace depends on, what is weighed afterwards, what makes light
+diffuse, what is read out) are derived from these declarations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightfield.fitting.forward import has_diffuse_light
+from lightfield.formula.field import receiver, source, window_points
+from lightfield.formula.path import Ray, optical_depth, rays
+from lightfield.formula.readout import readout, time_factor
+from lightfield.render.maps import transport_key
+from lightfield.render.response.beam_tallies import BEAM
+from lightfield.render.response.grid import band_wavelengths, scene_grid
+from lightfield.render.response.response import Reference
+from lightfield.render.response.store import digest_of
+from lightfield.scene import Lamp, Scene, Tank
+from lightfield.scene.acts import DIFFUSE, TRACED, Acts
+from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths_on, without
+from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.parameters import Part, acts_of
+from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.phase.of_scene import phase_function
+
+X, Y, Z = np.meshgrid([-0.6, 0.1, 0.9], [-0.4, 0.2], [2.0, 6.6])
+WAVELENGTHS = np.array([450.0, 520.0, 650.0])
+
+
+@pytest.fixture(scope="module")
+def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
+    """Scenes in which, between them, every field counts."""
+    folder = tmp_path_factory.mktemp("tables")
+    for name, row in {"one": "5,0.5", "two": "5,0.7"}.items():
+        (folder / f"beam_{name}.csv").write_text(f"angle_deg,intensity\n0,1\n{row}\n90,0\n")
+        (folder / f"light_{name}.csv").write_text(f"wavelength_nm,power\n400,1\n500,{row[-1]}\n700,1\n")
+        (folder / f"water_{name}.csv").write_text(
+            f"wavelength_nm,absorption_per_m,scattering_per_m\n400,0.1,0.1\n550,0.{row[-1]},0.{row[-1]}\n700,0.1,0.1\n"
+        )
+    everything = Scene.from_dict(
+        {
+            "lamp": {
+                "profile": "two-component", "skirt_fraction": 0.1, "ellipticity": 1.2, "tilt_x_deg": 1.0,
+                "shape_exponent": 2.5, "apparent_distance_m": 0.3, "drift_per_hour": 0.1,
+                "radius_m": 0.05, "warmup_fraction": 0.1, "window_index": 1.3,
+            },
+            "water": {
+                "base": "pure", "absorption_per_m": 0.05, "scattering_per_m": 0.1,
+                "chlorophyll_mg_per_m3": 0.5,
+                "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
+                "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
+            },
+            "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
+            "detector": {
+                "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
+                "background": 0.1, "tilt_x_deg": 2.0,
+            },
+        }
+    )  # fmt: skip
+    other = everything.with_values(
+        {
+            "lamp.profile": "table", "lamp.intensity_table": str(folder / "beam_one.csv"),
+            "lamp.spectrum": "table", "lamp.spectrum_table": str(folder / "light_one.csv"),
+            "water.base": "table", "water.table": str(folder / "water_one.csv"),
+            "detector.quantity": "radiance", "detector.acceptance_hwhm_deg": 0.0,
+            "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
+            "detector.saturation_quadratic": 0.1,
+        }
+    )  # fmt: skip
+    return [everything, other]
+
+
+WORDS: dict[str, Any] = {
+    "lamp.profile": "isotropic",
+    "lamp.spectrum": "cie-a",
+    "water.base": "petzold-coastal",
+    "water.absorption_at": ((480.0, 0.15), (580.0, 0.2)),
+    "water.phase": {"type": "petzold"},
+    "tank.surface": "none",
+    "detector.quantity": "scalar_irradiance",
+    "detector.aim": "lamp",
+    "detector.planes_m": (2.0, 5.0),
+    "detector.positions_m": ((0.1, 0.0, 4.5), (0.3, 0.0, 4.5)),
+    "detector.bands_nm": ((510.0, 530.0),),
+}
+FIELDS = [f"{part}.{name}" for part, model in PARTS.items() for name in model.model_fields]
+
+
+def changed(scene: Scene, path: str) -> Scene:
+    """The scene with another value of one field; the same where that makes no sense there."""
+    now = scene.get(path)
+    if path in WORDS:
+        return scene.with_values({path: WORDS[path]}, validate=path == "water.phase")
+    if path.endswith("table"):
+        return scene.with_values({path: now.replace("one", "two")}, validate=False) if now else scene
+    parameter = scene.parameters()[path]
+    step = 0.2 * (abs(parameter.value) or min(1.0, parameter.high))
+    value = parameter.value + (step if parameter.value + step <= parameter.high else -step)
+    return scene.with_values({path: round(value) if isinstance(now, int) else value}, validate=False)
+
+
+# -- one number, or several, for every stage of the light's way ----------------------------------------
+
+
+def _beam(scene: Scene) -> Any:
+    ray = rays(Lamp(apparent_distance_m=scene.lamp.apparent_distance_m), X, Y, Z)
+    return source(scene.lamp, ray)
+
+
+def _source(scene: Scene) -> Any:
+    return [
+        (lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m) for lamp, _ in window_points(scene.lamp)
+    ]
+
+
+def _air(scene: Scene) -> Any:
+    lamp = scene.lamp.model_copy(update={"profile": "isotropic"})
+    return source(lamp, rays(Lamp(), X, Y, Z), np.full(X.shape, True)).mean()
+
+
+def _along(scene: Scene, metres: float, z_m: float) -> float:
+    """Optical depth of so long a way in the water to a receiver at z."""
+    one = np.ones(1)
+    ray = Ray(0 * one, 0 * one, one, one, metres * one)
+    return float(optical_depth(scene.water, ray, z_m * one, 520.0)[0])
+
+
+def _hardening(scene: Scene) -> Any:
+    return _along(scene, 3.0, 4.0) - 2 * _along(scene, 2.0, 4.0) + _along(scene, 1.0, 4.0)
+
+
+def _layers(scene: Scene) -> Any:
+    """What the optical depth of 2 m has beyond that of uniform water."""
+    uniform = sum(float(f(scene.water, 520.0)) for f in (absorption_per_m, scattering_per_m))
+    return [_along(scene, 2.0, z) - 2.0 * uniform - 2.0 * _hardening(scene) for z in (2.0, 6.2, 7.1, 9.0)]
+
+
+def _receiver(scene: Scene) -> Any:
+    bare = scene.model_copy(update={"lamp": Lamp()})
+    return receiver(bare, rays(Lamp(), X, Y, Z), X, Y, Z)
+
+
+def _places(scene: Scene) -> Any:
+    grid = scene_grid(scene)
+    return [np.concatenate([grid.z_m, grid.x_m, grid.y_m, band_wavelengths(scene).ravel()])]
+
+
+OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
+    Acts.POWER: lambda s: spectral_power(s.lamp, WAVELENGTHS),
+    Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
+    Acts.BEAM: _beam,
+    Acts.SOURCE: _source,
+    Acts.AIR: _air,
+    Acts.ABSORPTION: lambda s: absorption_per_m(s.water, WAVELENGTHS),
+    Acts.SCATTERING: lambda s: scattering_per_m(s.water, WAVELENGTHS),
+    Acts.HARDENING: _hardening,
+    Acts.LAYERS: _layers,
+    Acts.PHASE: lambda s: phase_function(s.water.phase).pdf(np.array([0.9, 0.0, -0.5])),
+    Acts.BOX: lambda s: s.tank.box_m,
+    Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
+    Acts.RECEIVER: _receiver,
+    Acts.PLACES: _places,
+    Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0),
+}
+
+
+def differ(one: Any, other: Any) -> bool:
+    a, b = np.asarray(one, float), np.asarray(other, float)
+    return a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("path", FIELDS)
+def test_a_field_changes_what_it_acts_on_and_nothing_else(path: str, bases: list[Scene]) -> None:
+    found = Acts(0)
+    for scene in bases:
+        other = changed(scene, path)
+        for stage, observed in OBSERVED.items():
+            if differ(observed(scene), observed(other)):
+                found |= stage
+    assert found == acts_on(path) & ~(Acts.COLOUR | Acts.BASE)
+    assert found
+
+
+@pytest.mark.parametrize("path", FIELDS)
+def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[Scene]) -> None:
+    """The key of a trace, the key of a beam, and a scene without or with only what acts on some stage."""
+    for scene in bases:
+        other = changed(scene, path)
+        kinds = acts_on(path)
+
+        def key(one: Scene) -> str:
+            return digest_of(transport_key(one, scene_grid(one), Reference(0.1, 0.1, 0.2)))
+
+        if not kinds & (TRACED | Acts.PLACES | Acts.REFLECTION) or path == "detector.bands_nm":
+            assert key(other) == key(scene)
+        elif other != scene and kinds & (TRACED | Acts.PLACES) and path != "detector.planes_m":
+            assert key(other) != key(scene)
+        assert (BEAM(other.lamp) == BEAM(scene.lamp)) == (other == scene or not kinds & Acts.BEAM)
+        assert without(other, kinds) == without(scene, kinds)
+        assert only(other, ~kinds & ~Acts(0)).get(path) == only(scene, ~kinds).get(path)
+
+
+def test_a_new_field_must_say_what_it_acts_on() -> None:
+    for part, model in PARTS.items():
+        assert [name for name in model.model_fields if not acts_of(model, name)] == [], part
+    assert acts_on("water.phase.g") == Acts.PHASE
+    assert acts_on("water.absorption_at.450nm") == Acts.ABSORPTION | Acts.COLOUR
+    assert acts_on("lamp.hwhm_dge") == acts_on("nothing") == Acts(0)
+    assert set(paths_on(~Acts(0))) == set(FIELDS)
+
+
+def test_a_part_that_forgets_to_say_it_is_no_part() -> None:
+    from lightfield.scene.parameters import number
+
+    with pytest.raises(TypeError, match="acts_on"):
+        number(0.0, "1/m", "something new")  # type: ignore[call-arg]
+
+    class Named(Part):
+        name: str = ""
+
+    assert acts_of(Named, "name") == Acts(0)
+
+
+@pytest.mark.parametrize("path", [path for path in FIELDS if path.startswith(("water", "tank"))])
+def test_water_that_is_called_grey_or_dark_is(path: str) -> None:
+    """From clear water in a black tank, one field at a time."""
+    scene = changed(Scene(tank=Tank()), path)
+    if path == "tank.surface":
+        scene = Scene(tank=Tank()).with_values({"tank.surface": "flat"})
+    coefficients = [f(scene.water, WAVELENGTHS) for f in (absorption_per_m, scattering_per_m)]
+    flat = all(np.ptp(c) == 0 for c in coefficients)
+    assert is_grey(scene.water) == (flat and path != "water.base")  # a preset may know one wavelength only
+    assert scene.tank is not None
+    lit = coefficients[1].max() > 0 or max(scene.tank.wall_albedo, scene.tank.surface_reflectance) > 0
+    assert has_diffuse_light(scene) == lit == (not neutral(scene, DIFFUSE))

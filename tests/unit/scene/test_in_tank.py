@@ -1,0 +1,145 @@
+"""Planes are clipped to the tank, cells outside know nothing, and what cannot be is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lightfield.errors import SceneError
+from lightfield.experiments.hide import LAYOUTS, scan
+from lightfield.render.response.grid import Grid, scene_grid
+from lightfield.scene import Scene
+
+AROUND = np.random.default_rng(0)
+
+
+def scene_of(tank: dict[str, Any] | None = None, **detector: Any) -> Scene:
+    return Scene.from_dict({"tank": tank, "detector": {"planes_m": [0.5], **detector}})
+
+
+@pytest.mark.parametrize(
+    ("tank", "size"),
+    [
+        (None, (2.0, 2.0)),
+        ({}, (2.0, 2.0)),
+        ({"width_m": 1.0, "depth_m": 0.8}, (1.0, 0.8)),
+        ({"width_m": 0.5, "depth_m": 0.8}, (0.5, 0.5)),
+        ({"width_m": 3.0, "depth_m": 1.0, "lamp_depth_m": 0.3}, (2.0, 1.4)),
+        ({"width_m": 0.5, "depth_m": 4.0, "lamp_depth_m": 0.1}, (0.5, 0.5)),
+    ],
+)
+def test_planes_are_clipped_to_the_tank(tank: dict[str, Any] | None, size: tuple[float, float]) -> None:
+    scene = scene_of(tank)
+    grid = scene_grid(scene)
+    assert scene.plane_size_m == pytest.approx(size)
+    assert (len(grid.x_m) * grid.pitch_x_m, len(grid.y_m) * grid.pitch_y_m) == pytest.approx(size)
+    assert scene.parameters()["detector.width_m"].value == pytest.approx(size[0])
+
+
+sizes = st.floats(0.05, 20.0)
+
+
+@given(sizes, sizes, st.floats(0.01, 0.99), st.integers(1, 70))
+def test_cells_that_know_are_in_the_tank_and_the_axis_is_one(
+    width: float, depth: float, share: float, pixels: int
+) -> None:
+    """For any tank and lamp; and all default planes have one shape, so that tanks can share a store."""
+    scene = scene_of({"width_m": width, "depth_m": depth, "lamp_depth_m": share * depth}, pixels=pixels)
+    grid, top = scene_grid(scene), share * depth
+    known = np.isfinite(grid.in_water(np.zeros(grid.shape)))[0]
+    y, x = np.meshgrid(grid.y_m, grid.x_m, indexing="ij")
+    reach_x, reach_y = np.abs(x[known]) + grid.pitch_x_m / 2, grid.pitch_y_m / 2
+    assert reach_x.max() <= width / 2 + 1e-6
+    assert y[known].max() + reach_y <= top + 1e-6
+    assert y[known].min() - reach_y >= top - depth - 1e-6
+    radius = np.hypot(x, y)
+    assert known[radius <= radius.min() * (1 + 1e-6)].all()
+    assert grid.shape == (1, pixels, pixels)
+
+
+def test_cells_around_positions_are_means_over_their_part_in_the_tank() -> None:
+    """A cell of 10 cm about a place on the wall has half of its area, and got half of the light."""
+    scene = scene_of({"width_m": 1.0}, positions_m=[[0.5, 0.0, 1.0]])
+    grid = scene_grid(scene)
+    np.testing.assert_allclose(grid.in_water(np.array([[3.0], [4.0]])), [[6.0], [8.0]], rtol=1e-6)
+    assert Grid(np.ones(1), np.zeros(1), np.zeros(1), 1.0, 1.0).in_water(np.ones(1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("tank", "detector", "words"),
+    [
+        ({"width_m": 1.0}, {"width_m": 1.1}, ["detector.width_m = 1.1", "width_m = 1", "at most 1"]),
+        ({}, {"width_m": 4.0}, ["detector.width_m = 4", "width_m = 3.66 (its default)"]),
+        ({"lamp_depth_m": 0.4}, {"height_m": 1.0}, ["detector.height_m = 1", "y = 0.4", "at most 0.8"]),
+        ({"length_m": 0.9}, {}, ["[0, 0, 0.5]", "length_m = 0.9", "behind_lamp_m = 0.5 (its default)"]),
+        ({"width_m": 1.0}, {"positions_m": [[0.6, 0, 1]]}, ["[0.6, 0, 1]", "-0.5 <= x <= 0.5"]),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused_with_its_reason(
+    tank: dict[str, Any], detector: dict[str, Any], words: list[str]
+) -> None:
+    with pytest.raises(SceneError) as error:
+        scene_of(tank, **detector)
+    assert [word for word in words if word not in str(error.value)] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[tank]\nlength_m = 3", ["[0, 0, 4.5]", "give detector.planes_m", "default, [4.5, 5.5"]),
+        ("[tank]\nlamp_depth_m = 3", ["lamp_depth_m = 3", "depth_m = 2.44 (its default)"]),
+        ("[tank]\nlength_m = 0.4", ["behind_lamp_m = 0.5 (its default)", "length_m = 0.4"]),
+        ("[tank]\n[lamp]\noffset_x_m = 2", ["lamp.offset_x_m = 2", "width_m = 3.66 (its default)"]),
+        ("[tank]\ndepth_m = 1\n[lamp]\nradius_m = 0.6", ["lamp.radius_m = 0.6", "outside the tank"]),
+    ],
+)
+def test_errors_name_the_default_that_they_meet(text: str, words: list[str]) -> None:
+    with pytest.raises(SceneError) as error:
+        Scene.from_toml(text)
+    assert [word for word in words if word not in str(error.value)] == []
+
+
+@pytest.mark.parametrize("validate", [True, False])
+def test_lamp_is_at_half_the_depth_unless_it_is_said_where(validate: bool) -> None:
+    scene = Scene.from_toml("[tank]\ndepth_m = 0.8")
+    assert scene.get("tank.lamp_depth_m") == 0.4
+    deeper = scene.with_values({"tank.depth_m": 1.6}, validate=validate)
+    assert deeper.get("tank.lamp_depth_m") == 0.8
+    said = Scene.from_toml("[tank]\ndepth_m = 0.8\nlamp_depth_m = 0.3")
+    assert said.with_values({"tank.depth_m": 1.6}, validate=validate).get("tank.lamp_depth_m") == 0.3
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert "lamp_depth_m" not in scene.to_toml()
+
+
+def test_single_positions_need_no_planes() -> None:
+    """The default planes, to 8.5 m, are not there where positions are."""
+    scene = Scene.from_toml("[tank]\nlength_m = 2\n[detector]\npositions_m = [[0, 0, 1.2]]")
+    assert scene_grid(scene).z_m == pytest.approx([1.2])
+
+
+def test_lamps_are_moved_inside_the_tank_only() -> None:
+    """The range that a fit or a sweep may use is what the tank leaves."""
+    known = Scene.from_toml("[tank]\nwidth_m = 0.5\ndepth_m = 0.4\nlamp_depth_m = 0.1").parameters()
+    ends = [known[f"lamp.offset_{axis}_m"] for axis in "xy"]
+    assert [(p.low, p.high) for p in ends] == [(-0.25, 0.25), (pytest.approx(-0.3), 0.1)]
+    assert Scene().parameters()["lamp.offset_x_m"].high == 10.0
+
+
+def test_a_plane_of_unstated_width_is_the_scene_of_one_of_that_width() -> None:
+    assert Scene().digest() == Scene.from_toml("[detector]\nwidth_m = 2.0").digest()
+    small = Scene.from_toml("[tank]\nwidth_m = 1.0")
+    assert small.digest() == small.with_values({"detector.width_m": 1.0}).digest()
+
+
+@pytest.mark.parametrize("kind", LAYOUTS)
+def test_made_readings_stay_in_the_tank(kind: str) -> None:
+    """And off its walls in y."""
+    scene = scene_of({"width_m": 1.0, "depth_m": 0.6, "lamp_depth_m": 0.15}, planes_m=[0.5, 1.0])
+    readings = scan(scene, kind, "plane", AROUND)
+    assert np.abs(readings.x_m).max() <= 0.5
+    assert readings.y_m.max() < 0.15
+    assert readings.y_m.min() > -0.45

@@ -1,0 +1,91 @@
+"""The comparison finds differences that were put in, and only those."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lightfield.maps.dataset import to_dataset
+from lightfield.studies.compare.maps import compare, compare_plane, excess, radial_profile, verdict
+
+
+@pytest.fixture
+def formula(light):
+    return lambda scene, x, y, z, wavelength: light(scene, x, y, z)
+
+
+def test_without_a_difference_nothing_is_reported(make, formula):
+    # Cells of 1 cm, so that averaging over the cell (formula) and its centre (stand-in) are the same to 1e-3.
+    comparison = compare(to_dataset(make(pixels=201, noise=0.02)), formula)
+    for plane in comparison.planes:
+        assert plane.radius_within(0.05) == np.inf
+        assert abs(plane.lost) < 3 * plane.lost_stderr + 1e-3
+        # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
+        assert (plane.excess() > 0.05).sum() == 0
+    assert "within 5 % on every plane" in verdict(comparison)
+
+
+def test_lost_light_is_the_glow_that_was_added(make, formula):
+    rendering = make(glow=0.04, noise=0.01)
+    comparison = compare(to_dataset(rendering), formula)
+    diffuse, everything = rendering.truth("diffuse")[0], rendering.truth()[0]
+    for index, plane in enumerate(comparison.planes):
+        share = diffuse[index].sum() / everything[index].sum()
+        assert plane.lost == pytest.approx(share, abs=4 * plane.lost_stderr + 2e-3)
+        assert plane.lost_stderr < 1e-3
+
+
+def test_axis_error_and_radius_are_those_of_the_glow(make, formula):
+    rendering = make(glow=0.02, noise=0.002)
+    plane = compare(to_dataset(rendering), formula).planes[0]
+    diffuse, everything = rendering.truth("diffuse")[0, 0], rendering.truth()[0, 0]
+    share = diffuse / everything
+    middle = 65 // 2
+    assert plane.axis_error == pytest.approx(-share[middle, middle], abs=4 * plane.axis_error_stderr + 1e-3)
+    x = rendering.grid.x_m[middle:]
+    expected = x[np.argmax(share[middle, middle:] > 0.10)]
+    assert plane.radius_within(0.10) == pytest.approx(expected, abs=2 * 2 / 65)
+
+
+def test_shape_of_both_spots(make, formula):
+    plane = compare(to_dataset(make(glow=0.0, lamp__ellipticity=1.3, lamp__offset_x_m=0.1)), formula).planes[
+        0
+    ]
+    for spot in (plane.render_spot, plane.formula_spot):
+        assert spot.centre_x_m == pytest.approx(0.1, abs=0.01)
+        assert spot.ellipticity == pytest.approx(1.3, rel=0.02)
+    # The half width of the paper's beam at 4.5 m: tan 3.81 deg x 4.5 m, less 0.3 % for r and cos.
+    assert plane.formula_spot.hwhm_x_m == pytest.approx(np.tan(np.radians(3.81)) * 4.5, rel=0.01)
+
+
+def test_noise_alone_is_no_excess():
+    render = np.array([1.0, 1.0, 1.0, 0.0])
+    stderr = np.array([0.1, 0.1, np.inf, np.inf])
+    np.testing.assert_allclose(excess(render, stderr, np.array([1.29, 1.4, 9.0, 1.0])), [0, 0.1, 0, 0])
+
+
+def test_rings_have_the_error_of_a_mean():
+    x = np.linspace(-1, 1, 41)
+    ones, stderr = np.ones((41, 41)), np.full((41, 41), 0.1)
+    profile = radial_profile(ones, stderr, 2 * ones, x, x)
+    radius = np.hypot(*np.meshgrid(x, x))
+    n = np.count_nonzero((radius > 0.475) & (radius < 0.525))
+    at = np.argmin(abs(profile.r_m - 0.50))
+    assert profile.stderr[at] == pytest.approx(0.1 / np.sqrt(n))
+    np.testing.assert_allclose(profile.formula, 2)
+    assert profile.r_m.max() <= 1.03
+
+
+def test_silent_cells_have_unknown_error_and_do_not_count():
+    x = np.linspace(-1, 1, 21)
+    render = np.zeros((21, 21))
+    plane = compare_plane(525, 5.0, x, x, render, np.full((21, 21), np.inf), np.full((21, 21), 1e-9))
+    assert (plane.excess() == 0).all()
+    assert np.isnan(plane.lost)
+    assert plane.summary()["lost"] is None
+    assert np.isinf(plane.profile.stderr).all()
+
+
+def test_summary_is_plain_json(make, formula):
+    text = json.dumps(compare(to_dataset(make(pixels=33)), formula).summary(), allow_nan=False)
+    assert json.loads(text)["planes"][1]["z_m"] == 6.5

@@ -1,0 +1,60 @@
+"""The regime map finds the known limits of a made-up field where exp(-c z) is wrong by a known factor."""
+
+import numpy as np
+import pytest
+
+from lightfield.report.regime import percent, regime_figure
+from lightfield.report.style import save_png
+from lightfield.studies.regime import Point, reach, regime_map, rows, undecided, verdict
+
+
+def lossless_scattering(depth, albedo, receiver):
+    """All light scattered is seen (irradiance) or a tenth of it (collimator): K = a, or K = a + 0.9 b."""
+    seen = 1.0 if receiver == "irradiance" else 0.1
+    return Point(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
+
+
+def test_error_is_that_of_the_wrong_exponent():
+    found = regime_map(lossless_scattering)
+    assert found.formula_error.dims == ("receiver", "albedo", "optical_depth")
+    at = found.formula_error.sel(receiver="irradiance", albedo=0.8, optical_depth=2.0)
+    assert float(at) == pytest.approx(np.exp(-1.6) - 1)
+    assert float(abs(found.formula_error.sel(albedo=0.0)).max()) == 0
+
+
+def test_reach_is_where_the_error_crosses_the_level():
+    depth = np.array([0.1, 0.2, 0.5, 1.0, 2.0])
+    error = np.expm1(-0.4 * depth)
+    # 1 - exp(-0.4 t) = 0.10 at t = 0.263; log-log interpolation on this grid is good to 2 %.
+    assert reach(depth, error, 0.10) == pytest.approx(0.263, rel=0.02)
+    assert reach(depth, 0 * error, 0.10) == np.inf
+    assert np.isnan(reach(depth, error - 1, 0.10))
+    assert reach(depth, np.array([0.0, 0.01, np.nan, 0.0, 0.0]), 0.05) == 0.2, "the unknown is not within"
+
+
+def test_noise_leaves_points_open_and_the_map_says_so():
+    found = regime_map(lambda d, a, r: Point(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
+    assert undecided(found).all(), "6 % off with a noise of 1 %: within 5 % or not is open"
+    sure = regime_map(lambda d, a, r: Point(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
+    assert not undecided(sure).any()
+
+
+def test_table_and_verdict():
+    found = regime_map(lossless_scattering)
+    table = {(row[0], row[1]): row[2:] for row in rows(found)}
+    assert table["irradiance", "0"] == ["> 20", "> 20", "> 20"]
+    assert float(table["2 degree collimator", "0.8"][2]) > 5 * float(table["irradiance", "0.8"][2])
+    assert verdict(found).startswith("In water of albedo 0.8 the formula is within 10 % up to c z = ")
+
+
+def test_nothing_rendered_is_unknown_not_zero():
+    found = regime_map(lambda d, a, r: Point(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
+    assert np.isnan(found.formula_error.values).all()
+
+
+def test_figure_is_drawn(tmp_path):
+    found = regime_map(lossless_scattering)
+    assert save_png(regime_figure(found), tmp_path / "regime.png").stat().st_size > 10_000
+    assert [percent(e) for e in (0.0001, -0.051, -0.4, -0.9995, 2.5, np.nan)] == [
+        "0", "−5.1", "−40", "−99.9", "250", "–",
+    ]  # fmt: skip
