@@ -22,7 +22,7 @@ from lightfield.render.reflected.light import ReflectedLight, applies
 from lightfield.render.response import store
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
-from lightfield.render.response.grid import Grid, angle_nodes, in_tank, positions_grid, straight_path
+from lightfield.render.response.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.response.response import (
     CLASSES,
     FROM_WALLS,
@@ -168,7 +168,7 @@ def _response(
         rows = TransportResponse(
             np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
         )
-        tallies = grid.in_water(images.averaged(stored["tallies"], beam_nodes.nodes))
+        tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
         from_walls = np.isin(light_classes(histories), FROM_WALLS)
         if from_walls.any():
             tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)

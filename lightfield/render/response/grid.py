@@ -64,6 +64,30 @@ class Grid:
         z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
         return (x, y, z) if self.occupied is None else (x[self.occupied], y[self.occupied], z[self.occupied])
 
+    def padded(self, cells: int, tank: Tank | None) -> Grid:
+        """With more cells, none of them occupied, on every side, but in a tank only such as are all in it.
+
+        What was occupied and is not all in the tank is left to the cells beside it.
+        """
+        assert self.occupied is not None
+        more = np.arange(1, cells + 1)
+        x, y = (
+            np.concatenate([v[0] - pitch * more[::-1], v, v[-1] + pitch * more])
+            for v, pitch in ((self.x_m, self.pitch_x_m), (self.y_m, self.pitch_y_m))
+        )
+        wide = ((0, 0), (cells, cells), (cells, cells))
+        if tank is None:
+            return replace(self, x_m=x, y_m=y, occupied=np.pad(self.occupied, wide))
+        walls_x, walls_y, _ = tank.box_m
+        first_x, last_x = _whole(x, self.pitch_x_m, *walls_x)
+        first_y, last_y = _whole(y, self.pitch_y_m, *walls_y)
+        x, y = x[first_x : last_x + 1], y[first_y : last_y + 1]
+        inside = np.zeros((len(self.z_m), len(y), len(x)), bool)
+        plane, row, column = np.argwhere(self.occupied).T
+        row, column = row + cells - first_y, column + cells - first_x
+        inside[plane, np.clip(row, 0, len(y) - 1), np.clip(column, 0, len(x) - 1)] = True
+        return replace(self, x_m=x, y_m=y, occupied=inside)
+
     def in_water(self, values: np.ndarray) -> np.ndarray:
         """Means over whole cells, of light that is in the tank alone, as means over what of them is in it.
 
@@ -146,7 +170,7 @@ def cell_centres(width_m: float, cells: int) -> np.ndarray:
 
 
 def scene_grid(scene: Scene) -> Grid:
-    """The grid that the scene's [detector] asks for; listed positions get cells of 0.1 m."""
+    """The grid that the scene's [detector] asks for; listed positions get cells of at most 0.1 m."""
     detector = scene.detector
     if detector.positions_m is not None:
         return in_tank(positions_grid(*np.asarray(detector.positions_m, float).T), scene)
@@ -234,9 +258,9 @@ def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndar
 
 
 def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:
-    """First and last of the cells that are all between two walls."""
+    """First and last of the cells that are all between two walls; of all cells for places in no tank."""
     inside = np.flatnonzero((centres - 0.5 * pitch >= low - 1e-6) & (centres + 0.5 * pitch <= high + 1e-6))
-    return int(inside[0]), int(inside[-1])
+    return (int(inside[0]), int(inside[-1])) if len(inside) else (0, len(centres) - 1)
 
 
 def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:

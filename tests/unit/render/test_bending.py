@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
-from lightfield.scene.parts import Tank
 
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.response import SCATTERED_ERROR
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.source import CELL_M
 from lightfield.render.response.grid import Grid, positions_grid
+from lightfield.scene.tank import Tank
 
 LENGTH = st.integers(-600, 600).map(lambda mm: mm / 1000)
 PLACES = st.lists(st.tuples(LENGTH, LENGTH), min_size=1, max_size=6, unique=True)
