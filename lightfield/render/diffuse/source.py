@@ -136,8 +136,7 @@ def _response(
     cache: bool,
 ) -> DiffuseResponse:
     """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    cells = positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank)
-    grid = in_tank(surrounded(cells, scene.tank), scene)
+    grid = surrounded(positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank), scene.tank)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)

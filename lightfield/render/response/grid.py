@@ -105,31 +105,6 @@ class Grid:
         part = np.broadcast_to(self.inside, self.shape)[self.occupied]
         return np.asarray(values / np.where(part > 0, part, 1).astype(values.dtype))
 
-    def padded(self, cells: int, tank: Tank | None) -> Grid:
-        """With more cells, none of them occupied, on every side, but in a tank only such as are all in it.
-
-        What was occupied and is not all in the tank is left to the cells beside it.
-        """
-        assert self.occupied is not None
-        more = np.arange(1, cells + 1)
-        x, y = (
-            np.concatenate([v[0] - pitch * more[::-1], v, v[-1] + pitch * more])
-            for v, pitch in ((self.x_m, self.pitch_x_m), (self.y_m, self.pitch_y_m))
-        )
-        wide = ((0, 0), (cells, cells), (cells, cells))
-        if tank is None:
-            return replace(self, x_m=x, y_m=y, occupied=np.pad(self.occupied, wide))
-        (first_x, last_x), (first_y, last_y) = (
-            _whole(v, pitch, *walls)
-            for v, pitch, walls in zip((x, y), (self.pitch_x_m, self.pitch_y_m), tank.box_m, strict=False)
-        )
-        x, y = x[first_x : last_x + 1], y[first_y : last_y + 1]
-        inside = np.zeros((len(self.z_m), len(y), len(x)), bool)
-        plane, row, column = np.argwhere(self.occupied).T
-        row, column = row + cells - first_y, column + cells - first_x
-        inside[plane, np.clip(row, 0, len(y) - 1), np.clip(column, 0, len(x) - 1)] = True
-        return replace(self, x_m=x, y_m=y, occupied=inside)
-
 
 @dataclass(frozen=True)
 class AngleNodes:
