@@ -23,7 +23,8 @@ from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -209,7 +210,7 @@ def _diagnose(
         if dense is not None and traces_left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha)
-        dense = forward.to_trace(one.fit.values for one in finding.contenders)
+        dense = forward.light.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)

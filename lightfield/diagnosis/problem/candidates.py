@@ -13,7 +13,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.fitting.effects import Effect, Form, Free
-from lightfield.fitting.forward import has_diffuse_light
+from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision

@@ -15,7 +15,8 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.fitting.forward import READOUT
+from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -100,7 +101,7 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitPara
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
-        hwhm, seen = scene.lamp.hwhm_deg, forward.width_seen_deg
+        hwhm, seen = scene.lamp.hwhm_deg, forward.light.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
         low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
         begin = start["lamp.hwhm_deg"] = min(begin, high)

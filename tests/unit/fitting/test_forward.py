@@ -41,14 +41,14 @@ def table() -> Readings:
     )  # fmt: skip
 
 
-def glowing(asked: list[dict[str, Any]] | None = None) -> SceneForward:
+def glowing(asked: list[dict[str, Any]] | None = None, **budget: Any) -> SceneForward:
     def source(scene: Scene, *places: np.ndarray, **options: Any) -> Glow:
         if asked is not None:
             asked.append(options)
         return Glow()
 
     scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1}})
-    return SceneForward(scene, table(), source)
+    return SceneForward(scene, table(), partial(source, **budget) if budget else source)
 
 
 def test_every_reading_has_the_light_and_the_error_of_its_own_colour() -> None:
@@ -71,7 +71,5 @@ def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:
     for share in (1.0, 0.25):
         glowing(asked).at(share, **there).predict({})
     assert asked == [{}, {"share": 0.25}]
-    forward = glowing(asked)
-    forward._source = partial(forward._source, photons=1000)
-    forward.at(0.25, **there).predict({})
+    glowing(asked, photons=1000).at(0.25, **there).predict({})
     assert asked[-1] == {"photons": 1000, "share": 0.25}
