@@ -24,7 +24,8 @@ from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -223,7 +224,7 @@ def _diagnose(
         if dense is not None and traces_left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
-        dense = forward.to_trace(one.fit.values for one in finding.contenders)
+        dense = forward.light.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)

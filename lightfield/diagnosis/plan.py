@@ -39,8 +39,9 @@ from lightfield.diagnosis.verdict.advice import (
 from lightfield.diagnosis.verdict.compose import units_of
 from lightfield.errors import FitError
 from lightfield.fitting import effects
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"

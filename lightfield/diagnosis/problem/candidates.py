@@ -13,8 +13,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.fitting.effects import Effect, Form, Free
-from lightfield.fitting.forward import has_diffuse_light
-from lightfield.fitting.least_squares import Parameter
+from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.parameter import FitParameter
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
@@ -91,7 +91,7 @@ class Candidate:
 
     Parameters
     ----------
-    amplitudes, shapes : tuple of Parameter
+    amplitudes, shapes : tuple of FitParameter
         `start` of an amplitude is the scene's value: its neutral coordinate, unless the scene has the effect.
     typical : tuple of float
         Size of each amplitude worth asking about, in its coordinate.
@@ -105,9 +105,9 @@ class Candidate:
 
     effect: Effect
     form: Form
-    amplitudes: tuple[Parameter, ...]
+    amplitudes: tuple[FitParameter, ...]
     typical: tuple[float, ...]
-    shapes: tuple[Parameter, ...]
+    shapes: tuple[FitParameter, ...]
     grid: tuple[tuple[float, ...], ...]
     neutral: tuple[float, ...] = ()
 
@@ -125,7 +125,7 @@ class Candidate:
         return (self.effect.name, self.form.name)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[FitParameter, ...]:
         return self.amplitudes + self.shapes
 
     @property
@@ -135,7 +135,7 @@ class Candidate:
 
 def _parameter(
     free: Free, setting: Setting, known: Mapping[str, Any], shape: bool
-) -> tuple[Parameter, float, Array]:
+) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
     now = float(setting.scene.get(free.path))
     coordinate = "inverse-square" if free.inverse_square else "linear"
@@ -145,14 +145,14 @@ def _parameter(
         low = low if declared.low is None else max(low, declared.low)
         high = high if declared.high is None else min(high, declared.high)
     grid = offset + factor * np.array(free.grid)
-    parameter = Parameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
+    parameter = FitParameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
     start = parameter.coordinate_of(now)
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible
     else:
         grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))
         start = float(grid[0])
-    return Parameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
+    return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
 
 
 def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, Any]) -> Candidate | None:

@@ -10,7 +10,9 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout
-from lightfield.fitting.least_squares import Fit, Forward, Model, Parameter, Whiten, least_squares
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit, Whiten, least_squares
+from lightfield.fitting.parameter import FitParameter, Model
 
 Explanation = tuple[Candidate, ...]
 
@@ -24,15 +26,15 @@ class Problem:
     value : array, shape (n,)
     keep : array of 0 and 1, shape (n,)
         Readings left out (saturated, gross outliers) carry 0.
-    base : tuple of Parameter
+    base : tuple of FitParameter
         Gain per channel, beam half-width, absorption.
     """
 
-    forward: Forward
+    forward: SceneForward
     layout: Layout
     value: Array
     keep: Array
-    base: tuple[Parameter, ...]
+    base: tuple[FitParameter, ...]
     candidates: tuple[Candidate, ...]
 
     def model(self, explanation: Explanation = ()) -> Model:

@@ -15,8 +15,9 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
-from lightfield.fitting.least_squares import Parameter
+from lightfield.fitting.forward import READOUT
+from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.fitting.parameter import FitParameter
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -91,7 +92,7 @@ def calibration_of(readings: Any) -> float | None:
     return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
 
 
-def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
+def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
     """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
 
     On an absolute scale the gain is 1 within the error of the calibration, which is its range; its start is
@@ -110,11 +111,11 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
-        hwhm, seen = scene.lamp.hwhm_deg, forward.width_seen_deg
+        hwhm, seen = scene.lamp.hwhm_deg, forward.light.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
         low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
         begin = start["lamp.hwhm_deg"] = min(begin, high)
-        free.append(Parameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
+        free.append(FitParameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
     if scene.water.absorption_at and scene.water.base == "none":
         free += _spectrum(scene, layout, len(names) == 1)
     elif layout.varies("z_m") and not layout.air.all():
@@ -125,7 +126,7 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
         else:
             begin = now
         low, high = min(clearest, now), max(now, begin) + 3.0
-        free.append(Parameter("water.absorption_per_m", low, high, begin, 1e-4))
+        free.append(FitParameter("water.absorption_per_m", low, high, begin, 1e-4))
     unit = forward.predict(start)
     least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
     gains = []
@@ -137,7 +138,7 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
             gain = 1.0
         begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
         low, high = (-room, room) if forward.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
-        gains.append(Parameter(name, low, high, begin, 1e-5, "log"))
+        gains.append(FitParameter(name, low, high, begin, 1e-5, "log"))
     return (*gains, *free)
 
 
@@ -160,13 +161,13 @@ def _decay_per_m(layout: Layout, light: Array) -> float:
     return above / below if below > 0 else 0.0
 
 
-def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[Parameter]:
+def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[FitParameter]:
     """Absorption at each wavelength, where the readings tell it from the gain."""
     out = []
     for wavelength, now in scene.water.absorption_at:
         z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < 1e-3)]
         if len(z) and (np.ptp(z) > 1e-6 or (one_gain and layout.varies("z_m"))):
-            out.append(Parameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
+            out.append(FitParameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
     return out
 
 
@@ -250,7 +251,9 @@ def _check_size(layout: Layout, source: str) -> None:
         )
 
 
-def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
+def _check_reach(
+    forward: Any, readings: Any, value: Array, keep: Array, base: tuple[FitParameter, ...]
+) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
     bright = (keep > 0) & (value > 0.05 * value[keep > 0].max())

@@ -9,7 +9,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.fitting.least_squares import Fit, Model, Whiten, least_squares
+from lightfield.fitting.least_squares import Fit, Whiten, least_squares
+from lightfield.fitting.parameter import Model
 
 _POINTS = 9
 _STEPS = 15

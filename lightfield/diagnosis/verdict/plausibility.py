@@ -13,8 +13,9 @@ import numpy as np
 
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.fitting.forward import GAIN, POWER, SceneForward, has_diffuse_light
+from lightfield.fitting.forward import POWER, SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import GAIN, has_diffuse_light
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m
 

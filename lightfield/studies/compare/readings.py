@@ -24,8 +24,9 @@ from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.diagnosis.verdict.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 
 #: Correlations below this are not printed.
@@ -282,7 +283,7 @@ def _fit_readings(
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])
         fit = _best(problem, explanation, made.whiten, base.u)
-        dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
+        dense = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
         if dense is None:
             break
     noted = [*hints(forward, problem, fit, budget.calibration), *readings.warnings]

@@ -12,7 +12,8 @@ from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.verdict.verdict import StatedEffect, Verdict
-from lightfield.fitting.least_squares import Model, least_squares
+from lightfield.fitting.least_squares import least_squares
+from lightfield.fitting.parameter import Model
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.report.diagnosis.page import diagnosis_page
 from lightfield.scene import Scene

@@ -9,7 +9,7 @@ import pytest
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect, Form, Free, registry
-from lightfield.fitting.forward import has_diffuse_light
+from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.scene import Scene
 
 WITH_TANK = Scene.from_dict({"tank": {}})
