@@ -167,7 +167,7 @@ LONG_WRITE = """
 import sys, time
 from lightfield import cli
 from lightfield.commands import doctor
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 def run(args):
     with atomic_path(sys.argv[1] + "/result.nc") as path:
         path.write_bytes(bytes(1000))
