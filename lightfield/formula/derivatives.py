@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-from lightfield.formula.field import air_mask, beam_angles, direct_field, layer_path_m, rays
+from lightfield.formula.field import air_mask, direct_field, rays
 from lightfield.formula.path import Ray
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
+from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2
 from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
     sediment_absorption_per_m,
     sediment_scattering_per_m,
 )
+from lightfield.scene.water.layers import path_in_slab_m, path_up_gradient_m2
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
@@ -28,8 +30,8 @@ GAUSSIAN_FAMILY = ("gaussian", "super-gaussian", "two-component")
 DEPTH: dict[str, Callable[[Scene, Ray, Array, Array], Array]] = {
     "water.absorption_per_m": lambda scene, ray, z, w: ray.water_m,
     "water.scattering_per_m": lambda scene, ray, z, w: ray.water_m,
-    "water.gradient_per_m2": lambda scene, ray, z, w: (0.5 * z - scene.water.gradient_centre_m) * ray.water_m,
-    "water.layer_absorption_per_m": lambda scene, ray, z, w: layer_path_m(scene.water, ray, z),
+    "water.gradient_per_m2": lambda scene, ray, z, w: path_up_gradient_m2(scene.water, z, ray.water_m),
+    "water.layer_absorption_per_m": lambda scene, ray, z, w: path_in_slab_m(scene.water, z, ray.water_m),
     "water.hardening_per_m": lambda scene, ray, z, w: -scene.water.hardening_per_m * ray.water_m**2,
     "water.cdom_440_per_m": lambda scene, ray, z, w: (
         cdom_absorption_per_m(1.0, scene.water.cdom_slope_per_nm, w) * ray.water_m
@@ -96,7 +98,7 @@ def direct_jacobian(
 def _beam_slopes(scene: Scene, ray: Ray, in_air: Array | None) -> dict[str, Array]:
     """d ln I / d parameter of the Gaussian family, per degree for the widths."""
     lamp = scene.lamp
-    theta_x, theta_y = beam_angles(lamp, ray)
+    theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
     n = 1.0 if in_air is None else np.where(in_air, lamp.window_index, 1.0)
     xx, yy = (theta_x / n) ** 2, (theta_y / n) ** 2 / lamp.ellipticity**2
     squared = np.maximum(xx + yy, 1e-300)

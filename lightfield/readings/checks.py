@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lightfield.readings import units
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
+
+if TYPE_CHECKING:
+    from lightfield.scene import Tank
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
@@ -173,13 +176,9 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
     return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
 
 
-def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
-    ends = {
-        "x_m": (-tank.width_m / 2, tank.width_m / 2),
-        "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
-        "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
-    }
-    for name, (low, high) in ends.items():
+def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
+    across, up, (_, end) = tank.box_m
+    for name, (low, high) in {"x_m": across, "y_m": up, "z_m": (0.0, end)}.items():
         values = getattr(readings, name)
         outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
         outside &= np.abs(values) <= FARTHEST_M  # else that was said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -154,8 +154,8 @@ def render_scene(
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     stored = store.load(key) if cache else None
     if stored is not None:
-        response, energy, reached = _unpack(stored, chosen)
-        return Rendering(scene, response, grid, energy, reached, settings)
+        response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
+        return Rendering(scene, response, grid, energy, float(stored["reached"]), settings)
     use_backend()
     from lightfield.render.tracer.accumulate import (
         trace_until,  # Mitsuba, which a cached response does not need
@@ -163,7 +163,8 @@ def render_scene(
 
     response, energy, reached = trace_until(scene, grid, chosen, settings, progress)
     if cache:
-        store.save(key, _pack(response, energy, reached))
+        found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
+        store.save(key, response.packed() | found)
     return Rendering(scene, response, grid, energy, reached, settings)
 
 
@@ -181,31 +182,3 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
 def software() -> list[str]:
     """Versions of what renders."""
     return [version("mitsuba"), version("drjit")]
-
-
-def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> dict[str, np.ndarray]:
-    packed = {
-        "tally": response.tally,
-        "histories": response.histories,
-        "excess_m": response.excess_m,
-        "straight_m": response.straight_m,
-        "photons": np.array(response.photons),
-        "energy": np.array(list(asdict(energy).values())),
-        "reached": np.array(reached),
-    }
-    return packed if response.merged is None else packed | {"merged": response.merged}
-
-
-def _unpack(
-    stored: dict[str, np.ndarray], reference: Reference
-) -> tuple[TransportResponse, Bookkeeping, float]:
-    response = TransportResponse(
-        stored["tally"],
-        stored["histories"],
-        stored["excess_m"],
-        stored["straight_m"],
-        reference,
-        int(stored["photons"]),
-        stored.get("merged"),
-    )
-    return response, Bookkeeping(*(float(v) for v in stored["energy"])), float(stored["reached"])

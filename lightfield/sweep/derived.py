@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
 from lightfield.formula.field import direct_field, optical_depth, rays, window_points
+from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
 from lightfield.render.response.grid import Grid, band_wavelengths
 from lightfield.scene import Lamp, Scene, Water
@@ -18,7 +19,6 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power
 
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Formula:
         """The formula of a scene's lamp and detector; None for a pencil beam, which has no formula."""
         try:
             sources = [
-                (point, share * _cell_means(scene.model_copy(update={"water": Water(), "lamp": point}), grid))
+                (point, share * _in_clear_water(scene.model_copy(update={"lamp": point}), grid))
                 for point, share in window_points(scene.lamp)
             ]
         except LightfieldError:
@@ -61,15 +61,11 @@ class Formula:
         return maps
 
 
-def _cell_means(scene: Scene, grid: Grid) -> Array:
-    """Direct light averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_planes, n_y, n_x)."""
-    total = np.zeros(grid.shape)
-    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
-        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
-            x, y = grid.x_m + 0.5 * u * grid.pitch_x_m, grid.y_m + 0.5 * v * grid.pitch_y_m
-            at_z, at_y, at_x = np.meshgrid(grid.z_m, y, x, indexing="ij")
-            total += 0.25 * wu * wv * direct_field(scene, at_x, at_y, at_z)
-    return total
+def _in_clear_water(scene: Scene, grid: Grid) -> Array:
+    """Unattenuated direct light averaged over every cell, shape (n_planes, n_y, n_x)."""
+    clear, z = scene.model_copy(update={"water": Water()}), grid.z_m[:, None, None]
+    cells = grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m
+    return cell_mean(lambda x, y: direct_field(clear, x, y, z), *cells)
 
 
 def intensity_of(scene: Scene) -> Array:
@@ -103,7 +99,7 @@ def derive(
     dict of name to array, shape (n_bands, n_planes)
         See `layout.derived_variables`; NaN where there is nothing to tell.
     """
-    near = _axis_cells(grid)
+    near = axis_cells(grid.x_m, grid.y_m)
     # An error that k cells share counts k times over in a sum, and not as the root of k.
     images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
     known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
@@ -187,9 +183,3 @@ def _coarse(values: Array, n: int) -> Array:
     top, left = (values.shape[0] - rows) // 2, (values.shape[1] - columns) // 2
     inside = values[top : top + rows, left : left + columns]
     return np.asarray(inside.reshape(rows // n, n, columns // n, n).mean(axis=(1, 3)))
-
-
-def _axis_cells(grid: Grid) -> NDArray[np.bool_]:
-    """The cell, or the equally near cells, at x = y = 0; shape (n_y, n_x)."""
-    radius = np.hypot(*np.meshgrid(grid.x_m, grid.y_m))
-    return np.asarray(radius <= radius.min() * (1 + 1e-6) + 1e-12)

@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
@@ -265,19 +265,8 @@ def _loaded(file: str, _modified: int) -> TransportResponse:
 
 
 def _save(file: Path, response: TransportResponse, reached: float) -> None:
-    reference = response.reference
-    water = (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo)
-    arrays: dict[str, Any] = {
-        "tally": response.tally,
-        "histories": response.histories,
-        "excess_m": response.excess_m,
-        "straight_m": response.straight_m,
-        "reference": np.array(water),
-        "photons": response.photons,
-        "reached": reached,
-    }
-    if response.merged is not None:
-        arrays["merged"] = response.merged
+    arrays: dict[str, Any] = response.packed()
+    arrays |= {"reference": np.array(astuple(response.reference)), "reached": np.array(reached)}
     with atomic_path(file) as temporary, temporary.open("wb") as out:
         np.savez(out, **arrays)
 
@@ -286,11 +275,8 @@ def _read(file: Path) -> tuple[TransportResponse, float] | None:
     """A response and the error it reached; None when it is missing or damaged (the archive has checksums)."""
     try:
         with np.load(file, allow_pickle=False) as d:
-            reference = Reference(*map(float, d["reference"]))
-            arrays = (d["tally"], d["histories"], d["excess_m"], d["straight_m"])
-            merged = d["merged"] if "merged" in d.files else None
-            response = TransportResponse(*arrays, reference, int(d["photons"]), merged)
-            return response, float(d["reached"])
+            reference = Reference(*d["reference"].tolist())
+            return TransportResponse.unpacked(d, reference), float(d["reached"])
     except FileNotFoundError:
         return None
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise
