@@ -18,8 +18,7 @@ from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
-from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
@@ -69,7 +68,7 @@ class Rendering:
             == np.ptp(scattering_per_m(scene.water, at.ravel()))
             == 0
         )
-        intensity = spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / unit_power(scene)
+        intensity = axial_intensity(scene.lamp, at)
         if grey:
             mean, stderr = self.relative_maps(at[:1, 0], part)
             per_band = intensity.mean(axis=1)[:, None, None, None]
@@ -101,11 +100,6 @@ class Rendering:
             return mean, stderr
         factor = np.asarray(intensity)[:, None, None, None]
         return mean * factor, stderr * factor
-
-
-def unit_power(scene: Scene) -> float:
-    """Power of the beam for unit on-axis intensity, sr; one for a pencil beam."""
-    return 1.0 if scene.lamp.profile == "pencil" else float(solid_angle_sr(scene.lamp))
 
 
 def render_scene(

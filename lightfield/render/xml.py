@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.render.backend import use_backend
-from lightfield.render.maps import unit_power
 from lightfield.render.response.grid import band_wavelengths, scene_grid
 from lightfield.scene import Scene
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.receiver import RECEIVER
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.files import atomic_path
@@ -52,7 +51,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         "phase": phase_dict(scene),
     }
     lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
-    lamp["intensity"] = float(spectral_power(scene.lamp, at)[0] / unit_power(scene))
+    lamp["intensity"] = float(axial_intensity(scene.lamp, at)[0])
     lamp |= {name: value for name in PROPERTIES if (value := getattr(scene.lamp, name)) is not None}
     height = len(grid.y_m) * grid.pitch_y_m
     planes = {

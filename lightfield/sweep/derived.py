@@ -15,8 +15,7 @@ from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
 from lightfield.render.response.grid import Grid, band_wavelengths
 from lightfield.scene import Lamp, Scene, Water
-from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
 
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
 
@@ -51,11 +50,12 @@ class Formula:
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
-        maps = np.zeros((len(scene.detector.bands_nm), *self.grid.shape))
+        at = band_wavelengths(scene)  # [n_bands, samples]
+        maps = np.zeros((len(at), *self.grid.shape))
         for point, field in self.sources:
             # Within a cell the path changes far less than its attenuation length: the centre's will do.
             ray = rays(point, x, y, z)
-            for total, band, power in zip(maps, band_wavelengths(scene), intensity_of(scene), strict=True):
+            for total, band, power in zip(maps, at, axial_intensity(scene.lamp, at), strict=True):
                 for w, intensity in zip(band, power, strict=True):
                     total += intensity / len(band) * field * np.exp(-optical_depth(scene.water, ray, z, w))
         return maps
@@ -66,13 +66,6 @@ def _in_clear_water(scene: Scene, grid: Grid) -> Array:
     clear, z = scene.model_copy(update={"water": Water()}), grid.z_m[:, None, None]
     cells = grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m
     return cell_mean(lambda x, y: direct_field(clear, x, y, z), *cells)
-
-
-def intensity_of(scene: Scene) -> Array:
-    """On-axis radiant intensity at `band_wavelengths`, W/(sr nm) (power, W/nm, for a pencil beam)."""
-    at = band_wavelengths(scene)
-    sr = 1.0 if scene.lamp.profile == "pencil" else float(solid_angle_sr(scene.lamp))
-    return np.asarray(spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / sr)
 
 
 def derive(

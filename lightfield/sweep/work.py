@@ -22,11 +22,12 @@ from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Progress
 from lightfield.scene import Scene
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.derived import Formula, derive, intensity_of
+from lightfield.sweep.derived import Formula, derive
 from lightfield.sweep.plan import Block, SweepSettings, Trace
 from lightfield.sweep.schema import derived_variables
 from lightfield.sweep.store import trace_file
@@ -202,7 +203,7 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
-        intensity = intensity_of(scene)
+        intensity = axial_intensity(scene.lamp, band_wavelengths(scene))
         # Grey water: one map serves all bands.
         weights.append(intensity.mean(axis=1)[:, None] if at.size == 1 else intensity / intensity.shape[1])
     shape = (len(scenes), *_nodes(scenes[0]).shape, *response.shape)

@@ -16,10 +16,12 @@ from scipy.ndimage import gaussian_filter
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
+from lightfield.formula.field import direct_field
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
+from lightfield.scene.lamp.spectrum import axial_intensity
 
 # (scene, x, y, z, wavelength_nm) -> absolute values in the unit of the maps, shape of x
 Formula = Callable[[Scene, Array, Array, Array, float], Array]
@@ -318,14 +320,7 @@ def on_cells(
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, wavelength_nm: float) -> Array:
     """The closed-form model in absolute units, W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)."""
-    from lightfield.formula.field import direct_field
-    from lightfield.scene.lamp.profile import solid_angle_sr
-    from lightfield.scene.lamp.spectrum import spectral_power
-
-    power = float(np.ravel(spectral_power(scene.lamp, np.array([wavelength_nm])))[0])
-    intensity = power if scene.lamp.profile == "pencil" else power / float(solid_angle_sr(scene.lamp))
-    field = direct_field(scene, x_m.ravel(), y_m.ravel(), z_m.ravel(), wavelength_nm=wavelength_nm)
-    return intensity * np.asarray(field, float).reshape(x_m.shape)
+    return axial_intensity(scene.lamp, wavelength_nm) * direct_field(scene, x_m, y_m, z_m, wavelength_nm)
 
 
 def verdict(comparison: Comparison) -> str:
