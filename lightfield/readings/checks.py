@@ -17,6 +17,7 @@ from lightfield.readings.problems import Problems
 
 if TYPE_CHECKING:
     from lightfield.readings.readings import Readings
+    from lightfield.scene import Tank
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
@@ -232,12 +233,9 @@ def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> N
         )
 
 
-def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
-    ends = {
-        "x_m": (-tank.width_m / 2, tank.width_m / 2),
-        "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
-        "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
-    }
+def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
+    across, up, (_, end) = tank.box_m
+    ends = {"x_m": across, "y_m": up, "z_m": (0.0, end)}
 
     def beyond(values: Array, name: str) -> NDArray[np.bool_]:
         low, high = ends[name]

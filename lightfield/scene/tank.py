@@ -10,6 +10,10 @@ from pydantic import model_validator
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import Part, declare, number, told
 
+#: Refractive index of the water under its surface, relative to air; 1.33 to 1.35 over the spectrum and for
+#: fresh to sea water (Quan & Fry 1995, Appl. Opt. 34, 3477; see `water.molecular.refractive_index`).
+WATER_INDEX = 1.34
+
 
 class Tank(Part):
     """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a flat surface."""

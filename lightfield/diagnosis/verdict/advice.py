@@ -56,9 +56,9 @@ def possible_places(problem: Problem, tank: Tank | None) -> Places:
     gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
     inside = np.ones(len(gx), bool)
     if tank is not None:
-        floor, end = tank.lamp_depth_m - tank.depth_m, tank.length_m - tank.behind_lamp_m
-        inside = (np.abs(gx) < 0.97 * tank.width_m / 2) & (gz < 0.98 * end)
-        inside &= (gy > floor + 0.03) & (gy < tank.lamp_depth_m - 0.03)
+        (_, side), (floor, top), (_, end) = tank.box_m
+        inside = (np.abs(gx) < 0.97 * side) & (gz < 0.98 * end)
+        inside &= (gy > floor + 0.03) & (gy < top - 0.03)
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 

@@ -29,7 +29,7 @@ from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.shift import Shift
-from lightfield.render.diffuse.straight import from_behind, inhomogeneous
+from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.reflected.light import ReflectedLight, lagrange
 from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.response import (
@@ -44,6 +44,7 @@ from lightfield.render.response.response import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.layers import layers_depth
 
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
@@ -226,7 +227,7 @@ class DiffuseResponse:
         nothing = np.zeros((len(a), len(self.straight_m)))
         light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
         z, r = self.shift.cell_z_m, self.straight_m
-        seen = light * inhomogeneous(scene.water, z, r)
+        seen = light * np.exp(-layers_depth(scene.water, z, r))
         seen = seen * from_behind(scene.lamp.apparent_distance_m, a + b, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
@@ -282,7 +283,7 @@ class DiffuseResponse:
         for one, c in zip(light, attenuation, strict=True):
             for share, at in zip(shares, nodes, strict=True):
                 one += share * self.reflected.evaluate(scene, float(c + at))
-        along = inhomogeneous(scene.water, self.shift.cell_z_m, self.straight_m)
+        along = np.exp(-layers_depth(scene.water, self.shift.cell_z_m, self.straight_m))
         return light * self.shift.pick(along)
 
     @staticmethod

@@ -9,8 +9,9 @@ import pytest
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import Readings, read_table
+from lightfield.scene import Tank
 
-TANK = SimpleNamespace(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
+TANK = Tank(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
 
 
 def scene(tank=TANK, bands=((500, 550),), quantity="irradiance"):

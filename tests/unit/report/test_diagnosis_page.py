@@ -10,8 +10,9 @@ from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.verdict import SetAside
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+from lightfield.scene import Tank
 
-TANK = {"width_m": 3.66, "depth_m": 2.44, "length_m": 36.6, "behind_lamp_m": 0.5, "lamp_depth_m": 1.22}
+TANK = Tank(width_m=3.66, depth_m=2.44, length_m=36.6, behind_lamp_m=0.5, lamp_depth_m=1.22)
 
 
 def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_sided=False):
