@@ -44,7 +44,7 @@ from lightfield.render.response.response import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.scene.water.layers import layers_depth
+from lightfield.scene.water.layers import is_layered, layers_depth
 
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
@@ -283,8 +283,10 @@ class DiffuseResponse:
         for one, c in zip(light, attenuation, strict=True):
             for share, at in zip(shares, nodes, strict=True):
                 one += share * self.reflected.evaluate(scene, float(c + at))
-        along = np.exp(-layers_depth(scene.water, self.shift.cell_z_m, self.straight_m))
-        return light * self.shift.pick(along)
+        if is_layered(scene.water):
+            along = np.exp(-layers_depth(scene.water, self.shift.cell_z_m, self.straight_m))
+            light *= self.shift.pick(along)
+        return light
 
     @staticmethod
     def _spread(scene: Scene) -> tuple[Array, Array]:
