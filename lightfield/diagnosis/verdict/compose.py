@@ -28,6 +28,7 @@ from lightfield.diagnosis.verdict.verdict import (
     Kind,
     NearestRival,
     NextMeasurement,
+    Reason,
     Rung,
     Spot,
     Verdict,
@@ -54,17 +55,17 @@ def estimates(
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
-        reason = None
+        reason: Reason | None = None
         if fit.model.parameters[i].is_held:
-            reason = "held"
+            reason = Reason.HELD
         elif bound[i]:
-            reason = "at boundary"
+            reason = Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
-            reason = "did not move the model"
+            reason = Reason.DID_NOT_MOVE
         elif not np.isfinite(error):
-            reason = "undetermined"
+            reason = Reason.UNDETERMINED
         elif error > fit.model.parameters[i].width(fit.u[i]):
-            reason = "undetermined: error wider than the allowed range"
+            reason = Reason.TOO_WIDE
         out[path] = Estimate(
             value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,15 +14,23 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
 
+class Reason(StrEnum):
+    """Why a fitted number has no error, as every report says it."""
+
+    HELD = "held"
+    AT_BOUNDARY = "at boundary"
+    DID_NOT_MOVE = "did not move the model"
+    UNDETERMINED = "undetermined"
+    TOO_WIDE = "undetermined: error wider than the allowed range"
+
+
 class Estimate(_Part):
     """A fitted number."""
 
     value: float
     stderr: float | None = Field(None, description="standard error; absent for the reason given")
     unit: str = "1"
-    reason: str | None = Field(
-        None, description='why there is no error: "at boundary", "did not move", "undetermined", "held"'
-    )
+    reason: Reason | None = Field(None, description="why there is no error")
 
 
 class Explanation(_Part):

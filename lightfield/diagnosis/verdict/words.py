@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lightfield.diagnosis.verdict.verdict import DetectionLimit, Explanation, NearestRival, NextMeasurement
+from lightfield.diagnosis.verdict.verdict import (
+    DetectionLimit,
+    Explanation,
+    NearestRival,
+    NextMeasurement,
+    Reason,
+)
 from lightfield.fitting import effects
 
 
@@ -63,12 +69,12 @@ def sentence(
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
-            reasons = [e.reason or "" for e in explanations[0].parameters.values()]
-            if "at boundary" in reasons:
+            reasons = {e.reason for e in explanations[0].parameters.values()}
+            if Reason.AT_BOUNDARY in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"
             elif not determined:
                 doubt = "with as many parameters as there are readings anything can"
-            elif any(reason.startswith("undetermined") for reason in reasons):
+            elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
                 doubt = "these readings do not determine its size"
             return (
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
