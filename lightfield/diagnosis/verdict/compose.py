@@ -309,17 +309,17 @@ def verdict_of(
         lambda fit, least: estimates(fit, phi, units, least),
     )
 
-    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> str:
+    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> words.Said:
         new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
-        return words.sentence(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
+        return words.said(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
 
-    said = stated.sentence(kind, explanations, rival, own_effects, say)
+    said = stated.said(kind, explanations, rival, own_effects, say)
     if doubt is not None:
-        said = f"Unexplained: {doubt}."
+        said = words.Said.of(f"Unexplained: {doubt}.")
     waves = int(problem.layout.channel.max()) > 0
     return Verdict(
         verdict=kind,
-        sentence=said + aside_words.sentence(aside, problem.layout.size, waves),
+        **said.then(aside_words.sentence(aside, problem.layout.size, waves)).fields,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
@@ -356,6 +356,5 @@ def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
     doubt = f"{named} would explain the readings, but {contradiction}"
     waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
-    return {
-        "verdict": "unexplained", "effects": [], "doubt": doubt, "sentence": f"Unexplained: {doubt}.{aside}"
-    }  # fmt: skip
+    said = words.Said.of(f"Unexplained: {doubt}.").then(aside)
+    return {"verdict": "unexplained", "effects": [], "doubt": doubt, **said.fields}

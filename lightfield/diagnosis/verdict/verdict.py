@@ -139,6 +139,8 @@ class Verdict(_Part):
 
     verdict: Kind
     sentence: str = Field(description="the verdict in words")
+    headline: str = Field(description="what was found, alone")
+    support: list[str] = Field(description="how sure that is, and what took no part, apart from the headline")
     effects: list[str] = Field(description="the best explanation, or none")
     explanations: list[Explanation] = Field(description="all accepted smallest sets, best first")
     nearest_rival: NearestRival | None
