@@ -77,6 +77,30 @@ def _line(text: str) -> str:
     return text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
 
 
+class RuleError(ValueError):
+    """A rule that a value breaks, from its validator, which knows neither the file nor the key.
+
+    Parameters
+    ----------
+    rule : str
+        The rule, with what was found.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    def __init__(self, rule: str, remedy: str | None = None) -> None:
+        self.rule, self.remedy = rule, remedy
+        super().__init__(rule if remedy is None else f"{rule}; remedy: {remedy}")
+
+    @classmethod
+    def of(cls, error: LightfieldError) -> RuleError:
+        """The same from an error about something that the value names, on one line."""
+        bare = LightfieldError(
+            error.what, where=error.where, found=error.found, rule=error.rule, problems=error.problems
+        )
+        return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy)
+
+
 class SceneError(LightfieldError):
     """A scene, or a value given for one of its parameters, is not usable."""
 

@@ -53,7 +53,7 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     def refuse(bad: Any, name: str, what: str, rule: str, remedy: str | None = None) -> None:
         values = getattr(readings, name)
         for k in np.flatnonzero(bad).tolist():
-            if not unread.get(name, set()) & {None, lines[k]}:
+            if not unread & {(name, None), (name, lines[k])}:
                 noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
 
     for name in ("x_m", "y_m", "z_m", "value"):

@@ -11,6 +11,8 @@ MEDIA = ("water", "air")
 ROLES = ("signal", "reference")
 
 REQUIRED = ("z_m", "value")
+#: Required of a layout: a reading table whose values do not exist yet.
+LAYOUT = ("z_m",)
 NUMBER_COLUMNS = (
     "x_m",
     "y_m",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,6 +18,8 @@ class _Problem:
     found: str | None
     rule: str | None
     remedy: str | None
+    column: str | None
+    whole: bool
 
 
 @dataclass
@@ -48,18 +49,24 @@ class Problems:
         found: object = None,
         rule: str | None = None,
         remedy: str | None = None,
+        column: str | None = None,
+        whole: bool = False,
     ) -> None:
-        """Note one problem; `place` is a line number (from 1) or None for the whole file."""
-        self.found.append(_Problem(place, what, None if found is None else shorten(found), rule, remedy))
+        """Note one problem.
 
-    def unread(self) -> dict[str, set[int | None]]:
-        """Where cells of a column could not be read, by column; None: the column is missing."""
-        out: dict[str, set[int | None]] = {}
-        for problem in self.found:
-            out.setdefault(problem.what.split(" ", 1)[0], set()).add(problem.place)
-            if match := re.fullmatch(r"the column (\w+) is missing", problem.what):
-                out.setdefault(match[1], set()).add(None)
-        return out
+        Parameters
+        ----------
+        place : int, optional
+            Line number (from 1); None for the whole file.
+        column : str, optional
+            The column whose cell could not be read there; with `whole`, none of its cells could.
+        """
+        shown = None if found is None else shorten(found)
+        self.found.append(_Problem(place, what, shown, rule, remedy, column, whole))
+
+    def unread(self) -> set[tuple[str, int | None]]:
+        """Column and line of the cells that could not be read; line None: the whole column."""
+        return {(p.column, None if p.whole else p.place) for p in self.found if p.column is not None}
 
     def __bool__(self) -> bool:
         return bool(self.found)

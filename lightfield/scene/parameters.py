@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 
 FOLDER_KEY = "folder"
@@ -217,7 +218,7 @@ def _resolve(value: str, info: ValidationInfo) -> str:
     folder = (info.context or {}).get(FOLDER_KEY, os.curdir)
     path = Path(os.path.abspath(Path(folder, value).expanduser()))
     if not path.is_file():
-        raise ValueError(f"no such file: {path}; remedy: give a path relative to the scene file")
+        raise RuleError(f"no such file: {path}", "give a path relative to the scene file")
     return str(path)
 
 

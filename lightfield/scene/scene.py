@@ -14,11 +14,11 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError
 from lightfield.scene.detector import Detector
 from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.messages import scene_error, unknown_key
+from lightfield.scene.messages import nearest, scene_error
 from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
@@ -65,12 +65,12 @@ class Scene(Part):
         try:
             total = absorption_per_m(self.water, centres)
         except SceneError as error:
-            raise ValueError(str(error)) from error
+            raise RuleError.of(error) from error
         if total.min() < 0:
-            raise ValueError(
+            raise RuleError(
                 f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
-                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0; "
-                f"remedy: write at least {self.water.absorption_per_m - total.min():.4g}"
+                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0",
+                f"write at least {self.water.absorption_per_m - total.min():.4g}",
             )
         return self
 
@@ -364,7 +364,7 @@ class Scene(Part):
                 remedy="add a [tank] table to the scene",
             )
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
-        return SceneError(f"{path}: no such parameter; {unknown_key(path, known)}")
+        return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
 
 
 def _plain(value: Any) -> Any:

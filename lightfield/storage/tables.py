@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError
 from lightfield.storage.inputs import TABLE, read_bytes
 
 #: Coefficients of water, as in a scene; and numbers in any other unit, whose squares must not overflow.
@@ -54,13 +54,13 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
 
     Raises
     ------
-    ValueError
+    RuleError
         With the reader's message on one line.
     """
     try:
         reader(*arguments)
     except SceneError as error:
-        raise ValueError(" | ".join(line.strip() for line in str(error).splitlines())) from error
+        raise RuleError.of(error) from error
 
 
 @lru_cache(maxsize=64)

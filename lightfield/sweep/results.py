@@ -13,7 +13,7 @@ import xarray as xr
 
 from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
-from lightfield.scene.messages import unknown_key
+from lightfield.scene.messages import nearest
 from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
@@ -122,7 +122,7 @@ def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
             raise UsageError("not a case", where="--case", found=text, rule="PATH=VALUE")
         if name not in data.dims:
             raise UsageError(
-                f"{name} is no dimension of this sweep; {unknown_key(name, names)}", where="--case"
+                f"{name} is no dimension of this sweep", where="--case", remedy=nearest(name, names)
             )
         data = data.isel({name: [step_of(data[name].values, name, value)]})
     return data

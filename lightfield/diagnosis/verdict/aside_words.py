@@ -68,14 +68,14 @@ def sentence(aside: Sequence[SetAside], readings: int, waves: bool) -> str:
         Several wavelengths were read.
     """
     outliers = [e for e in aside if e.reason == "outlier"]
-    said = ""
+    said = []
     if outliers:
         named = "; ".join(f"{place(e, waves)}, {off(e)}" for e in outliers[:_NAMED_ASIDE])
         rest = len(outliers) - _NAMED_ASIDE
         least = abs(outliers[-1].off_sigma or 0.0)
         others = f"; and {rest} more, {least:.2g} sigma off or farther" if rest > 0 else ""
         verb = "was" if len(outliers) == 1 else "were"
-        said += f" {len(outliers)} of {readings} readings {verb} set aside: {named}{others}."
+        said.append(f"{len(outliers)} of {readings} readings {verb} set aside: {named}{others}.")
     if saturated := len(aside) - len(outliers):
-        said += f" {saturated} saturated {'reading was' if saturated == 1 else 'readings were'} left out."
-    return said
+        said.append(f"{saturated} saturated {'reading was' if saturated == 1 else 'readings were'} left out.")
+    return " ".join(said)

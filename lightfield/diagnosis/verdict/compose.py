@@ -28,6 +28,7 @@ from lightfield.diagnosis.verdict.verdict import (
     Kind,
     NearestRival,
     NextMeasurement,
+    Reason,
     Rung,
     Spot,
     Verdict,
@@ -54,17 +55,17 @@ def estimates(
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
-        reason = None
+        reason: Reason | None = None
         if fit.model.parameters[i].is_held:
-            reason = "held"
+            reason = Reason.HELD
         elif bound[i]:
-            reason = "at boundary"
+            reason = Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
-            reason = "did not move the model"
+            reason = Reason.DID_NOT_MOVE
         elif not np.isfinite(error):
-            reason = "undetermined"
+            reason = Reason.UNDETERMINED
         elif error > fit.model.parameters[i].width(fit.u[i]):
-            reason = "undetermined: error wider than the allowed range"
+            reason = Reason.TOO_WIDE
         out[path] = Estimate(
             value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
         )
@@ -308,17 +309,17 @@ def verdict_of(
         lambda fit, least: estimates(fit, phi, units, least),
     )
 
-    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> str:
+    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> words.Said:
         new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
-        return words.sentence(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
+        return words.said(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
 
-    said = stated.sentence(kind, explanations, rival, own_effects, say)
+    said = stated.said(kind, explanations, rival, own_effects, say)
     if doubt is not None:
-        said = f"Unexplained: {doubt}."
+        said = words.Said.of(f"Unexplained: {doubt}.")
     waves = int(problem.layout.channel.max()) > 0
     return Verdict(
         verdict=kind,
-        sentence=said + aside_words.sentence(aside, problem.layout.size, waves),
+        **said.then(aside_words.sentence(aside, problem.layout.size, waves)).fields,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
@@ -355,6 +356,5 @@ def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
     doubt = f"{named} would explain the readings, but {contradiction}"
     waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
-    return {
-        "verdict": "unexplained", "effects": [], "doubt": doubt, "sentence": f"Unexplained: {doubt}.{aside}"
-    }  # fmt: skip
+    said = words.Said.of(f"Unexplained: {doubt}.").then(aside)
+    return {"verdict": "unexplained", "effects": [], "doubt": doubt, **said.fields}

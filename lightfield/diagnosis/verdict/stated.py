@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, StatedEffect
-from lightfield.diagnosis.verdict.words import join
+from lightfield.diagnosis.verdict.words import Said, join
 
-Say = Callable[[Sequence[Explanation], NearestRival | None], str]
+Say = Callable[[Sequence[Explanation], NearestRival | None], Said]
 #: Judgements that contradict the scene.
 REFUTED = ("absent", "contradicted")
 #: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
@@ -40,13 +40,13 @@ def _value(estimate: Estimate) -> str:
     return f"{estimate.value:.4g}{error}{unit}"
 
 
-def sentence(
+def said(
     kind: str,
     explanations: Sequence[Explanation],
     rival: NearestRival | None,
     stated: Sequence[StatedEffect],
     say: Say,
-) -> str:
+) -> Said:
     """The verdict in words, where an effect of the scene is not "missing" but there, or not as stated.
 
     Parameters
@@ -68,17 +68,17 @@ def sentence(
         missing = [k for k, name in enumerate(first.effects) if name not in wrong]
         if not missing:
             if next_one is None:
-                return f"{against}."
+                return Said.of(f"{against}.")
             far = f"{next_one.separation_sigma:.1f} sigma away"
-            return f"{against}. The next rival, {join(next_one.effects)}, is {far}."
+            return Said.of(f"{against}.", f"The next rival, {join(next_one.effects)}, is {far}.")
         left = {
             "effects": [first.effects[k] for k in missing],
             "families": [first.families[k] for k in missing],
         }
-        return f"{against}. {say([first.model_copy(update=left)], next_one)}"
+        return say([first.model_copy(update=left)], next_one).after(f"{against}.")
     named = [e.model_copy(update={"effects": spoken(e.effects)}) for e in explanations]
     told = say(named, next_one)
-    return f"{against}. {told}" if wrong else told
+    return told.after(f"{against}.") if wrong else told
 
 
 def lines(stated: Sequence[StatedEffect]) -> list[str]:

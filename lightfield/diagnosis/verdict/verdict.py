@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,15 +14,23 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
 
+class Reason(StrEnum):
+    """Why a fitted number has no error, as every report says it."""
+
+    HELD = "held"
+    AT_BOUNDARY = "at boundary"
+    DID_NOT_MOVE = "did not move the model"
+    UNDETERMINED = "undetermined"
+    TOO_WIDE = "undetermined: error wider than the allowed range"
+
+
 class Estimate(_Part):
     """A fitted number."""
 
     value: float
     stderr: float | None = Field(None, description="standard error; absent for the reason given")
     unit: str = "1"
-    reason: str | None = Field(
-        None, description='why there is no error: "at boundary", "did not move", "undetermined", "held"'
-    )
+    reason: Reason | None = Field(None, description="why there is no error")
 
 
 class Explanation(_Part):
@@ -130,6 +139,8 @@ class Verdict(_Part):
 
     verdict: Kind
     sentence: str = Field(description="the verdict in words")
+    headline: str = Field(description="what was found, alone")
+    support: list[str] = Field(description="how sure that is, and what took no part, apart from the headline")
     effects: list[str] = Field(description="the best explanation, or none")
     explanations: list[Explanation] = Field(description="all accepted smallest sets, best first")
     nearest_rival: NearestRival | None

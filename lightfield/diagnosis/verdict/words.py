@@ -3,9 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from lightfield.diagnosis.verdict.verdict import DetectionLimit, Explanation, NearestRival, NextMeasurement
+from lightfield.diagnosis.verdict.verdict import (
+    DetectionLimit,
+    Explanation,
+    NearestRival,
+    NextMeasurement,
+    Reason,
+)
 from lightfield.fitting import effects
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a verdict says.
+
+    Parameters
+    ----------
+    sentence : str
+        All of it.
+    headline : str
+        What was found, to be read from across the room.
+    support : tuple of str
+        How sure that is, and what took no part: sentences that stand below the headline.
+    """
+
+    sentence: str
+    headline: str
+    support: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, headline: str, *support: str) -> Said:
+        """Sentences of which the first is the headline."""
+        return cls(" ".join((headline, *support)), headline, support)
+
+    def after(self, first: str) -> Said:
+        """The same below another finding."""
+        return Said(f"{first} {self.sentence}", f"{first} {self.headline}", self.support)
+
+    def then(self, more: str) -> Said:
+        """The same with one more support, unless that is empty."""
+        return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """As fields of the verdict."""
+        return {"sentence": self.sentence, "headline": self.headline, "support": list(self.support)}
 
 
 def _plain(name: str) -> str:
@@ -22,7 +67,7 @@ def join(names: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
-def sentence(
+def said(
     kind: str,
     explanations: Sequence[Explanation],
     rival: NearestRival | None,
@@ -32,7 +77,7 @@ def sentence(
     within: str,
     determined: bool,
     noise: str = "",
-) -> str:
+) -> Said:
     """One or two sentences that say what was found and how sure it is.
 
     Parameters
@@ -47,7 +92,7 @@ def sentence(
         What the detection limits rest on.
     """
     if kind == "none":
-        return f"No missing effect detectable{within}. {_sentence(_seen(limits, noise))}."
+        return Said.of(f"No missing effect detectable{within}.", f"{_sentence(_seen(limits, noise))}.")
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -58,34 +103,36 @@ def sentence(
             else ""
         )
         verb = "is" if len(names) == 1 else "are"
-        kinds = f" ({word}: {join(families)})"
-        return f"{_sentence(join(names))} {verb} missing in the model{within}{kinds}{next_one}."
+        kinds = f"{word}: {join(families)}"
+        what = f"{_sentence(join(names))} {verb} missing in the model{within}"
+        return Said(f"{what} ({kinds}){next_one}.", f"{what}.", (f"{_sentence(kinds)}{next_one}.",))
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
-            reasons = [e.reason or "" for e in explanations[0].parameters.values()]
-            if "at boundary" in reasons:
+            reasons = {e.reason for e in explanations[0].parameters.values()}
+            if Reason.AT_BOUNDARY in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"
             elif not determined:
                 doubt = "with as many parameters as there are readings anything can"
-            elif any(reason.startswith("undetermined") for reason in reasons):
+            elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
                 doubt = "these readings do not determine its size"
-            return (
+            return Said.of(
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )
         listed = " or ".join(join(e.effects) for e in explanations[:4])
         others = len(explanations) - 4
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
-        apart = ""
-        if rival:
-            apart = f" (the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)})"
-        return f"{listed[:1].upper()}{listed[1:]}{more}: these readings cannot tell{apart}{within}."
+        what = f"{_sentence(listed)}{more}: these readings cannot tell"
+        if rival is None:
+            return Said.of(f"{what}{within}.")
+        apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
+        return Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
     about = (
         f"; it depends on {coordinate} alone, {where}"
         if coordinate
         else "; it is not a function of one coordinate"
     )
-    return f"Unexplained by any one or two known effects{about}."
+    return Said.of(f"Unexplained by any one or two known effects{about}.")
 
 
 def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from typing import Any
@@ -33,7 +34,7 @@ from lightfield.storage.inputs import READINGS
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
-def read_table(path: str | PathLike[str], scene: Any = None, content: text.Text | None = None) -> Readings:
+def read_table(path: str | PathLike[str], scene: Any = None, required: Sequence[str] = REQUIRED) -> Readings:
     """Read a reading table.
 
     Parameters
@@ -41,8 +42,8 @@ def read_table(path: str | PathLike[str], scene: Any = None, content: text.Text 
     path : path-like
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
-    content : Text, optional
-        Its lines, where they have been read.
+    required : sequence of str
+        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1.
 
     Raises
     ------
@@ -51,9 +52,7 @@ def read_table(path: str | PathLike[str], scene: Any = None, content: text.Text 
     """
     where = fspath(path)
     problems = Problems(where)
-    sheet = read_sheet(
-        content or text.read_text(where, READINGS), problems, COLUMNS, REQUIRED, NUMBER_COLUMNS
-    )
+    sheet = read_sheet(text.read_text(where, READINGS), problems, COLUMNS, required, NUMBER_COLUMNS)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -149,15 +148,15 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
     for line, cells in sheet.rows:
         row: dict[str, Any] = {}
         for name in COLUMNS:
-            cell = cells[place[name]].strip() if name in place else ""
+            if name not in place:
+                row[name] = 1.0 if name == "value" else DEFAULTS.get(name, np.nan)
+                continue
+            cell = cells[place[name]].strip()
             try:
                 row[name] = _value(name, cell, sheet.mark)
             except ValueError as error:
-                if name in place:  # else the whole column is missing, which is one problem
-                    problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
-                row[name] = (
-                    np.nan if name in NUMBER_COLUMNS else DEFAULTS[name]
-                )  # the others are still checked
+                problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name), column=name)
+                row[name] = DEFAULTS[name] if name in TEXT_COLUMNS else np.nan  # the others are still checked
         good.append((line, cells, row))
     kinds: dict[str, Any] = {name: np.float64 for name in COLUMNS}
     kinds.update({name: np.str_ for name in TEXT_COLUMNS}, saturated=np.bool_)

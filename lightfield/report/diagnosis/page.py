@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -47,7 +46,6 @@ def diagnosis_page(view: DiagnosisView) -> str:
     """
     verdict = view.verdict
     kind, text = TAGS[verdict["verdict"]]
-    headline, more = _headline(verdict["sentence"])
     readings = view.readings
     advice = verdict.get("next_measurement") or {}
     spots = advice.get("readings") or []
@@ -102,9 +100,9 @@ def diagnosis_page(view: DiagnosisView) -> str:
     return fill(
         "diagnosis.html",
         title=view.title,
-        verdict=headline,
+        verdict=verdict["headline"],
         tag={"kind": kind, "text": text},
-        lead=[*more, *_lead(verdict)],
+        lead=[*verdict["support"], *_lead(verdict)],
         rungs=[_rung(rung) for rung in verdict["ladder"]],
         explanations=[_explanation(each) for each in verdict["explanations"]],
         rival=_rival(verdict),
@@ -136,24 +134,6 @@ def _aside(each: Mapping[str, Any]) -> list[str]:
         "–" if wavelength is None else f"{wavelength:g}",
         each["reason"] if off is None else f"{off:+.1f}",
     ]
-
-
-def _headline(sentence: str) -> tuple[str, list[str]]:
-    """What was found, and apart from it how sure that is: the first is read from across the room."""
-    set_aside = re.search(
-        r" \d+ (of \d+ readings (was|were) set aside|saturated readings? (was|were) left)", sentence
-    )
-    if set_aside:
-        headline, more = _headline(sentence[: set_aside.start()])
-        return headline, [*more, sentence[set_aside.start() + 1 :]]
-    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>the first lies [^()]+)\)(?P<within>.*)\.", sentence)
-    if apart:
-        return f"{apart['what']}{apart['within']}.", [f"{apart['far'][:1].upper()}{apart['far'][1:]}."]
-    found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)
-    if found:
-        return f"{found['what']}.", [found["family"].capitalize() + found["rest"]]
-    first, _, rest = sentence.partition(". ")
-    return (f"{first}.", [rest]) if rest else (sentence, [])
 
 
 def _lead(verdict: Mapping[str, Any]) -> list[str]:

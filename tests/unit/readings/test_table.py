@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lightfield.errors import LightfieldError, MeasurementError, OutputError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
-from lightfield.readings.columns import COLUMNS
+from lightfield.readings.columns import COLUMNS, LAYOUT
 from lightfield.readings.table.write import dumps
 
 FULL = """\
@@ -368,6 +368,33 @@ def check_fuzzed(data: bytes, folder: Path) -> None:
     assert np.isfinite(readings.value).all() and (readings.z_m > 0).all()
     assert not (readings.stderr <= 0).any()
     assert set(readings.medium.tolist()) <= {"water", "air"}
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_a_layout_is_a_table_whose_values_do_not_exist_yet(tmp_path, delimiter):
+    """Whatever delimits a table may delimit a layout, and with values it is the table itself."""
+    path = tmp_path / "layout.csv"
+    rows = ["# plane_gain_percent = 0.2", "x_m,z_m,medium", "0.1,4.5,water", "-0.1,3,air"]
+    path.write_text("\n".join(rows).replace(",", delimiter))
+    layout = read_table(path, required=LAYOUT)
+    path.write_text(
+        "\n".join([*rows[:1], *(f"{r},{v}" for r, v in zip(rows[1:], ("value", 1, 1), strict=True))])
+    )
+    same(layout, read_table(path))
+    same(layout, read_table(path, required=LAYOUT))
+    with pytest.raises(MeasurementError, match="the column z_m is missing"):
+        path.write_text("x_m\n1\n")
+        read_table(path, required=LAYOUT)
+    with pytest.raises(MeasurementError, match="line 2: value is missing"):
+        path.write_text("z_m,value\n1,\n")  # what is begun is to be filled
+        read_table(path, required=LAYOUT)
+
+
+def test_a_cell_that_could_not_be_read_is_one_problem(load):
+    """Its stand-in is not judged a second time, whatever the words of the first complaint."""
+    assert len(problems(load, "z_m,value\nx,1\n2,1\n")) == 1
+    assert len(problems(load, "x_m,value\n1,2\n1,3\n")) == 1
+    assert len(problems(load, "z_m,value\nx,1\n-2,1\n")) == 2
 
 
 @settings(max_examples=100)

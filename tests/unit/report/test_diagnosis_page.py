@@ -62,7 +62,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     found = kind in ("identified", "ambiguous")
     verdict = {
         "verdict": kind,
-        "sentence": sentences[kind],
+        **words.Said.of(sentences[kind]).fields,
         "effects": ["scattering"] if found else [],
         "explanations": {"identified": [explanation], "ambiguous": [explanation, skirt]}.get(kind, []),
         "nearest_rival": {"effects": ["beam_skirt"], "separation_sigma": 1.8} if found else None,
@@ -175,13 +175,13 @@ def test_groups_name_only_what_differs():
 
 def test_the_distance_of_rivals_stands_below_the_headline():
     view = example("ambiguous")
-    said = words.sentence(
+    said = words.said(
         "ambiguous",
         [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
         SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
         {}, None, "", "", True,
     )  # fmt: skip
-    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, "sentence": said}))
+    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **said.fields}))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
 
@@ -193,13 +193,14 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
         one | {"wavelength_nm": 525.0, "off_sigma": -46.2},
         one | {"row": 3, "reason": "saturated", "wavelength_nm": None, "off_sigma": None},
     ]
-    said = view.verdict["sentence"] + aside_words.sentence([SetAside(**each) for each in aside], 245, False)
-    assert said.endswith(
+    out = aside_words.sentence([SetAside(**each) for each in aside], 245, False)
+    said = words.Said.of(view.verdict["sentence"]).then(out)
+    assert said.sentence.endswith(
         "1 of 245 readings was set aside: x = 0.3, y = 0, z = 4.5 m, 46 sigma below the model. "
         "1 saturated reading was left out."
     )
     html = diagnosis_page(
-        dataclasses.replace(view, verdict={**view.verdict, "sentence": said, "set_aside": aside})
+        dataclasses.replace(view, verdict={**view.verdict, **said.fields, "set_aside": aside})
     )
     assert f">{view.verdict['sentence']}<" in html
     assert ">1 of 245 readings was set aside: x = 0.3" in html
