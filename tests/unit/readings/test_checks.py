@@ -76,9 +76,7 @@ def test_unbounded_water_and_air_have_no_walls():
 
 def test_exchanged_columns_are_proposed_where_they_would_fit_the_tank():
     with pytest.raises(MeasurementError, match="exchanged, x_m and y_m would lie inside"):
-        readings(x_m=[0, 0], y_m=[0, 1.8]).check_against(
-            scene(tank=SimpleNamespace(**{**vars(TANK), "width_m": 4.0}))
-        )
+        readings(x_m=[0, 0], y_m=[0, 1.8]).check_against(scene(tank=TANK.model_copy(update={"width_m": 4.0})))
     with pytest.raises(MeasurementError) as caught:
         readings(x_m=[0, 5], y_m=[0, 5]).check_against(scene())
     assert "exchanged" not in str(caught.value)
