@@ -109,7 +109,9 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         top = high - min(0.1, 0.5 * high)
         y = np.linspace(max(-0.9 * reach, 0.9 * low), min(top, reach), 12)
     media = ("air", "water") if kind == "air" else ("water",)
-    gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(planes, y, x, indexing="ij"))
+    # As a person writes them down: 0.2, not 0.19999999999999996; nor -0.0.
+    written = [np.round(axis, 6) + 0.0 for axis in (planes, y, x)]
+    gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(*written, indexing="ij"))
     return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
 
 

@@ -55,9 +55,8 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     return DiagnosisView(
         verdict.model_dump(mode="json"),
         DrawnReadings(
-            readings.x_m,
-            readings.y_m,
-            readings.z_m,
+            # To a tenth of a millimetre: 1e-16 m is rounding, and no part of a title.
+            *(np.round(axis, 4) + 0.0 for axis in (readings.x_m, readings.y_m, readings.z_m)),
             readings.wavelength_nm,
             readings.value,
             found.sigma,

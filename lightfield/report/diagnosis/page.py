@@ -126,7 +126,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
 def _aside(each: Mapping[str, Any]) -> list[str]:
     """A reading set aside: row, place, and how far it lies from the model."""
     wavelength, off = each["wavelength_nm"], each["off_sigma"]
-    place = (f"{each[axis]:.4g}" for axis in ("x_m", "y_m", "z_m"))
+    place = (f"{round(each[axis], 4) + 0.0:.4g}" for axis in ("x_m", "y_m", "z_m"))
     return [
         str(each["row"]),
         *place,

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.experiments.hide import LAYOUTS, WINDOW_PART, draw_effect, measure, scan, true_scene
+from lightfield.experiments.hide import (
+    LAYOUTS,
+    WINDOW_PART,
+    draw_effect,
+    measure,
+    positions,
+    scan,
+    true_scene,
+)
 from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
 
@@ -51,6 +59,15 @@ def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
     assert (np.abs(table.x_m) <= 0.15 + 1e-9).all() and (table.y_m < 0.2).all()
     assert table.z_m.min() >= 0.1 and table.z_m.max() <= 1.0 + 1e-9
     assert true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m == pytest.approx(WINDOW_PART * 0.2)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_positions_are_written_as_a_person_would(layout: str) -> None:
+    """Neither 0.19999999999999996 nor -0.0 nor 1e-16 in a table that people read."""
+    places = positions(Scene.from_dict({}), layout)
+    for name in ("x_m", "y_m", "z_m"):
+        for value in places[name].tolist():
+            assert value == float(f"{value:.6g}") and not (value == 0 and np.signbit(value))
 
 
 def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
