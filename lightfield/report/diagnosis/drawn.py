@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lightfield.arrays import Array
 from lightfield.diagnosis.search.rivals import separation
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 
@@ -47,6 +48,11 @@ def _separations(found: Diagnosis) -> Separation | None:
     return Separation([_label(c.names) for c in chosen], sigma)
 
 
+def _tidy(metres: Array) -> Array:
+    """To a tenth of a millimetre: 1e-16 m is rounding, and no part of a title."""
+    return np.asarray(np.round(metres, 4) + 0.0)
+
+
 def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     """Everything on the page of a diagnosis."""
     readings, problem, finding = found.readings, found.prepared.problem, found.finding
@@ -55,8 +61,9 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     return DiagnosisView(
         verdict.model_dump(mode="json"),
         DrawnReadings(
-            # To a tenth of a millimetre: 1e-16 m is rounding, and no part of a title.
-            *(np.round(axis, 4) + 0.0 for axis in (readings.x_m, readings.y_m, readings.z_m)),
+            _tidy(readings.x_m),
+            _tidy(readings.y_m),
+            _tidy(readings.z_m),
             readings.wavelength_nm,
             readings.value,
             found.sigma,
