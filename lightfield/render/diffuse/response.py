@@ -112,9 +112,9 @@ class DiffuseResponse:
         From cells to positions.
     images : array of 0 and 1, shape (n_cells, n_sets)
         Which cells are mirror images of each other and share their photons.
-    wall_smoother : array, shape (n_cells, n_cells)
+    wall_smoother : sparse array, shape (n_cells, n_cells)
         By which the tallies of light from walls were smoothed.
-    ratio_smoother : array, shape (n_cells, n_cells)
+    ratio_smoother : sparse array, shape (n_cells, n_cells)
         For ratios of the light at one g and another.
     under_surface : DiffuseResponse, optional
         The same tank with a water surface in place of its lid; for light that was reflected.
@@ -131,8 +131,8 @@ class DiffuseResponse:
     g_nodes: tuple[float, ...]
     shift: Shift
     images: Array
-    wall_smoother: Array
-    ratio_smoother: Array
+    wall_smoother: sparse.csr_array
+    ratio_smoother: sparse.csr_array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
     denser: DiffuseResponse | None = None
@@ -265,7 +265,7 @@ class DiffuseResponse:
                     mine = channel == water
                     spread = self.shift.shares[mine] @ sparse.diags_array(per_light[water])
                     if kind in FROM_WALLS:
-                        spread = spread @ sparse.csr_array(walls)
+                        spread = spread @ walls
                     passed_on = (spread @ noise.passed_on[water]).tocsr()
                     each = [passed_on @ (root[:, None] * noise.images) for root in noise.roots[water]]
                     found[mine] = np.hstack(each)
@@ -363,11 +363,11 @@ class DiffuseResponse:
         ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
         common = part[:, None, None] * ratios
         apart = shares[:, None, None] * ratios - common * ratio
-        smoother, waters = sparse.csr_array(self.ratio_smoother), range(len(mean))
+        waters = range(len(mean))
         return value, [
             [
                 sparse.diags_array(common[i, w] * value[w])
-                + sparse.diags_array(mean[w]) @ smoother @ sparse.diags_array(apart[i, w])
+                + sparse.diags_array(mean[w]) @ self.ratio_smoother @ sparse.diags_array(apart[i, w])
                 for w in waters
             ]
             for i in range(len(found))
