@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+from scipy.sparse import csr_array, diags_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
@@ -131,8 +131,8 @@ class DiffuseResponse:
     g_nodes: tuple[float, ...]
     shift: Shift
     images: Array
-    wall_smoother: sparse.csr_array
-    ratio_smoother: sparse.csr_array
+    wall_smoother: csr_array
+    ratio_smoother: csr_array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
     denser: DiffuseResponse | None = None
@@ -263,7 +263,7 @@ class DiffuseResponse:
                 found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
                 for water in np.unique(channel):
                     mine = channel == water
-                    spread = self.shift.shares[mine] @ sparse.diags_array(per_light[water])
+                    spread = self.shift.shares[mine] @ diags_array(per_light[water])
                     if kind in FROM_WALLS:
                         spread = spread @ walls
                     passed_on = (spread @ noise.passed_on[water]).tocsr()
@@ -352,7 +352,7 @@ class DiffuseResponse:
             asked for.
         """
         if len(found) < 2:
-            return found[0], [[sparse.diags_array(light) for light in found[0]]] if errors else []
+            return found[0], [[diags_array(light) for light in found[0]]] if errors else []
         flat = found.reshape(len(found), -1)
         mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (part, shares))
         lit = mean > 0
@@ -363,15 +363,11 @@ class DiffuseResponse:
         ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
         common = part[:, None, None] * ratios
         apart = shares[:, None, None] * ratios - common * ratio
-        waters = range(len(mean))
-        return value, [
-            [
-                sparse.diags_array(common[i, w] * value[w])
-                + sparse.diags_array(mean[w]) @ self.ratio_smoother @ sparse.diags_array(apart[i, w])
-                for w in waters
-            ]
-            for i in range(len(found))
+        passed_on = [
+            [diags_array(m) @ self.ratio_smoother @ diags_array(n) + diags_array(c) for m, n, c in each]
+            for each in (zip(mean, apart[i], common[i] * value, strict=True) for i in range(len(found)))
         ]
+        return value, passed_on
 
     def _g_shares(self, scene: Scene) -> Array:
         """Lagrange interpolation in log(1 - g) over the traced nodes, shape (n_nodes,)."""
