@@ -5,20 +5,25 @@ STAMP := .venv/.installed
 TESTS ?=
 
 .DEFAULT_GOAL := setup
-.PHONY: setup llvm lint format types pytest test slow demo bench clean
+.PHONY: setup llvm lock lint format types pytest test slow demo bench clean
 
 setup: $(STAMP) llvm
 
-$(STAMP): pyproject.toml tools/setup.sh
+$(STAMP): pyproject.toml tools/setup.sh tools/lock.txt
 	@sh tools/setup.sh venv
 	@touch $@
 
 llvm: $(STAMP)
 	@sh tools/setup.sh llvm
 
+# The newest versions that pyproject.toml allows, with their hashes, into tools/lock.txt.
+lock: $(STAMP)
+	@sh tools/setup.sh lock
+
 lint: $(STAMP)
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
+	$(BIN)/lint-imports --no-cache --no-logo
 
 types: $(STAMP)
 	$(BIN)/python -m mypy

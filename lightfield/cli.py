@@ -1,40 +1,21 @@
-"""The command line: find the sub-command, call it, print what went wrong in one line."""
+"""The program: runs one command line, and says in one line and by its exit code how that ended.
+
+Ctrl-C and SIGTERM end it quietly from the first line of `main` on. Before that Python answers a Ctrl-C with a
+traceback: so this module imports next to nothing, and `main` imports everything else.
+"""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import importlib
-import importlib.util
-import keyword
 import os
 import signal
 import sys
-from collections.abc import Sequence
-from types import FrameType
-from typing import Any, NoReturn
 
-from lightfield import __version__
-from lightfield.commands._options import thread_count
-from lightfield.errors import LightfieldError, UsageError
+TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from types import FrameType
+    from typing import Any
 
-# Name and help of every sub-command; one whose module is not there is not offered.
-COMMANDS = {
-    "render": "trace a scene and write its maps",
-    "scene": "check a scene file, read or change its values, convert it",
-    "picture": "a camera view of the lit tank",
-    "compare": "the closed-form model against the render, or against readings",
-    "regime": "where the closed-form model can be trusted",
-    "import": "turn instrument files into one reading table",
-    "hide": "make readings with an effect hidden in them, to test a diagnosis",
-    "diagnose": "find the physical effect that readings show and the model lacks",
-    "plan": "what a measurement layout can detect and tell apart, before measuring",
-    "sweep": "vary parameters of a scene over a grid",
-    "show": "figures of a sweep",
-    "export": "write cases of a sweep as spectral EXR",
-    "demo": "run the example experiments and write their reports",
-    "doctor": "check the installation against a known value",
-}
 EXIT_OK, EXIT_DEFECT, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 TRACEBACK_VARIABLE = "LIGHTFIELD_TRACEBACK"
 
@@ -45,25 +26,43 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : sequence of str, optional
-        Arguments without the program's name; default `sys.argv[1:]`.
+        Arguments without the program's name. By default those of the process: then this is the program, and a
+        signal while there is nothing to clean up ends it there and then.
 
     Returns
     -------
     int
         0 done; 1 a check failed or a defect of the program; 2 an error the user can act on; 130 interrupted.
     """
-    # Refused outside the main thread: then the embedding program keeps its own handling.
-    with contextlib.suppress(ValueError):
-        signal.signal(signal.SIGTERM, _terminate)
+    program = argv is None
+    _on_signals(_leave if program else _raise)
+    if program:
+        sys.unraisablehook = _not_swallowed
     try:
-        code = _run(list(sys.argv[1:] if argv is None else argv))
+        from lightfield.commands._terminal import plain_output
+
+        with plain_output():
+            return _run(list(sys.argv[1:] if argv is None else argv))
+    except KeyboardInterrupt:
+        print("lightfield: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    finally:
+        if program:
+            _on_signals(_leave)
+
+
+def _run(argv: list[str]) -> int:
+    from lightfield.commands._line import prepared
+    from lightfield.errors import LightfieldError
+
+    try:
+        command = prepared(argv)
+        _on_signals(_raise)
+        code = int(command() or EXIT_OK)
         sys.stdout.flush()
         return code
     except LightfieldError as error:
         return _fail(error, str(error))
-    except KeyboardInterrupt:
-        print("lightfield: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone (`lightfield ... | head`): nothing to report.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -79,74 +78,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_DEFECT
 
 
-def available() -> dict[str, str]:
-    """Sub-commands whose module exists, with their help."""
-    return {
-        name: text for name, text in COMMANDS.items() if importlib.util.find_spec(_module(name)) is not None
-    }
-
-
-def _run(argv: list[str]) -> int:
-    commands = available()
-    general = _general_options(argparse.SUPPRESS)
-    chosen = next((word for word in general.parse_known_args(argv)[1] if word in commands), None)
-    parser = _Parser(
-        prog="lightfield",
-        description="The light field of an underwater lamp.",
-        parents=[_general_options(None)],
-    )
-    parser.add_argument("--version", action="version", version=f"lightfield {__version__}")
-    choices = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    run = None
-    for name, text in commands.items():
-        command = choices.add_parser(name, help=text, description=_sentence(text), parents=[general])
-        if name == chosen:
-            module = importlib.import_module(_module(name))
-            module.add_arguments(command)
-            run = module.run
-    args = parser.parse_args(argv)
-    if args.command is None or run is None:
-        parser.print_help()
-        return EXIT_OK if not argv else EXIT_ERROR
-    for option, variable in (("backend", "LIGHTFIELD_BACKEND"), ("threads", "LIGHTFIELD_THREADS")):
-        if getattr(args, option) is not None:
-            # The environment, not a global: worker processes must follow.
-            os.environ[variable] = str(getattr(args, option))
-    return int(run(args) or EXIT_OK)
-
-
-def _general_options(default: str | None) -> _Parser:
-    """Options allowed before and after the sub-command; SUPPRESS keeps the second from undoing the first."""
-    options = _Parser(prog="lightfield", add_help=False, argument_default=default)
-    group = options.add_argument_group("computing")
-    group.add_argument(
-        "--backend", choices=("auto", "llvm", "cuda"), help="what to compute on (default: auto)"
-    )
-    group.add_argument(
-        "--threads", type=thread_count, metavar="N", help="threads of the processor (default: all)"
-    )
-    return options
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a wrong command line like any other error: one line."""
-
-    def __init__(self, **settings: Any) -> None:
-        settings.setdefault("allow_abbrev", False)
-        super().__init__(**settings)
-
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message, remedy=f"{self.prog} --help")
-
-
-def _module(name: str) -> str:
-    return f"lightfield.commands.{name}_" if keyword.iskeyword(name) else f"lightfield.commands.{name}"
-
-
-def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:] + "."
-
-
 def _fail(error: BaseException, text: str) -> int:
     if os.environ.get(TRACEBACK_VARIABLE):
         raise error
@@ -154,11 +85,61 @@ def _fail(error: BaseException, text: str) -> int:
     return EXIT_ERROR
 
 
-def _terminate(signum: int, frame: FrameType | None) -> None:
-    # An exception, so that half-written files are removed on the way out.
-    print("lightfield: terminated", file=sys.stderr)
-    raise SystemExit(EXIT_TERMINATED)
+def _on_signals(handler: Callable[[int, FrameType | None], Any]) -> None:
+    """Answer Ctrl-C and SIGTERM; outside the main thread that is left to the embedding program."""
+    try:
+        signal.signal(signal.SIGINT, handler)
+        signal.signal(signal.SIGTERM, handler)
+    except ValueError:
+        pass
 
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """There and then: an exception within an import may be swallowed, or abort the process."""
+    word, code = _ENDS[number]
+    os.write(2, f"lightfield: {word}\n".encode())
+    os._exit(code)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    """An exception, so that half-written files are removed on the way out."""
+    if _importing(frame):
+        # A module in C++ would make an ImportError of it, and importlib may swallow it.
+        _again_soon(number)
+        return
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
+    word, code = _ENDS[number]
+    print(f"lightfield: {word}", file=sys.stderr)
+    raise SystemExit(code)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Was the program within an import when it was stopped?"""
+    while frame is not None and frame.f_code is not main.__code__:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _again_soon(number: int) -> None:
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), number))
+    signal.setitimer(signal.ITIMER_REAL, 0.02)
+
+
+def _not_swallowed(ignored: Any) -> None:
+    """A stop that was raised where Python ignores exceptions, such as in `__del__`, comes again."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt | SystemExit):
+        _again_soon(signal.SIGINT if ignored.exc_type is KeyboardInterrupt else signal.SIGTERM)
+    else:
+        sys.__unraisablehook__(ignored)
+
+
+_ENDS: dict[int, tuple[str, int]] = {
+    signal.SIGINT: ("interrupted", EXIT_INTERRUPTED),
+    signal.SIGTERM: ("terminated", EXIT_TERMINATED),
+}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+
+SHOWN = 10  # so many problems of a list are printed
+LONGEST_VALUE, LONGEST_LINE = 300, 2000
 
 
 class LightfieldError(Exception):
@@ -21,7 +25,8 @@ class LightfieldError(Exception):
     remedy : str, optional
         What to do about it.
     problems : sequence of str, optional
-        All single problems found in one go; one alone stays on the line of `what`.
+        All single problems found in one go; one alone stays on the line of `what`, and of many the first ten
+        are printed.
     """
 
     def __init__(
@@ -38,16 +43,62 @@ class LightfieldError(Exception):
         self.problems = tuple(problems)
         parts = [what if where is None else f"{where}: {what}"]
         if found is not None:
-            parts.append(f"found {found!r}")
+            parts.append(f"found {brief(found, LONGEST_VALUE)}")
         if rule:
             parts.append(f"rule: {rule}")
         if remedy:
             parts.append(f"remedy: {remedy}")
-        text = "; ".join(parts)
+        text = "; ".join(map(_line, parts))
         if len(self.problems) == 1:
-            super().__init__(f"{text}: {self.problems[0]}")
+            super().__init__(f"{text}: {_line(self.problems[0])}")
         else:
-            super().__init__("\n".join([text, *(f"  {problem}" for problem in self.problems)]))
+            super().__init__("\n".join([text, *(f"  {_line(line)}" for line in first_ten(self.problems))]))
+
+
+def first_ten(lines: Sequence[str]) -> list[str]:
+    """The first ten lines of a list, and how many more there are."""
+    if len(lines) <= SHOWN:
+        return list(lines)
+    return [*lines[:SHOWN], f"and {len(lines) - SHOWN} more"]
+
+
+def brief(value: object, longest: int) -> str:
+    """A value as Python writes it, on one line of so many characters at most."""
+    try:
+        text = " ".join(repr(value).split())
+    except (ValueError, RecursionError):  # thousands of digits or of levels
+        text = f"<{type(value).__name__} of a size that cannot be printed>"
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def _line(text: str) -> str:
+    """Text that may come from a file, as one line."""
+    text = re.sub(r"[\r\n]+\s*", " ", text)
+    return text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
+
+
+class RuleError(ValueError):
+    """A rule that a value breaks, from its validator, which knows neither the file nor the key.
+
+    Parameters
+    ----------
+    rule : str
+        The rule, with what was found.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    def __init__(self, rule: str, remedy: str | None = None) -> None:
+        self.rule, self.remedy = rule, remedy
+        super().__init__(rule if remedy is None else f"{rule}; remedy: {remedy}")
+
+    @classmethod
+    def of(cls, error: LightfieldError) -> RuleError:
+        """The same from an error about something that the value names, on one line."""
+        bare = LightfieldError(
+            error.what, where=error.where, found=error.found, rule=error.rule, problems=error.problems
+        )
+        return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy)
 
 
 class SceneError(LightfieldError):

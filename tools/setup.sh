@@ -1,10 +1,13 @@
 #!/bin/sh
 # Sets up a fresh machine, step by step: `tools/setup.sh venv` makes .venv and installs the package with its tools;
-# `tools/setup.sh llvm` makes sure of a usable libLLVM. Run from the root of the repository (the Makefile does).
+# `tools/setup.sh llvm` makes sure of a usable libLLVM; `tools/setup.sh lock` writes tools/lock.txt anew from the ranges
+# in pyproject.toml. Run from the root of the repository (the Makefile does).
 # It installs system packages only through apt, and only as root or where sudo asks for no password.
 set -eu
 
 VENV=.venv
+LOCK=tools/lock.txt
+LOCKED_PYTHONS="3.10 3.11 3.12 3.13 3.14" # for which every package of the lock is there as a wheel
 LLVM_VERSIONS="22 21 20 19 18 17" # best first; older ones abort the renderer
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
@@ -57,12 +60,38 @@ make_venv() {
         "$python" -m venv --clear "$VENV" || stop "could not make $VENV with $python"
     fi
     say "installing lightfield and its dependencies"
-    # Twice, since a long download may break off.
+    version=$("$VENV/bin/python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    case " $LOCKED_PYTHONS " in
+        *" $version "*)
+            # What is downloaded is what the hashes name, and nothing of it is built: so set-up repeats exactly.
+            pip_install --require-hashes --only-binary :all: -r "$LOCK"
+            # "compat": a plain path, where Python would else spend a third of its start on finding the package.
+            pip_install --no-deps --no-build-isolation --config-settings editable_mode=compat -e .
+            ;;
+        *)
+            say "$LOCK is not made for Python $version: the newest versions that pyproject.toml allows"
+            pip_install -e ".[dev]"
+            ;;
+    esac
+}
+
+# Twice, since a long download may break off.
+pip_install() {
     for attempt in 1 2; do
-        if "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --retries 5 -e ".[dev]"; then return; fi
+        if "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --retries 5 "$@"; then return; fi
         [ "$attempt" = 2 ] || { say "trying once more"; sleep 5; }
     done
     stop "pip could not install the dependencies (see above)"
+}
+
+write_lock() {
+    "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --upgrade --target "$VENV/uv" "uv>=0.9,<1"
+    # The package is built with what is locked, too.
+    sed -n 's/^requires = \["\(.*\)"\]$/\1/p' pyproject.toml | "$VENV/uv/bin/uv" pip compile pyproject.toml - \
+        --quiet --upgrade --universal --python-version "${LOCKED_PYTHONS%% *}" --extra dev \
+        --generate-hashes --no-build --no-annotate --no-emit-index-url --no-emit-find-links \
+        --custom-compile-command "make lock" --output-file "$LOCK"
+    say "$LOCK: $(grep -c '==' "$LOCK") versions"
 }
 
 find_llvm() { "$VENV/bin/python" -I lightfield/render/backend/llvm.py; }
@@ -107,5 +136,6 @@ ensure_llvm() {
 case ${1:-} in
     venv) make_venv ;;
     llvm) ensure_llvm ;;
-    *) stop "usage: tools/setup.sh venv|llvm" ;;
+    lock) write_lock ;;
+    *) stop "usage: tools/setup.sh venv|llvm|lock" ;;
 esac

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.hidden_effects.experiment import Tracing, summary, timed
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.scene import Scene
 
 Row = dict[str, Any]
@@ -38,7 +38,7 @@ def run(case: Path) -> Row:
         "layout": truth["layout"], "noise": truth["noise"], "delta": truth["detectability_sigma"],
     }  # fmt: skip
     try:
-        readings, scene = Readings.load(case / "data.csv"), Scene.load(case / "scene.toml")
+        readings, scene = read_table(case / "data.csv"), Scene.load(case / "scene.toml")
         found, times = timed(readings, scene, Tracing())
         row |= summary(found) | times | {"n": len(readings)}
     except Exception as error:  # a crash is an outcome too

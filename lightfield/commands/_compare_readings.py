@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._tracing import given
 from lightfield.errors import UsageError
-from lightfield.storage.files import atomic_path, output_file, output_folder
+from lightfield.storage.files import atomic_path, locked_folder, output_file
+
+if TYPE_CHECKING:
+    from lightfield.readings import Readings
+    from lightfield.scene import Scene
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -32,11 +38,8 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
-    from lightfield.readings import Readings
-    from lightfield.render.diffuse.source import response_for
+    from lightfield.readings import read_table
     from lightfield.scene import Scene
-    from lightfield.studies.compare.readings import fit_readings
-    from lightfield.studies.compare.text import as_data, as_text
 
     options = given(args)
     if options and args.solver != "render":
@@ -47,12 +50,21 @@ def run(args: argparse.Namespace) -> int:
             remedy="add --solver render, or leave them out",
         )
     scene = Scene.load(args.scene)
-    readings = Readings.load(args.what, scene)
+    readings = read_table(args.what, scene)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
-    if args.output:
-        output_folder(args.output)
     if args.fit_json:
         output_file(args.fit_json, args.what, args.scene)
+    with locked_folder(args.output) if args.output else nullcontext():
+        return _fit(readings, scene, names, options, args)
+
+
+def _fit(
+    readings: Readings, scene: Scene, names: list[str], options: dict[str, Any], args: argparse.Namespace
+) -> int:
+    from lightfield.render.diffuse.source import response_for
+    from lightfield.studies.compare.readings import fit_readings
+    from lightfield.studies.compare.text import as_data, as_text
+
     if "seed" in options:
         options["seed"] += 1  # seed 0 is that of the response which the render is to check
     source = partial(response_for, cache=not args.no_cache)

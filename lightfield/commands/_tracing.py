@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.commands._options import seed_number
+from lightfield.commands._terminal import console
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
@@ -55,13 +56,12 @@ def given(args: argparse.Namespace) -> dict[str, Any]:
 @contextmanager
 def progress_bar(name: str) -> Iterator[Progress]:
     """Progress of a trace on standard error; nothing unless that is a terminal."""
-    from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    console = Console(stderr=True)
+    output = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+    with Bar(*columns, console=output, disable=not output.is_terminal, transient=True) as bar:
         task = bar.add_task(f"tracing {name}", total=1.0)
 
         def report(photons: int, reached: float, requested: float) -> None:

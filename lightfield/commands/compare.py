@@ -7,10 +7,11 @@ import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings
+from lightfield.commands._terminal import console
 from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_folder
+from lightfield.storage.files import atomic_path, locked_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,12 +56,12 @@ def _scene(args: argparse.Namespace) -> int:
             rule="render and formula are compared on planes",
             remedy="give planes_m instead of positions_m; `lightfield render` takes positions",
         )
-    folder = output_folder(args.output or Path("compare"))
-    rendering = traced(scene, args)
     from lightfield.maps.dataset import to_dataset
 
-    print(balance(rendering))
-    return _report(to_dataset(rendering), folder)
+    with locked_folder(args.output or Path("compare")) as folder:
+        rendering = traced(scene, args)
+        print(balance(rendering))
+        return _report(to_dataset(rendering), folder)
 
 
 def _maps(args: argparse.Namespace) -> int:
@@ -74,22 +75,22 @@ def _maps(args: argparse.Namespace) -> int:
             remedy="leave them out",
         )
     dataset = read_netcdf(args.what)
-    return _report(dataset, output_folder(args.output or Path("compare")))
+    with locked_folder(args.output or Path("compare")) as folder:
+        return _report(dataset, folder)
 
 
 def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
-    from rich.console import Console
 
     from lightfield.report.compare.page import terminal_table, write_comparison
     from lightfield.studies.compare.maps import compare, verdict
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)
-    console = Console()
+    output = console()
     for wavelength in comparison.wavelengths_nm:
-        console.print(terminal_table(comparison, wavelength))
-    console.print(verdict(comparison), highlight=False)
+        output.print(terminal_table(comparison, wavelength))
+    output.print(verdict(comparison), highlight=False)
     with atomic_path(folder / "compare.json") as temporary:
         temporary.write_text(
             json.dumps(comparison.summary(), indent=2, allow_nan=False) + "\n", encoding="utf-8"

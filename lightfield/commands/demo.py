@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from lightfield.commands._line import prepared
 from lightfield.errors import UsageError
-from lightfield.storage.files import output_folder
+from lightfield.storage.files import locked_folder
 
 # Experiment (a folder of `scenes/`) and the command lines that it shows. {scene} and {out} are its folder
 # and the folder of its results; one of them writes {out}/index.html. Both traces of the tow tank have the
@@ -34,16 +35,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run every experiment; the paths of the reports come last."""
-    from lightfield.cli import main
-
     scenes = _scenes(args.scenes)
-    output_folder(args.output)
+    with locked_folder(args.output):
+        return _run_experiments(scenes, args.output)
+
+
+def _run_experiments(scenes: Path, output: Path) -> int:
     reports = []
     for name, lines in EXPERIMENTS.items():
-        out = args.output / name
+        out = output / name
         for line in lines:
             print(f"$ lightfield {line.format(scene=scenes / name, out=out)}", flush=True)
-            code = main(list(_words(line, scenes / name, out)))
+            code = prepared(list(_words(line, scenes / name, out)))()
             if code:
                 return code
         reports.append(out / "index.html")

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lightfield.commands._options import seed_number
+from lightfield.commands._stages import stage_line
 from lightfield.errors import UsageError
-from lightfield.storage.files import atomic_path, output_file, output_folder
+from lightfield.storage.files import atomic_path, locked_folder, output_file
+
+if TYPE_CHECKING:
+    from lightfield.readings import Readings
+    from lightfield.scene import Scene
 
 #: Of a ladder: the base model and two effects.
 MOST_RUNGS = 3
@@ -56,9 +63,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.diagnosis.diagnose import diagnose
-    from lightfield.diagnosis.search.cascade import ALPHA
-    from lightfield.readings import Readings
+    from lightfield.readings import read_table
     from lightfield.scene import Scene
 
     names = None
@@ -67,24 +72,34 @@ def run(args: argparse.Namespace) -> int:
         if not names:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
     scene = Scene.load(args.scene)
-    readings = Readings.load(args.data, scene)
+    readings = read_table(args.data, scene)
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, args.data, args.scene, *outputs[:k])
+    with locked_folder(args.output) if args.output else nullcontext():
+        return _diagnose(readings, scene, names, args)
+
+
+def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
+    from lightfield.diagnosis.diagnose import diagnose
+    from lightfield.diagnosis.search.cascade import ALPHA
+
     if args.output:
-        output_folder(args.output)
         for k in range(MOST_RUNGS):
             output_file(args.output / f"rung{k}.toml", args.scene)
-    found = diagnose(
-        readings,
-        scene,
-        diffuse=None if args.no_trace else "trace",
-        only=names,
-        alpha=ALPHA if args.alpha is None else args.alpha,
-        seed=args.seed,
-    )
-    if found.steps[1:] and not (args.no_trace or args.no_render):
-        found = found.rendered()
+    with stage_line("reading") as stage:
+        found = diagnose(
+            readings,
+            scene,
+            diffuse=None if args.no_trace else "trace",
+            only=names,
+            alpha=ALPHA if args.alpha is None else args.alpha,
+            seed=args.seed,
+            progress=stage,
+        )
+        if found.steps[1:] and not (args.no_trace or args.no_render):
+            stage("rendering the explained scene afresh")
+            found = found.rendered()
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
     print(found.summary())

@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import write_exr_planes
+from lightfield.storage.files import locked_folder
 from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, label, open_store
 
 MOST = 64
@@ -34,7 +36,12 @@ def run(args: argparse.Namespace) -> int:
     if count > MOST and not args.all:
         raise UsageError("that many cases are hardly meant", found=count, rule=f"at most {MOST}",
                          remedy="choose with --case PATH=VALUE, or say --all")  # fmt: skip
-    missing = 0
+    with locked_folder(args.exr) as folder:
+        return _export(data, axes, shape, folder)
+
+
+def _export(data: xr.Dataset, axes: list[str], shape: tuple[int, ...], folder: Path) -> int:
+    missing, count = 0, int(np.prod(shape))
     for at in np.ndindex(*shape):
         steps = dict(zip(axes, map(int, at), strict=True))
         name = label(case_values(data, steps))
@@ -42,6 +49,6 @@ def run(args: argparse.Namespace) -> int:
             missing += 1
             print(f"{name}: {str(data.message.isel(steps).values) or 'not computed yet'}")
             continue
-        for path in write_exr_planes(as_rendering(data, steps), args.exr / name):
+        for path in write_exr_planes(as_rendering(data, steps), folder / name):
             print(path)
     return 1 if missing else 0

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lightfield.commands._options import seed_number
 from lightfield.errors import UsageError
-from lightfield.storage.files import output_file, output_folder
+from lightfield.scene import Scene
+from lightfield.storage.files import locked_folder, output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,9 +60,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Hide, and write scene.toml, data.csv, truth.json."""
-    from lightfield.experiments.hide import hide
-    from lightfield.scene import Scene
-
     if not 1e-5 <= args.noise <= 0.5:
         raise UsageError(
             "impossible relative noise", where="--noise", found=args.noise, rule="0.00001 to 0.5"
@@ -77,7 +75,13 @@ def run(args: argparse.Namespace) -> int:
             "an effect is hidden twice", where="--effect", found=", ".join(doubled), rule="each once"
         )
     scene, values = Scene.load(args.scene), dict(_assignment(text) for text in args.size)
-    output_folder(args.output)
+    with locked_folder(args.output):
+        return _hide(scene, values, args)
+
+
+def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
+    from lightfield.experiments.hide import hide
+
     output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,

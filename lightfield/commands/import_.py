@@ -33,13 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     budget.add_argument("--position-mm", type=float, metavar="MM", help="error of the detector's position")
     budget.add_argument("--tolerance-percent", type=float, metavar="P", help="smooth misfit of no interest")
+    budget.add_argument("--outlier-percent", type=float, metavar="P", help="part of readings spoilt by slips")
+    budget.add_argument(
+        "--calibration-percent", type=float, metavar="P", help="error of an absolute calibration"
+    )
     parser.add_argument("-o", "--output", metavar="READINGS.csv", help="the reading table to write")
 
 
 def run(args: argparse.Namespace) -> int:
     """Import, write, and say what was found."""
     # Imported here: other sub-commands need not wait for it.
-    from lightfield.readings import ErrorBudget
+    from lightfield.readings import ErrorBudget, write_table
     from lightfield.readings.importing.importer import import_index
 
     if not args.output:
@@ -51,9 +55,15 @@ def run(args: argparse.Namespace) -> int:
         units=args.units,
         bands_nm=[_band(text) for text in args.band],
         saturation_level=args.saturation_level,
-        budget=ErrorBudget(args.plane_gain_percent, args.position_mm, args.tolerance_percent),
+        budget=ErrorBudget(
+            args.plane_gain_percent,
+            args.position_mm,
+            args.tolerance_percent,
+            args.outlier_percent,
+            calibration_percent=args.calibration_percent,
+        ),
     )
-    readings.save(args.output)
+    write_table(readings, args.output)
     files = len(readings.metadata["instrument"]["files"])
     formats = ", ".join(readings.metadata["instrument"]["formats"])
     print(f"{files} files ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")

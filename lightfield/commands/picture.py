@@ -44,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     output_file(args.output, args.scene)
     from lightfield.render.picture import take_picture, tone_mapped
+    from lightfield.report.style import save_pixels
 
     taken = take_picture(
         scene, width=width, height=height, samples=args.samples, seed=args.seed, lend=not args.as_is
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     for note in taken.notes:
         print(f"note: {note}")
     for path in (
-        write_png(tone_mapped(taken.rgb), args.output),
+        save_pixels(tone_mapped(taken.rgb), args.output),
         write_rgb_exr(taken.rgb, args.output, taken.notes),
     ):
         print(path)
@@ -70,15 +71,6 @@ def size_of(text: str) -> tuple[int, int]:
     if len(parts) != 2 or not all(part.isdecimal() and 16 <= int(part) <= 8192 for part in parts):
         raise UsageError("not a size", where="--size", found=text, rule="WIDTHxHEIGHT, each 16 to 8192")
     return int(parts[0]), int(parts[1])
-
-
-def write_png(pixels: np.ndarray, path: Path) -> Path:
-    """Write sRGB bytes, shape (height, width, 3)."""
-    from matplotlib.image import imsave
-
-    with atomic_path(path) as temporary:
-        imsave(temporary, pixels, format="png")
-    return path
 
 
 def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path:

@@ -37,11 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Plan and print."""
     from lightfield.diagnosis.plan import plan
-    from lightfield.diagnosis.problem.layout_file import load_layout
+    from lightfield.readings import read_table
+    from lightfield.readings.columns import LAYOUT
     from lightfield.scene import Scene
 
     scene = Scene.load(args.scene)
-    layout = load_layout(args.layout, scene)
+    layout = read_table(args.layout, scene, LAYOUT)
     if args.json:
         output_file(args.json, args.layout, args.scene)
     diffuse = None

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import seed_number
+from lightfield.commands._terminal import console
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_folder
+from lightfield.storage.files import locked_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,17 +43,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Sweep over the grid (or what is left of it), write map, table and figure, print the table."""
     scene = Scene.load(args.scene) if args.scene else Scene.from_dict({"name": "the paper's lamp"})
-    folder = output_folder(args.output)
-    import xarray as xr
-    from rich.console import Console
+    with locked_folder(args.output) as folder:
+        return _regime(scene, folder, args)
+
+
+def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from lightfield.commands.sweep import progress_bar, summary
+    from lightfield.maps.dataset import write_netcdf
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
     from lightfield.studies import regime
     from lightfield.studies.regime_sweep import regime_of, regime_plan
     from lightfield.sweep.plan import SweepSettings
+    from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
     plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))
@@ -60,18 +65,19 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(plan) as report:
         done = run_sweep(plan, store, workers=args.workers, report=report)
     print("\n".join(summary(plan, done, store)))
-    dataset = regime_of(xr.open_zarr(store))
+    dataset = regime_of(open_store(store))
     dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
         table.add_column(head, justify="left" if head == "receiver" else "right")
     for row in regime.rows(dataset):
         table.add_row(*row)
-    console = Console()
-    console.print(table)
-    console.print(regime.verdict(dataset), highlight=False)
-    with atomic_path(folder / "regime.nc") as temporary:
-        dataset.to_netcdf(temporary, engine="netcdf4")
-    for path in (folder / "regime.nc", save_png(regime_figure(dataset), folder / "regime.png")):
+    output = console()
+    output.print(table)
+    output.print(regime.verdict(dataset), highlight=False)
+    for path in (
+        write_netcdf(dataset, folder / "regime.nc"),
+        save_png(regime_figure(dataset), folder / "regime.png"),
+    ):
         print(path)
     return 0

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import output_folder
+from lightfield.storage.files import locked_folder
 
 MOST_WAVELENGTHS = 2000  # one map each
 
@@ -40,7 +40,11 @@ def run(args: argparse.Namespace) -> int:
     """Trace, write, list what was written."""
     wavelengths = None if args.wavelengths is None else wavelengths_of(args.wavelengths)
     scene = Scene.load(args.scene)
-    folder = output_folder(args.output)
+    with locked_folder(args.output) as folder:
+        return _render(scene, wavelengths, folder, args)
+
+
+def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: argparse.Namespace) -> int:
     rendering = traced(scene, args)
     from lightfield.maps.dataset import to_dataset, write_exr_planes, write_netcdf
 

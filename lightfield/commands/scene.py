@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.storage import toml
 from lightfield.storage.files import output_file
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,9 +66,11 @@ def _assignment(text: str) -> tuple[str, object]:
             "not an assignment", where="--set", found=text, rule="PATH=VALUE, e.g. water.phase.g=0.9"
         )
     try:
-        return path.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return path.strip(), value.strip()
+        return path.strip(), toml.value(value)
+    except ValueError as error:
+        raise UsageError(
+            "not a value", where=f"--set {path.strip()}", found=value, rule=str(error)
+        ) from error
 
 
 def _listing(scene: Scene) -> str:

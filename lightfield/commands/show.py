@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.errors import OutputError
-from lightfield.storage.files import output_folder
+from lightfield.storage.files import locked_folder
 from lightfield.sweep.estimate import size
 from lightfield.sweep.results import axes_of, choose, open_store
 from lightfield.sweep.zarrfile import size_on_disk
@@ -43,11 +43,15 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.report.style import save_png
     from lightfield.report.sweep import formula_figure, profiles_figure, tiles_figure
 
-    folder = output_folder(args.output or args.store.with_name(f"{args.store.stem}-figures"))
-    for name, draw in (("profiles", profiles_figure), ("formula", formula_figure), ("maps", tiles_figure)):
-        figure = draw(data)
-        if figure is not None:
-            print(save_png(figure, folder / f"{name}.png"))
+    with locked_folder(args.output or args.store.with_name(f"{args.store.stem}-figures")) as folder:
+        for name, draw in (
+            ("profiles", profiles_figure),
+            ("formula", formula_figure),
+            ("maps", tiles_figure),
+        ):
+            figure = draw(data)
+            if figure is not None:
+                print(save_png(figure, folder / f"{name}.png"))
     return 0
 
 

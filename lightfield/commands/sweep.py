@@ -9,12 +9,14 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import describe, duration, estimate, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Progress, Report, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
 
@@ -25,7 +27,8 @@ scene SCENE` lists them), and two that set absorption and scattering together: {
 
   lightfield sweep scene.toml --vary water.scattering_per_m=0:0.5:11 --vary tank.wall_albedo=0,0.2 -o s.zarr
 
-The same command continues an interrupted sweep. `lightfield show s.zarr` draws it, `lightfield export` writes
+The same command continues an interrupted sweep and does again what is damaged; `lightfield sweep --verify
+s.zarr` says whether anything is. `lightfield show s.zarr` draws it, `lightfield export` writes
 cases as EXR, and xarray.open_zarr("s.zarr") opens it.
 
 A plan file (TOML) holds `[[vary]]` tables: path with values = [...] or with start, stop, count and
@@ -34,9 +37,11 @@ scale = "log"; or name and together = {{ path = [...], path = [...] }} for param
 
 On a cluster, with the store on a disk that all machines share, start a scheduler and workers of one thread:
 
-  dask scheduler                                             # says tcp://HOST:8786
-  dask worker tcp://HOST:8786 --nthreads 1 --nworkers 16     # on every machine
-  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://HOST:8786
+  dask scheduler --host 10.0.0.1                             # the address inside the cluster
+  dask worker tcp://10.0.0.1:8786 --nthreads 1 --nworkers 16 # on every machine
+  lightfield sweep ... -o /shared/s.zarr --scheduler tcp://10.0.0.1:8786
+
+A scheduler runs the code of anyone who reaches it: keep it behind a firewall, or use TLS (see the README).
 
 With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
 cluster.scheduler_address. All machines need the same version of lightfield.
@@ -48,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     default = SweepSettings()
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML)")
     parser.add_argument(
         "--vary", action="append", default=[], metavar="PATH=RANGE", help="one dimension; may be repeated"
     )
@@ -57,6 +62,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", type=Path, metavar="STORE.zarr", help="the store")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and what it costs, and stop")
+    parser.add_argument(
+        "--verify",
+        type=Path,
+        metavar="STORE.zarr",
+        help="say whether every file of a store is as it was written, and stop",
+    )
     group = parser.add_argument_group("tracing")
     group.add_argument(
         "--rel-error",
@@ -86,6 +97,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Plan, and run or continue; 1 when cases failed."""
+    if args.verify is not None:
+        found = verify(args.verify)
+        print(
+            f"{args.verify}: {found.files} files, all as they were written; {found.blocks} blocks, "
+            + ("complete" if found.complete else "not complete: the same sweep continues")
+        )
+        return 0
+    if args.scene is None:
+        raise UsageError("no scene given", remedy="lightfield sweep SCENE --vary PATH=RANGE -o STORE.zarr")
     scene = Scene.load(args.scene)
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
     plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
@@ -142,6 +162,9 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
         lines.append(f"{done.failed} cases failed: `message` in the store says why")
+    if done.repaired:
+        shown = ", ".join(done.repaired[:3]) + (", ..." if len(done.repaired) > 3 else "")
+        lines.append(f"{len(done.repaired)} damaged files were made good: {shown}")
     if not done.cases_done:
         lines.append("nothing was left to do")
         return lines
@@ -166,12 +189,11 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
 @contextmanager
 def progress_bar(plan: Plan) -> Iterator[Report | None]:
     """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    output = console(stderr=True)
+    if not output.is_terminal:
         yield None
         return
     columns = (
@@ -181,7 +203,7 @@ def progress_bar(plan: Plan) -> Iterator[Report | None]:
         TextColumn("cases"),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, console=console) as bar:
+    with Bar(*columns, console=output) as bar:
         task = bar.add_task("starting", total=plan.cases.count)
 
         def report(progress: Progress) -> None:

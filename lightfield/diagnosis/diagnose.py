@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,12 +18,14 @@ from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, re
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.verdict import compose
+from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
+from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -67,12 +69,12 @@ class Diagnosis:
     @cached_property
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
-        scale = compose.error_scale(self.prepared, self.finding)
-        covariance = self.prepared.noise.covariance(0.0, scale, 0.0)
-        return np.sqrt(np.diag(covariance))
+        return standard_errors(self.prepared, self.finding)
 
     def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
+
+        A render that contradicts the fit takes back what the fit said.
 
         Parameters
         ----------
@@ -91,18 +93,22 @@ class Diagnosis:
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        warnings = list(verdict.warnings)
-        if fresh > CONFIRMED * np.hypot(last.error_percent, stderr):
-            warnings.append(
-                f"the fresh render does not confirm the fit ({fresh:.2g} % against "
-                f"{last.error_percent:.2g} %): the explanation is no better than the former"
-            )
-        ladder = [*verdict.ladder[:-1], last]
-        return replace(self, verdict=verdict.model_copy(update={"ladder": ladder, "warnings": warnings}))
+        update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
+        both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
+        # Two independent errors may add up to more by chance: three standard deviations of that.
+        chance = 3 * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        if fresh > (CONFIRMED + chance) * both:
+            missed = f"{fresh:.2g} % against {last.error_percent:.2g} %"
+            contradiction = f"the fresh render does not confirm the fit ({missed})"
+            warning = f"{contradiction}: the explanation is no better than the former"
+            update["warnings"] = [*verdict.warnings, warning]
+            if verdict.verdict != "unexplained":
+                update |= compose.taken_back(verdict, contradiction)
+        return replace(self, verdict=verdict.model_copy(update=update))
 
     def summary(self) -> str:
         """The verdict for people, several lines."""
-        return compose.summary(self.verdict)
+        return text.summary(self.verdict)
 
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
@@ -145,6 +151,7 @@ def diagnose(
     alpha: float = ALPHA,
     seed: int = 0,
     advise: bool = True,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find the smallest sets of physical effects beside which nothing is missing in the model.
 
@@ -167,11 +174,13 @@ def diagnose(
         Of the bootstrap.
     advise : bool
         Work out held-out errors and the next measurement.
+    progress : callable, optional
+        Told what begins: many readings take a while.
 
     Raises
     ------
     FitError
-        Too few readings.
+        Too few readings, or too many for one diagnosis.
     MeasurementError
         Readings that do not belong to this scene.
     UsageError
@@ -179,7 +188,11 @@ def diagnose(
     """
     # On many small matrices more BLAS threads only get in each other's way.
     with threadpool_limits(1, "blas"):
-        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise)
+        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise, progress or _silent)
+
+
+def _silent(stage: str) -> None:
+    """Progress that nobody asked for."""
 
 
 def _diagnose(
@@ -190,9 +203,10 @@ def _diagnose(
     alpha: float,
     seed: int,
     advise: bool,
+    progress: Callable[[str], None],
 ) -> Diagnosis:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     chosen: list[Effect] = (
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
@@ -204,18 +218,29 @@ def _diagnose(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
-        prepared = prepare(problem, quoted, budget, rng, alpha, known)
+        progress(f"noise and outliers of {problem.layout.size} readings")
+        prepared = prepare(calibration.by_shape(problem), quoted, budget, rng, alpha, known)
         dense, known = prepared.to_trace_per_m, prepared.known
         if dense is not None and traces_left:
             continue
-        finding = search(prepared, budget.tolerance, rng, alpha)
-        dense = forward.to_trace(one.fit.values for one in finding.contenders)
+        finding = search(prepared, budget.tolerance, rng, alpha, progress)
+        dense = forward.light.to_trace(one.fit.values for one in finding.contenders)
         if dense is None:
             break
+    prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
+    finding = refutation.settled(prepared, finding)
+    trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
+    if trust.doubt is not None:
+        finding = finding.without_answer()
     best = finding.accepted[0] if finding.accepted else None
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
+    progress("errors of planes held out")
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
-    verdict = compose.verdict_of(forward, readings, prepared, finding, steps, untestable, seed, alpha, advise)
+    progress("rivals, limits and advice")
+    lamp = calibration.judged(prepared, problem, finding)
+    verdict = compose.verdict_of(
+        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise, lamp
+    )
     verdict = verdict.model_copy(update={"lightfield_version": __version__})
     return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)

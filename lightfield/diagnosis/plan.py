@@ -37,9 +37,11 @@ from lightfield.diagnosis.verdict.advice import (
     possible_places,
 )
 from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.errors import FitError
 from lightfield.fitting import effects
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
@@ -76,9 +78,16 @@ class Plan:
 
 def planned(readings: Any, scene: Scene) -> Any:
     """A layout with the scene's prediction as values (largest 1) and assumed errors where there are none."""
+    readings = replace(readings, scale="relative")
     forward = SceneForward(scene, readings)
     light = forward.predict({})
-    value = light / float(light.max())
+    brightest = float(light.max())
+    if not 0 < brightest < np.inf:
+        raise FitError(
+            "no light of the scene reaches this layout", where=readings.source or None, found=brightest,
+            rule="light above 0 somewhere", remedy="read nearer to the lamp, or check lamp and water",
+        )  # fmt: skip
+    value = light / brightest
     stderr = np.asarray(readings.stderr, float)
     guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR)
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
@@ -105,7 +114,7 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     forward = SceneForward(scene, layout_table, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))

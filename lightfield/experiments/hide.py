@@ -19,7 +19,7 @@ from lightfield.experiments import unknowns
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.field import direct_field
-from lightfield.readings import Readings
+from lightfield.readings import Readings, write_table
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -66,7 +66,7 @@ class Hidden:
         """Write scene.toml and data.csv, and truth.json beside them."""
         target = Path(folder)
         self.believed.save(target / "scene.toml")
-        self.readings.save(target / "data.csv")
+        write_table(self.readings, target / "data.csv")
         with atomic_path(target / "truth.json") as temporary:
             temporary.write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
         return target

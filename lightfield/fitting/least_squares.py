@@ -1,136 +1,24 @@
-"""Bounded least squares of a forward model in a whitened metric."""
+"""Bounded least squares of a forward model in a whitened metric: SciPy's search, ended by what is felt."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from lightfield.arrays import Array
+from lightfield.fitting.parameter import Model
 
 Whiten = Callable[[Array], Array]
 
-
-class Forward(Protocol):
-    """Predicts readings from parameter values; paths that are not given keep the scene's values."""
-
-    @property
-    def size(self) -> int: ...
-
-    def predict(self, values: Mapping[str, float]) -> Array: ...
-
-    def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]: ...
-
-    def position_slope(self, values: Mapping[str, float]) -> Array: ...
-
-    def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None: ...
-
-    def factor_to_traced(self, values: Mapping[str, float]) -> float: ...
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number that a fit moves.
-
-    Parameters
-    ----------
-    path : str
-        Scene parameter, or "gain" with its channel.
-    low, high, start : float
-        Bounds and start, in the fit's own coordinate.
-    step : float
-        Step of finite differences, in the fit's own coordinate.
-    coordinate : str
-        "linear", "log", or "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
-    """
-
-    path: str
-    low: float
-    high: float
-    start: float
-    step: float
-    coordinate: str = "linear"
-
-    def value(self, u: float) -> float:
-        """Scene value at the fit's coordinate `u`."""
-        if self.coordinate == "log":
-            return float(np.exp(u))
-        if self.coordinate == "inverse-square":
-            return float(10.0 / np.sqrt(u)) if u > 0 else 0.0
-        return float(u)
-
-    def width(self, u: float) -> float:
-        """Width of the allowed range as a scene value, by the slope at `u`."""
-        return abs(self.high - self.low) * abs(self.slope(u))
-
-    def coordinate_of(self, value: float) -> float:
-        """Coordinate of the fit at the scene value."""
-        if self.coordinate == "log":
-            return float(np.log(value))
-        if self.coordinate == "inverse-square":
-            return float((10.0 / value) ** 2) if value > 0 else 0.0
-        return float(value)
-
-    def slope(self, u: float) -> float:
-        """Derivative of the scene value with respect to the fit's coordinate."""
-        if self.coordinate == "log":
-            return float(np.exp(u))
-        if self.coordinate == "inverse-square":
-            return float(-5.0 * u**-1.5) if u > 0 else 0.0
-        return 1.0
-
-
-@dataclass(frozen=True)
-class Model:
-    """A forward model with some of its parameters free."""
-
-    forward: Forward
-    parameters: tuple[Parameter, ...]
-
-    @property
-    def low(self) -> Array:
-        return np.array([p.low for p in self.parameters])
-
-    @property
-    def high(self) -> Array:
-        return np.array([p.high for p in self.parameters])
-
-    @property
-    def start(self) -> Array:
-        return np.array([p.start for p in self.parameters])
-
-    def values(self, u: Array) -> dict[str, float]:
-        """Scene values at the coordinates `u`."""
-        return {p.path: p.value(x) for p, x in zip(self.parameters, u, strict=True)}
-
-    def predict(self, u: Array) -> Array:
-        """Readings at the coordinates `u`, shape (n_readings,)."""
-        return self.forward.predict(self.values(u))
-
-    def jacobian(self, u: Array, prediction: Array) -> Array:
-        """Forward differences that never leave the bounds, shape (n_readings, n_parameters).
-
-        Zero for a parameter whose bounds hold it.
-        """
-        columns = np.zeros((len(prediction), len(self.parameters)))
-        for i, parameter in enumerate(self.parameters):
-            if parameter.low == parameter.high:
-                continue
-            step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
-            moved = u.copy()
-            moved[i] += step
-            columns[:, i] = (self.predict(moved) - prediction) / step
-        return columns
-
-
-#: Dampings tried from one point; steps between true derivatives, and how good those steps must be.
-_TRIALS, _OLDEST, _GOOD = 9, 2, 0.5
+#: A parameter within this part of its range is at a bound; within this one the bound itself is tried.
+_AT, _NEAR = 1e-6, 1e-2
 #: Damping that leaves a Newton step, but for directions that are not determined at all.
-_NEWTON, _UNDAMPED = 1e-9, 1e-8
+_NEWTON = 1e-9
 
 
 @dataclass(frozen=True)
@@ -147,6 +35,10 @@ class Fit:
         Sum of the squared whitened residuals.
     differentiate : callable
         Gives `jacobian`.
+    converged : bool
+        The search ended by itself.
+    evaluations : int
+        Predictions that it took.
     """
 
     model: Model
@@ -154,14 +46,14 @@ class Fit:
     prediction: Array
     residual: Array
     chi2: float
-    differentiate: Callable[[Array, Array], Array] = field(repr=False, compare=False)
+    differentiate: Callable[[], Array] = field(repr=False, compare=False)
     converged: bool
     evaluations: int = field(default=0, compare=False)
 
     @cached_property
     def jacobian(self) -> Array:
         """Whitened derivatives at the minimum, shape (n_readings, n_parameters)."""
-        return self.differentiate(self.u, self.prediction)
+        return self.differentiate()
 
     @property
     def values(self) -> dict[str, float]:
@@ -193,18 +85,126 @@ class Fit:
         }
 
     def at_bound(self) -> NDArray[np.bool_]:
-        """Which parameters lie at a bound, shape (n_parameters,)."""
-        width = 1e-6 * (self.model.high - self.model.low)
-        return (self.u <= self.model.low + width) | (self.u >= self.model.high - width)
+        """Which parameters lie at a bound, shape (n_parameters,); what is held has none."""
+        room = self.model.high - self.model.low
+        width = _AT * room
+        return (room > 0) & ((self.u <= self.model.low + width) | (self.u >= self.model.high - width))
 
 
-def _step(hessian: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
-    """Damped step of the free coordinates, in a metric that their scales do not matter to; 0 for the rest."""
-    step = np.zeros(len(free))
-    scale = np.sqrt(np.diag(hessian))
-    scaled = hessian / np.outer(scale, scale) + damping * np.eye(len(scale))
-    step[free] = np.linalg.solve(scaled, gradient / scale) / scale
-    return step
+@dataclass(frozen=True)
+class _Point:
+    """The model at the coordinates `u`."""
+
+    u: Array
+    prediction: Array
+    residual: Array
+    chi2: float
+
+
+class _Ended(Exception):  # noqa: N818  an end, not an error
+    """The search has nothing more to find."""
+
+
+class _Search:
+    """What SciPy asks for on its way, in coordinates x that go from 0 to 1 over every range that is free.
+
+    `best` is the best point so far, where derivatives were taken last, and `slopes` are these.
+    """
+
+    best: _Point
+    slopes: Array
+
+    def __init__(
+        self, model: Model, value: Array, whiten: Whiten, weight: Array, start: Array, tolerance: float
+    ) -> None:
+        self.model, self.value, self.whiten, self.weight = model, value, whiten, weight
+        self.start, self.tolerance = start, tolerance
+        self.low, self.high, self.room = model.low, model.high, model.high - model.low
+        self.moving = self.room > 0
+        self.tried = self.evaluations = 0
+        self.settled = False
+        self._last: _Point | None = None
+
+    def point(self, u: Array) -> _Point:
+        """The model at some coordinates; nothing is done when they are asked for twice in a row."""
+        if self._last is None or not np.array_equal(u, self._last.u):
+            prediction = self.model.predict(u)
+            residual = self.whiten(self.weight * (self.value - prediction))
+            self._last = _Point(u, prediction, residual, float(residual @ residual))
+            self.tried, self.evaluations = self.tried + 1, self.evaluations + 1
+        return self._last
+
+    def differentiate(self, at: _Point) -> Array:
+        """Whitened derivatives by the coordinates, shape (n_readings, n_parameters)."""
+        self.evaluations += int(self.moving.sum())
+        return np.asarray(self.whiten(self.weight[:, None] * self.model.jacobian(at.u, at.prediction)))
+
+    @property
+    def little(self) -> float:
+        """What would not be felt, in the sum of squares."""
+        return self.tolerance * max(1.0, self.best.chi2 / len(self.value))
+
+    def run(self, start: Array, steps: int) -> bool:
+        """SciPy's search; did it end by itself?"""
+        begin = (start - self.low)[self.moving] / self.room[self.moving]
+        ftol = self.tolerance / len(self.value)
+        try:
+            with np.errstate(divide="ignore", invalid="ignore"):  # see `_at`
+                found = optimize.least_squares(
+                    self._residual, begin, self._derivatives, (0, 1), ftol=ftol, gtol=None, max_nfev=steps
+                )
+        except _Ended:
+            return True
+        return bool(found.status > 0)
+
+    def _at(self, x: Array) -> _Point:
+        if not np.isfinite(x).all():  # derivatives so small that their powers are zero
+            raise _Ended
+        u = self.start.copy()
+        u[self.moving] = self.low[self.moving] + x * self.room[self.moving]
+        return self.point(u)
+
+    def _residual(self, x: Array) -> Array:
+        return self._at(x).residual
+
+    def _derivatives(self, x: Array) -> Array:
+        self.best = self._at(x)
+        self.slopes = self.differentiate(self.best)
+        below, above = self._drawn_out(_AT)
+        free = self.slopes[:, self.moving & ~below & ~above]
+        gain = self.best.residual @ free @ _newton(free, self.best.residual)
+        self.settled = bool(gain < self.little)
+        if self.settled:
+            raise _Ended
+        return np.asarray(-(self.slopes * self.room)[:, self.moving])
+
+    def _drawn_out(self, within: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """What is drawn below its range, and above it, and lies within a part of the range of that end."""
+        drawn, x = self.slopes.T @ self.best.residual, self.best.u - self.low
+        return (drawn < 0) & (x <= within * self.room), (drawn > 0) & (x >= (1 - within) * self.room)
+
+    def beyond(self) -> _Point:
+        """A Newton step on from the best point, clipped, what is drawn out of its range at the bound.
+
+        The best point itself where there is nothing to gain.
+        """
+        below, above = self._drawn_out(_NEAR)
+        bounded = below | above
+        if self.settled and not bounded.any():
+            return self.best
+        u, free = self.best.u, self.moving & ~bounded
+        step = np.where(below, self.low - u, np.where(above, self.high - u, 0.0))
+        step[free] = _newton(self.slopes[:, free], self.best.residual - self.slopes @ step)
+        return self.point(np.clip(u + step, self.low, self.high))
+
+
+def _newton(slopes: Array, residual: Array) -> Array:
+    """Newton step of the coordinates, were the model linear; 0 for what changes nothing."""
+    norm = np.linalg.norm(slopes, axis=0)
+    norm[norm == 0] = np.inf
+    columns = slopes / norm
+    gram = columns.T @ columns + _NEWTON * np.eye(len(norm))
+    return np.asarray(np.linalg.solve(gram, columns.T @ residual) / norm)
 
 
 def least_squares(
@@ -216,11 +216,10 @@ def least_squares(
     max_steps: int = 40,
     tolerance: float = 1e-4,
 ) -> Fit:
-    """Minimise |whiten(value - prediction)|^2 by Levenberg-Marquardt steps projected onto the bounds.
+    """Minimise |whiten(value - prediction)|^2 within the bounds.
 
-    The damping follows what steps brought of what they promised (Nielsen 1999, report IMM-REP-1999-05). After
-    a step that did as promised the derivatives are corrected along it (Broyden 1965, Math. Comp. 19, 577);
-    the last step is always taken with true ones.
+    SciPy's trust region reflective search (Branch, Coleman and Li 1999, SIAM J. Sci. Comput. 21, 1). It stays
+    off the bounds: where it ends beside one that the readings draw it to, the bound itself is tried.
 
     Parameters
     ----------
@@ -230,58 +229,30 @@ def least_squares(
     start : array, shape (n_parameters,)
     keep : array of 0 and 1, shape (n_readings,), optional
         Readings left out carry 0.
+    max_steps : int
+        Steps that are tried at most.
     tolerance : float
         Stop when a step would lower the sum of squares by less than this, in sigma^2, or in the scatter that
         the model leaves where that is larger.
     """
     weight = np.ones(len(value)) if keep is None else keep
-    low, high = model.low, model.high
+    begin = np.clip(np.asarray(start, float), model.low, model.high)
+    search = _Search(model, value, whiten, weight, begin, tolerance)
 
-    def differentiate(at: Array, there: Array) -> Array:
-        return np.asarray(whiten(weight[:, None] * model.jacobian(at, there)))
+    def fit(at: _Point, slopes: Array | None, converged: bool) -> Fit:
+        differentiate = partial(search.differentiate, at) if slopes is None else lambda: slopes
+        return Fit(
+            model, at.u, at.prediction, at.residual, at.chi2, differentiate, converged, search.evaluations
+        )
 
-    u = np.clip(np.asarray(start, float), low, high)
-    prediction = model.predict(u)
-    residual = whiten(weight * (value - prediction))
-    chi2 = float(residual @ residual)
-    damping, evaluations, converged = 1e-3, 1 + len(u), False
-    slopes, age = differentiate(u, prediction), 0
-    for _ in range(max_steps):
-        gradient, hessian = slopes.T @ residual, slopes.T @ slopes
-        diagonal = np.diag(hessian) + 1e-300
-        free = ~(((u <= low) & (gradient < 0)) | ((u >= high) & (gradient > 0))) & (diagonal > 1e-290)
-        little, better = tolerance * max(1.0, chi2 / len(value)), False
-        step = partial(_step, hessian[np.ix_(free, free)], gradient[free], free)
-        # What is to be gained without bounds and damping: no trial for what would not be felt.
-        trials = 0 if gradient @ step(_NEWTON) < little else _TRIALS if age == 0 else 1
-        for _ in range(trials):
-            trial = np.clip(u + step(damping), low, high)
-            trial_prediction = model.predict(trial)
-            evaluations += 1
-            trial_residual = whiten(weight * (value - trial_prediction))
-            trial_chi2 = float(trial_residual @ trial_residual)
-            if np.isfinite(trial_chi2) and trial_chi2 < chi2:
-                better = True
-                break
-            if age == 0:
-                damping *= 7
-        # A damped step may gain little where there is much to gain, along what the readings hardly determine.
-        if age == 0 and (not better or (chi2 - trial_chi2 < little and damping <= _UNDAMPED)):
-            converged = True
-        if better:
-            gain, moved = chi2 - trial_chi2, trial - u
-            promised = float(moved @ (2 * gradient - hessian @ moved))
-            change = residual - trial_residual - slopes @ moved
-            u, prediction, residual, chi2 = trial, trial_prediction, trial_residual, trial_chi2
-            # Less after a step that did as promised, more after one that did not.
-            kept = min(gain / promised, 1.0) if promised > 0 else 0.5
-            damping = max(damping * max(1 / 8, 1 - (2 * kept - 1) ** 3), _NEWTON)
-        if converged:
-            break
-        if better and age < _OLDEST and gain > max(little, _GOOD * promised):
-            metric = diagonal * moved
-            slopes, age = slopes + np.outer(change, metric / (metric @ moved)), age + 1
-        else:
-            slopes, age = differentiate(u, prediction), 0
-            evaluations += len(u)
-    return Fit(model, u, prediction, residual, chi2, differentiate, converged, evaluations)
+    if not max_steps or not search.moving.any():
+        return fit(search.point(begin), None, not search.moving.any())
+    while True:
+        converged = search.run(begin, max_steps - search.tried)
+        ended, further = search.best, search.beyond()
+        gain = ended.chi2 - further.chi2
+        if further is ended or not gain >= 0:
+            return fit(ended, search.slopes, converged)
+        if search.settled or gain < search.little or search.tried >= max_steps:
+            return fit(further, None, converged)
+        begin = further.u

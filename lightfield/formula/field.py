@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
-from lightfield.formula.path import Ray, attenuation_per_m, layer_path_m, optical_depth, rays
+from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor
+from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
+from lightfield.scene.receiver import response
 
 if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
@@ -28,9 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "air_mask",
     "attenuation_per_m",
-    "beam_angles",
     "direct_field",
-    "layer_path_m",
     "optical_depth",
     "paper_model",
     "predict",
@@ -50,30 +50,6 @@ DISC = [
 ]
 
 
-def beam_angles(lamp: Lamp, ray: Ray) -> tuple[Array, Array]:
-    """Beam-frame angles theta (cos phi, sin phi) of rays, in rad, about the tilted axis.
-
-    Parameters
-    ----------
-    lamp : Lamp
-        Tilt: the axis is along (tan tilt_x, tan tilt_y, 1).
-    ray : Ray
-        Where to.
-    """
-    x, y, z = ray.dx, ray.dy, ray.dz
-    if lamp.tilt_x_deg or lamp.tilt_y_deg:
-        ax, ay = math.tan(math.radians(lamp.tilt_x_deg)), math.tan(math.radians(lamp.tilt_y_deg))
-        flat, full = math.hypot(1.0, ax), math.sqrt(1.0 + ax * ax + ay * ay)
-        x, y, z = (
-            (x - ax * z) / flat,
-            (-ax * ay * x + flat * flat * y - ay * z) / (flat * full),
-            (ax * x + ay * y + z) / full,
-        )
-    across = np.sqrt(x * x + y * y)
-    scale = np.arctan2(across, z) / np.maximum(across, 1e-300)
-    return x * scale, y * scale
-
-
 def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     """Relative radiant intensity towards each receiver (eq. 1).
 
@@ -91,7 +67,7 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
             "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
             remedy="render it, or give the beam a width",
         )  # fmt: skip
-    theta_x, theta_y = beam_angles(lamp, ray)
+    theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
     if in_air is None or lamp.window_index == 1.0:
         return relative_intensity(lamp, theta_x, theta_y)
     n = np.where(in_air, lamp.window_index, 1.0)
@@ -99,11 +75,9 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
 
 
 def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Array:
-    """Response to light of unit normal irradiance from each ray.
+    """Response to light of unit normal irradiance from each ray, see `scene.receiver.response`.
 
-    Cosine for irradiance; 1 for scalar irradiance; 1 / solid angle inside the collimator's cone for
-    radiance. The receiver looks along -z turned towards +x by its tilt, or at the lamp window. Irradiance is
-    multiplied by the Gaussian acceptance.
+    The receiver looks along -z turned towards +x by its tilt, or at the lamp's window.
 
     Parameters
     ----------
@@ -114,33 +88,12 @@ def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Arra
     x_m, y_m, z_m : array, m
         Receivers.
     """
-    detector = scene.detector
-    if detector.quantity == "scalar_irradiance":
-        return np.ones_like(ray.r)
-    turned = detector.aim == "lamp" or detector.tilt_x_deg
-    if detector.quantity == "irradiance" and not turned and not detector.acceptance_hwhm_deg:
-        return np.asarray(np.maximum(ray.dz, 0.0) / ray.r)
-    ax, ay, az = _receiver_axis(scene, x_m, y_m, z_m)
-    ux, uy, uz = ray.dx / ray.r, ray.dy / ray.r, ray.dz / ray.r
-    # Angle from the chord: 1 - cos has no digits left at small angles.
-    chord = np.sqrt((ux + ax) ** 2 + (uy + ay) ** 2 + (uz + az) ** 2)
-    psi = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
-    if detector.quantity == "radiance":
-        half = 0.5 * math.radians(detector.full_angle_deg)
-        return np.where(psi < half, 1.0 / (4.0 * math.pi * math.sin(0.5 * half) ** 2), 0.0)
-    response = np.maximum(np.cos(psi), 0.0)
-    if detector.acceptance_hwhm_deg:
-        response = response * np.exp(-LN2 * (psi / math.radians(detector.acceptance_hwhm_deg)) ** 2)
-    return np.asarray(response)
-
-
-def _receiver_axis(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> tuple[Any, Any, Any]:
+    direction, axis = (ray.dx / ray.r, ray.dy / ray.r, ray.dz / ray.r), None
     if scene.detector.aim == "lamp":
         dx, dy = scene.lamp.offset_x_m - x_m, scene.lamp.offset_y_m - y_m
         length = np.sqrt(dx * dx + dy * dy + z_m * z_m)
-        return dx / length, dy / length, -z_m / length
-    tilt = math.radians(scene.detector.tilt_x_deg)
-    return math.sin(tilt), 0.0, -math.cos(tilt)
+        axis = (dx / length, dy / length, -z_m / length)
+    return response(scene.detector, direction, axis)
 
 
 def direct_field(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.layers import is_layered, layers_depth
 
 if TYPE_CHECKING:
     from lightfield.scene import Lamp, Water
@@ -74,31 +75,11 @@ def optical_depth(
     """
     s = ray.water_m
     tau = attenuation_per_m(water, wavelength_nm, default_nm) * s
-    if water.gradient_per_m2:
-        tau = tau + water.gradient_per_m2 * (0.5 * z_m - water.gradient_centre_m) * s
-    if water.layer_absorption_per_m:
-        tau = tau + water.layer_absorption_per_m * layer_path_m(water, ray, z_m)
+    if is_layered(water):
+        tau = tau + layers_depth(water, z_m, s)
     if water.hardening_per_m:
         tau = tau - 0.5 * (water.hardening_per_m * s) ** 2
     return np.asarray(tau)
-
-
-def layer_path_m(water: Water, ray: Ray, z_m: Array) -> Array:
-    """Length of each ray inside the slab |z - centre| < width / 2.
-
-    Parameters
-    ----------
-    water : Water
-        Layer.
-    ray : Ray
-        Rays.
-    z_m : array, m
-        Of the receivers.
-    """
-    start = max(water.layer_centre_m - 0.5 * water.layer_width_m, 0.0)
-    end = water.layer_centre_m + 0.5 * water.layer_width_m
-    inside = np.clip(z_m - start, 0.0, end - start)
-    return np.asarray(inside * (ray.r / ray.dz))
 
 
 def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0) -> Any:

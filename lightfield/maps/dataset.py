@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
-from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +18,7 @@ from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
 from lightfield.storage.files import MAKE_ROOM, atomic_path
+from lightfield.storage.inputs import MAPS, check_regular
 
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
 PARTS = ("direct", "diffuse")
@@ -124,12 +124,12 @@ def _places(grid: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
 def provenance(rendering: Rendered) -> dict[str, Attribute]:
     """Global attributes: conventions, scene, seed, photons, requested and reached error, energy, software."""
     scene = rendering.scene
-    now = datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     attributes: dict[str, Attribute] = {
         "Conventions": "CF-1.11",
         "title": str(scene.name or "light field of an underwater lamp"),
         "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {_version('mitsuba')}",
-        "history": f"{now} lightfield {__version__}",
+        # Without the time: equal runs give equal files, and the file system knows when.
+        "history": f"lightfield {__version__}",
         "orientation": "x horizontal, y up, z along the axis from the lamp; indices grow with coordinates",
         "scene_toml": str(scene.to_toml()),
         # With every default written out, for defaults may change with the version.
@@ -161,13 +161,13 @@ def write_netcdf(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         The place is not writable.
     """
     packed = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars if dataset[name].ndim > 2}
-    with atomic_path(path) as temporary:
-        try:
+    try:
+        with atomic_path(path) as temporary:
             dataset.to_netcdf(temporary, engine="netcdf4", encoding=packed)
-        except (OSError, RuntimeError) as error:
-            raise OutputError(
-                "cannot write the data set", where=str(path), found=str(error), remedy=MAKE_ROOM
-            ) from error
+    except (OSError, RuntimeError) as error:
+        raise OutputError(
+            "cannot write the data set", where=str(path), found=str(error), remedy=MAKE_ROOM
+        ) from error
     return Path(path)
 
 
@@ -179,6 +179,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     OutputError
         Not a NetCDF file, or not one of ours.
     """
+    check_regular(path, MAPS)
     try:
         dataset = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:

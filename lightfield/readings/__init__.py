@@ -1,5 +1,8 @@
 """Readings: what a detector read, where, when, and how well that is known."""
 
-from lightfield.readings.readings import ErrorBudget, LoadWarning, Readings
+from lightfield.readings.columns import ErrorBudget, LoadWarning
+from lightfield.readings.readings import Readings
+from lightfield.readings.table.read import read_table
+from lightfield.readings.table.write import write_table
 
-__all__ = ["ErrorBudget", "LoadWarning", "Readings"]
+__all__ = ["ErrorBudget", "LoadWarning", "Readings", "read_table", "write_table"]

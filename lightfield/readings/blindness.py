@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.readings.readings import LoadWarning, Readings
+from lightfield.readings.columns import LoadWarning
+
+if TYPE_CHECKING:
+    from lightfield.readings.readings import Readings
 
 FEWEST_PLANES = (
     4  # amplitude and attenuation take two of them, a third effect of distance leaves nothing to check
@@ -83,9 +87,9 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
             "estimated from the misfit",
             "give stderr from repeated spectra",
         )
-    missing = [
-        name for name in ("plane_gain_percent", "position_mm") if getattr(readings.budget, name) is None
-    ]
+    terms = ["plane_gain_percent", "position_mm"]
+    terms += ["calibration_percent"] if readings.scale == "absolute" else []
+    missing = [name for name in terms if getattr(readings.budget, name) is None]
     if missing:
         warn(
             "no_error_budget",

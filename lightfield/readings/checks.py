@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lightfield.arrays import Array
 from lightfield.readings import units
+from lightfield.readings.columns import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
 from lightfield.readings.problems import Problems
-from lightfield.readings.readings import MEDIA, QUANTITIES, ROLES, SCALES, TERMS, Readings
+
+if TYPE_CHECKING:
+    from lightfield.readings.readings import Readings
+    from lightfield.scene import Tank
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
+_LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
+#: Instruments tell apart a millionth of full scale at best; one value so far beyond all others is a slip.
+LARGEST_STEP = 1e9
+#: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
+EARLIEST_S, LATEST_S = -1e5, 1e11
 
 
 def check_values(readings: Readings, problems: Problems | None = None) -> None:
@@ -41,7 +53,7 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     def refuse(bad: Any, name: str, what: str, rule: str, remedy: str | None = None) -> None:
         values = getattr(readings, name)
         for k in np.flatnonzero(bad).tolist():
-            if not unread.get(name, set()) & {None, lines[k]}:
+            if not unread & {(name, None), (name, lines[k])}:
                 noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
 
     for name in ("x_m", "y_m", "z_m", "value"):
@@ -54,6 +66,13 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+    refuse(
+        (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
+        "time_s",
+        "is impossible",
+        f"{EARLIEST_S:g} to {LATEST_S:g} s",
+        "count seconds from when the lamp was switched on",
+    )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
@@ -131,6 +150,12 @@ def _check_head(readings: Readings, noted: Problems) -> None:
         if value is not None and not (np.isfinite(value) and (value > 0 if low_open else value >= 0)):
             rule = f"{name} {'>' if low_open else '>='} 0"
             noted.add(f"{name} is impossible", place=noted.head.get(name), found=value, rule=rule)
+    slips = readings.budget.outlier_percent
+    if slips is not None and slips > 100:
+        rule = "outlier_percent is a part of all readings, 0 to 100"
+        noted.add(
+            "outlier_percent is impossible", place=noted.head.get("outlier_percent"), found=slips, rule=rule
+        )
 
 
 def against_scene(readings: Readings, scene: Any, problems: Problems | None = None) -> Readings:
@@ -166,6 +191,8 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
             rule=f"detector.quantity = {quantity!r}",
             remedy="change it in the scene",
         )
+    _check_linear(readings, noted)
+    _check_slips(readings, noted, lines)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
@@ -173,21 +200,58 @@ def against_scene(readings: Readings, scene: Any, problems: Problems | None = No
     return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
 
 
-def _check_tank(readings: Readings, tank: Any, noted: Problems, lines: Sequence[int]) -> None:
-    ends = {
-        "x_m": (-tank.width_m / 2, tank.width_m / 2),
-        "y_m": (tank.lamp_depth_m - tank.depth_m, tank.lamp_depth_m),
-        "z_m": (0.0, tank.length_m - tank.behind_lamp_m),
-    }
+def _check_linear(readings: Readings, noted: Problems) -> None:
+    """Refuse decibels: by their unit, or because light is not negative, but for noise."""
+    if _LOGARITHMIC.search(readings.units):
+        noted.add(
+            "readings in decibels", place=noted.head.get("units"), found=readings.units,
+            rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
+        )  # fmt: skip
+    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
+    negative = value < 0
+    if -value[negative].sum() > value[~negative].sum():
+        noted.add(
+            "the values are more negative than positive",
+            found=f"{int(negative.sum())} of {len(value)} readings below 0, down to {value.min():.3g}",
+            rule="light in linear units, from which a dark signal was subtracted once",
+            remedy="turn decibels or logarithms into linear values first (10^(value / 10) for dB)",
+        )
+
+
+def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+    """One number that is out of all proportion would drown all others in a fit."""
+    size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
+    next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
+    beyond = (next_largest > 0) & (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
+    for k in np.flatnonzero(beyond).tolist():
+        noted.add(
+            "value is beyond all others",
+            place=lines[k],
+            found=readings.value[k].item(),
+            rule=f"at most {LARGEST_STEP:g} times the next largest",
+            remedy="correct it, or remove the row",
+        )
+
+
+def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
+    across, up, (_, end) = tank.box_m
+    ends = {"x_m": across, "y_m": up, "z_m": (0.0, end)}
+
+    def beyond(values: Array, name: str) -> NDArray[np.bool_]:
+        low, high = ends[name]
+        return (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
+
+    at_z = remedy = "correct it (positions are in metres), or the tank's size"
+    if not (beyond(readings.y_m, "x_m") | beyond(readings.x_m, "y_m")).any():
+        remedy += "; exchanged, x_m and y_m would lie inside"
     for name, (low, high) in ends.items():
         values = getattr(readings, name)
-        outside = (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
-        outside &= np.abs(values) <= FARTHEST_M  # else that was said
+        outside = beyond(values, name) & (np.abs(values) <= FARTHEST_M)  # else that was said
         for k in np.flatnonzero(outside).tolist():
             noted.add(
                 f"{name} is outside the tank",
                 place=lines[k],
                 found=values[k].item(),
                 rule=f"{low:g} <= {name} <= {high:g}",
-                remedy="correct it (positions are in metres), or the tank's size",
+                remedy=remedy if name != "z_m" else at_z,
             )

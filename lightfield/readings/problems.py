@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from lightfield.errors import MeasurementError
+from lightfield.errors import SHOWN, MeasurementError, brief
 
 ALONE = 5  # so many problems of one kind are listed one by one; more share a line that names all their places
 LONGEST = 60
@@ -19,6 +18,8 @@ class _Problem:
     found: str | None
     rule: str | None
     remedy: str | None
+    column: str | None
+    whole: bool
 
 
 @dataclass
@@ -48,18 +49,24 @@ class Problems:
         found: object = None,
         rule: str | None = None,
         remedy: str | None = None,
+        column: str | None = None,
+        whole: bool = False,
     ) -> None:
-        """Note one problem; `place` is a line number (from 1) or None for the whole file."""
-        self.found.append(_Problem(place, what, None if found is None else shorten(found), rule, remedy))
+        """Note one problem.
 
-    def unread(self) -> dict[str, set[int | None]]:
-        """Where cells of a column could not be read, by column; None: the column is missing."""
-        out: dict[str, set[int | None]] = {}
-        for problem in self.found:
-            out.setdefault(problem.what.split(" ", 1)[0], set()).add(problem.place)
-            if match := re.fullmatch(r"the column (\w+) is missing", problem.what):
-                out.setdefault(match[1], set()).add(None)
-        return out
+        Parameters
+        ----------
+        place : int, optional
+            Line number (from 1); None for the whole file.
+        column : str, optional
+            The column whose cell could not be read there; with `whole`, none of its cells could.
+        """
+        shown = None if found is None else shorten(found)
+        self.found.append(_Problem(place, what, shown, rule, remedy, column, whole))
+
+    def unread(self) -> set[tuple[str, int | None]]:
+        """Column and line of the cells that could not be read; line None: the whole column."""
+        return {(p.column, None if p.whole else p.place) for p in self.found if p.column is not None}
 
     def __bool__(self) -> bool:
         return bool(self.found)
@@ -99,11 +106,14 @@ class Problems:
 
 
 def ranges(places: Sequence[int]) -> str:
-    """Line numbers in few characters: 3-5, 9."""
+    """Line numbers in few characters: 3-5, 9; beyond ten such entries, how many more there are."""
     out: list[str] = []
     ordered = sorted(set(places))
     start = 0
     for k, place in enumerate(ordered):
+        if len(out) == SHOWN:
+            out.append(f"and {len(ordered) - start} more")
+            break
         if k + 1 == len(ordered) or ordered[k + 1] != place + 1:
             out.append(str(place) if start == k else f"{ordered[start]}-{place}")
             start = k + 1
@@ -112,5 +122,4 @@ def ranges(places: Sequence[int]) -> str:
 
 def shorten(value: object) -> str:
     """A value as it may stand in a one-line message."""
-    text = repr(value)
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return brief(value, LONGEST)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -12,95 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
-
-QUANTITIES = ("irradiance", "scalar_irradiance", "radiance")
-SCALES = ("relative", "absolute")
-MEDIA = ("water", "air")
-ROLES = ("signal", "reference")
-
-REQUIRED = ("z_m", "value")
-NUMBER_COLUMNS = (
-    "x_m",
-    "y_m",
-    "z_m",
-    "wavelength_nm",
-    "value",
-    "stderr",
-    "time_s",
-    "integration_time_s",
-    "repeat",
-    "visit",
-    "saturated",
-)
-TEXT_COLUMNS = ("medium", "role")
-# Order in which a table is written.
-COLUMNS = (
-    "medium",
-    "x_m",
-    "y_m",
-    "z_m",
-    "wavelength_nm",
-    "value",
-    "stderr",
-    "time_s",
-    "integration_time_s",
-    "role",
-    "repeat",
-    "visit",
-    "saturated",
-)
-# Entries of the head that lightfield uses: text, and the terms of the error budget.
-WORDS = ("quantity", "scale", "units")
-TERMS = ("plane_gain_percent", "position_mm", "tolerance_percent", "saturation_level")
-DEFAULTS: dict[str, Any] = {"medium": "water", "x_m": 0.0, "y_m": 0.0, "role": "signal", "saturated": False}
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """What the standard errors do not contain; None is "not stated".
-
-    Parameters
-    ----------
-    plane_gain_percent : float, %
-        Repeatability of a whole plane: repositioning, window, lamp, per visit.
-    position_mm : float, mm
-        Error of a detector position.
-    tolerance_percent : float, %
-        Smooth misfit that is of no interest.
-    saturation_level : float, unit of the values
-        Readings at or above it are saturated.
-    """
-
-    plane_gain_percent: float | None = None
-    position_mm: float | None = None
-    tolerance_percent: float | None = None
-    saturation_level: float | None = None
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Terms that a diagnosis has to assume."""
-        terms = ("plane_gain_percent", "position_mm", "tolerance_percent")
-        return tuple(name for name in terms if getattr(self, name) is None)
-
-
-@dataclass(frozen=True)
-class LoadWarning:
-    """Something that is allowed and will limit what the readings can tell.
-
-    Parameters
-    ----------
-    code : str
-        Stable name, for programs.
-    sentence, remedy : str
-        What is the matter; what would help.
-    """
-
-    code: str
-    sentence: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.sentence} ({self.remedy})"
+from lightfield.readings.blindness import load_warnings
+from lightfield.readings.checks import against_scene, check_values
+from lightfield.readings.columns import COLUMNS, DEFAULTS, TERMS, TEXT_COLUMNS, ErrorBudget, LoadWarning
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +42,7 @@ class Readings:
     quantity : str
         One of QUANTITIES, or "" when the table does not say.
     scale : str
-        "relative" (one free gain) or "absolute".
+        "relative" (one free gain) or "absolute" (a gain that is 1 but for the error of the calibration).
     units : str
         Unit of `value`, as the user gave it.
     source : str
@@ -156,7 +69,7 @@ class Readings:
     repeat: Array
     visit: Array
     saturated: NDArray[np.bool_]
-    budget: ErrorBudget = ErrorBudget()
+    budget: ErrorBudget = field(default_factory=ErrorBudget)
     quantity: str = ""
     scale: str = "relative"
     units: str = ""
@@ -188,9 +101,6 @@ class Readings:
         MeasurementError
             Whatever a file with these readings would be refused for.
         """
-        from lightfield.readings.blindness import load_warnings
-        from lightfield.readings.checks import check_values
-
         given = {"z_m": z_m, "value": value, **given}
         size = np.size(value)
         columns: dict[str, Any] = {n: _column(n, given.pop(n, None), size) for n in COLUMNS}
@@ -208,25 +118,6 @@ class Readings:
             )
         return replace(readings, warnings=(*readings.warnings, *load_warnings(readings)))
 
-    @classmethod
-    def load(cls, path: str | PathLike[str], scene: Any = None) -> Readings:
-        """Read a CSV reading table; with a scene, `check_against` it in the same go.
-
-        Raises
-        ------
-        MeasurementError
-            All problems of the file, each with its line.
-        """
-        from lightfield.readings.table.read import load
-
-        return load(path, scene)
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV reading table that `load` reads back to the last bit."""
-        from lightfield.readings.table.write import save
-
-        save(self, path)
-
     def __len__(self) -> int:
         return len(self.value)
 
@@ -235,8 +126,6 @@ class Readings:
 
         Warnings about the file itself are kept.
         """
-        from lightfield.readings.blindness import load_warnings
-
         index = np.asarray(chosen)
         if index.dtype != bool:
             index = index.astype(int)
@@ -269,8 +158,6 @@ class Readings:
         MeasurementError
             Positions outside the tank, wavelengths outside the bands, another quantity; all at once.
         """
-        from lightfield.readings.checks import against_scene
-
         return against_scene(self, scene)
 
 

@@ -117,6 +117,8 @@ def _check_names(
                 found=", ".join(names),
                 rule=f"required: {', '.join(required)}",
                 remedy=rename if close else "add it to the line of column names",
+                column=name,
+                whole=True,
             )
     for name in dict.fromkeys(names):
         if name == "":

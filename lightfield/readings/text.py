@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.problems import shorten
+from lightfield.storage.inputs import Kind, read_bytes
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|na|n/a|inf|infinity|null|none|-?1\.#\w+)", re.IGNORECASE)
@@ -43,24 +44,15 @@ class Text:
     ended: bool
 
 
-def read_text(path: str | Path) -> Text:
+def read_text(path: str | Path, kind: Kind) -> Text:
     """The lines of a text file: UTF-8, UTF-16 or Latin-1; ends of any kind.
 
     Raises
     ------
     MeasurementError
-        No such file, empty, or not a text file.
+        No such file, too large, empty, or not a text file.
     """
-    try:
-        data = Path(path).read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise MeasurementError(
-            "cannot be read",
-            where=str(path),
-            found=getattr(error, "strerror", None) or str(error),
-            remedy="check the path and the permissions",
-        ) from error
-    return decode(data, str(path))
+    return decode(read_bytes(path, kind), str(path))
 
 
 def decode(data: bytes, where: str) -> Text:

@@ -62,11 +62,9 @@ def direct_at(
     # In the water the ray runs from the window plane to the receiver.
     in_water = distance * target.z / (target.z + lamp.apparent_distance_m)
     start = mi.Point3f(target - direction * in_water)
-    local = [dr.dot(direction, axis) for axis in (emission.right, emission.up, emission.axis)]
-    across = dr.sqrt(local[0] * local[0] + local[1] * local[1])
-    scale = dr.select(across > 1e-7, dr.atan2(across, local[2]) / dr.maximum(across, 1e-7), 1)
+    theta_x, theta_y = emission.angles(direction)
     n_window = lamp.window_index if in_air else 1.0
-    intensity = emission.intensity(local[0] * scale / n_window, local[1] * scale / n_window) / n_window**2
+    intensity = emission.intensity(theta_x / n_window, theta_y / n_window) / n_window**2
     depth = mi.Float(0)
     if not in_air:
         depth = Absorption(setup.water).depth(start.z, direction.z, in_water)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -18,8 +19,7 @@ from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
-from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
@@ -69,7 +69,7 @@ class Rendering:
             == np.ptp(scattering_per_m(scene.water, at.ravel()))
             == 0
         )
-        intensity = spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / unit_power(scene)
+        intensity = axial_intensity(scene.lamp, at)
         if grey:
             mean, stderr = self.relative_maps(at[:1, 0], part)
             per_band = intensity.mean(axis=1)[:, None, None, None]
@@ -101,11 +101,6 @@ class Rendering:
             return mean, stderr
         factor = np.asarray(intensity)[:, None, None, None]
         return mean * factor, stderr * factor
-
-
-def unit_power(scene: Scene) -> float:
-    """Power of the beam for unit on-axis intensity, sr; one for a pencil beam."""
-    return 1.0 if scene.lamp.profile == "pencil" else float(solid_angle_sr(scene.lamp))
 
 
 def render_scene(
@@ -157,8 +152,8 @@ def render_scene(
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     stored = store.load(key) if cache else None
     if stored is not None:
-        response, energy, reached = _unpack(stored, chosen)
-        return Rendering(scene, response, grid, energy, reached, settings)
+        response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
+        return Rendering(scene, response, grid, energy, float(stored["reached"]), settings)
     use_backend()
     from lightfield.render.tracer.accumulate import (
         trace_until,  # Mitsuba, which a cached response does not need
@@ -166,7 +161,8 @@ def render_scene(
 
     response, energy, reached = trace_until(scene, grid, chosen, settings, progress)
     if cache:
-        store.save(key, _pack(response, energy, reached))
+        found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
+        store.save(key, response.packed() | found)
     return Rendering(scene, response, grid, energy, reached, settings)
 
 
@@ -181,34 +177,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
     }
 
 
+@cache
 def software() -> list[str]:
     """Versions of what renders."""
     return [version("mitsuba"), version("drjit")]
-
-
-def _pack(response: TransportResponse, energy: Bookkeeping, reached: float) -> dict[str, np.ndarray]:
-    packed = {
-        "tally": response.tally,
-        "histories": response.histories,
-        "excess_m": response.excess_m,
-        "straight_m": response.straight_m,
-        "photons": np.array(response.photons),
-        "energy": np.array(list(asdict(energy).values())),
-        "reached": np.array(reached),
-    }
-    return packed if response.merged is None else packed | {"merged": response.merged}
-
-
-def _unpack(
-    stored: dict[str, np.ndarray], reference: Reference
-) -> tuple[TransportResponse, Bookkeeping, float]:
-    response = TransportResponse(
-        stored["tally"],
-        stored["histories"],
-        stored["excess_m"],
-        stored["straight_m"],
-        reference,
-        int(stored["photons"]),
-        stored.get("merged"),
-    )
-    return response, Bookkeeping(*(float(v) for v in stored["energy"])), float(stored["reached"])

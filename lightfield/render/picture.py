@@ -8,7 +8,7 @@ lent, and said so.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos, atan, degrees, hypot, radians, tan
+from math import acos, atan, degrees, radians, tan
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from lightfield.render.backend import use_backend
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -92,7 +93,6 @@ def picture_dict(
     """Stock Mitsuba description of the tank, the lamp and a camera, at one wavelength."""
     import mitsuba as mi
 
-    from lightfield.render.response.response import Reference
     from lightfield.render.tracer.build import phase_dict, surfaces
 
     attenuation = max(absorption + scattering, 1e-6)
@@ -104,9 +104,8 @@ def picture_dict(
         "phase": phase_dict(scene),
     }
     inside = {"type": "ref", "id": "water"}
-    far = max(scene.detector.planes_m, default=8.5)
     reflects = bool(scene.tank and scene.tank.surface_reflectance > 0)
-    box = surfaces(scene, Reference(absorption, scattering, albedo), reflects, float(far))
+    box = surfaces(scene, albedo, reflects)
     if reflects:
         box["surface"]["interior"] = inside
     eye, target, view_deg = camera_pose(scene)
@@ -159,11 +158,8 @@ def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
     u = (np.arange(BEAM_PIXELS) + 0.5) / BEAM_PIXELS * 2 - 1
     # Row 0 of the projected image is up, column 0 is on the left of someone looking along the beam: +x.
     x, y = np.meshgrid(-u * reach, -u * reach)
-    across = np.hypot(x, y)
-    theta = np.arctan(across)
-    scale = theta / np.maximum(across, 1e-12)
-    beam = np.asarray(relative_intensity(lamp, x * scale, y * scale), float) / np.cos(theta) ** 3
-    axis = [tan(radians(lamp.tilt_x_deg)), tan(radians(lamp.tilt_y_deg)), 1.0]
+    beam = relative_intensity(lamp, *angles_about_axis(x, y, 1.0)) * (1 + x * x + y * y) ** 1.5
+    axis = beam_axes(lamp)[2]
     origin = [lamp.offset_x_m, lamp.offset_y_m, 0.0]
     pose = mi.ScalarTransform4f().look_at(
         origin=origin, target=[o + a for o, a in zip(origin, axis, strict=True)], up=[0, 1, 0]
@@ -173,8 +169,8 @@ def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
         "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.05}},
     }
     size = max(lamp.radius_m, 0.05)
-    behind = [o - 1e-3 * a / hypot(*axis) for o, a in zip(origin, axis, strict=True)]
-    rear = [o - 0.25 * a / hypot(*axis) for o, a in zip(origin, axis, strict=True)]
+    behind = [o - 1e-3 * a for o, a in zip(origin, axis, strict=True)]
+    rear = [o - 0.25 * a for o, a in zip(origin, axis, strict=True)]
     return {
         "lamp": {
             "type": "projector",

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from lightfield.render.backend import use_backend
-from lightfield.render.maps import unit_power
-from lightfield.render.response.grid import band_wavelengths, reference_of, scene_grid
+from lightfield.render.response.grid import band_wavelengths, scene_grid
 from lightfield.scene import Scene
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.receiver import RECEIVER
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.files import atomic_path
 
@@ -36,13 +36,13 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         Default: the middle of the first band.
     """
     use_backend()
-    from lightfield.render.plugins.lamp import NUMBERS, WORDS
+    from lightfield.render.plugins.lamp import PROPERTIES
     from lightfield.render.tracer.build import phase_dict, surfaces
 
     at = np.array([band_wavelengths(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     c = a + b
-    grid, detector = scene_grid(scene), scene.detector
+    grid = scene_grid(scene)
     medium = {
         "type": "homogeneous",
         "id": "water",
@@ -51,9 +51,8 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         "phase": phase_dict(scene),
     }
     lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
-    lamp["intensity"] = float(spectral_power(scene.lamp, at)[0] / unit_power(scene))
-    lamp |= {name: float(getattr(scene.lamp, name)) for name in NUMBERS}
-    lamp |= {name: str(getattr(scene.lamp, name)) for name in WORDS if getattr(scene.lamp, name)}
+    lamp["intensity"] = float(axial_intensity(scene.lamp, at)[0])
+    lamp |= {name: value for name in PROPERTIES if (value := getattr(scene.lamp, name)) is not None}
     height = len(grid.y_m) * grid.pitch_y_m
     planes = {
         f"plane_{number}": {
@@ -61,11 +60,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
             "z_m": float(z),
             "width_m": len(grid.x_m) * grid.pitch_x_m,
             "height_m": height,
-            "quantity": detector.quantity,
-            "full_angle_deg": detector.full_angle_deg,
-            "aim": detector.aim,
-            "acceptance_hwhm_deg": detector.acceptance_hwhm_deg,
-            "tilt_x_deg": detector.tilt_x_deg,
+            **{name: getattr(scene.detector, name) for name in RECEIVER},
             "film": {
                 "type": "hdrfilm",
                 "width": len(grid.x_m),
@@ -75,13 +70,14 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         }
         for number, z in enumerate(grid.z_m)
     }
-    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    tank = scene.tank
+    reflects = bool(tank and tank.surface_reflectance > 0)
     return {
         "type": "scene",
         "integrator": {"type": "photon_tracer", "photons": 1_000_000},
         "water": medium,
         "lamp": lamp,
-        **surfaces(scene, reference_of(scene), reflects, float(grid.z_m.max())),
+        **surfaces(scene, tank.wall_albedo if tank else 0.0, reflects),
         **planes,
     }
 

@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -95,6 +97,13 @@ def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> P
         FigureCanvasAgg(fig)
         fig.savefig(temporary, dpi=dpi, format="png")
     return Path(path)
+
+
+def save_pixels(pixels: np.ndarray, path: Path) -> Path:
+    """Write sRGB bytes, shape (height, width, 3), as PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        imsave(temporary, pixels, format="png")
+    return path
 
 
 def to_svg(fig: Figure, name: str) -> str:

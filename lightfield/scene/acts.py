@@ -37,4 +37,4 @@ DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION
 #: What dims the light on its way, wherever it goes.
 ATTENUATION = Acts.ABSORPTION | Acts.SCATTERING | Acts.HARDENING
 #: What acts when the light has arrived, or on all light alike.
-AFTERWARDS = Acts.TIME | Acts.READOUT
+AFTERWARDS = Acts.POWER | Acts.TIME | Acts.READOUT

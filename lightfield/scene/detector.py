@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import Nanometres, Part, declare, number
 
@@ -100,18 +101,14 @@ class Detector(Part):
     @model_validator(mode="after")
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
-            raise ValueError("nothing to measure; remedy: give planes_m or positions_m")
+            raise RuleError("nothing to measure", "give planes_m or positions_m")
         if self.acceptance_hwhm_deg and self.quantity != "irradiance":
-            raise ValueError(
-                f"acceptance_hwhm_deg is for irradiance, found {self.quantity}; remedy: set it to 0"
-            )
+            raise RuleError(f"acceptance_hwhm_deg is for irradiance, found {self.quantity}", "set it to 0")
         if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
-            raise ValueError(
-                f"planes_m must rise, found {list(self.planes_m)}; remedy: sort them, drop doubles"
-            )
+            raise RuleError(f"planes_m must rise, found {list(self.planes_m)}", "sort them, drop doubles")
         if not self.bands_nm:
-            raise ValueError("no wavelength band; remedy: give bands_nm = [[500, 550]]")
+            raise RuleError("no wavelength band", "give bands_nm = [[500, 550]]")
         for low, high in self.bands_nm:
             if high <= low:
-                raise ValueError(f"a band must rise, found [{low:g}, {high:g}]; remedy: write [from, to]")
+                raise RuleError(f"a band must rise, found [{low:g}, {high:g}]", "write [from, to]")
         return self

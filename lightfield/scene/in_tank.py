@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.errors import RuleError
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import told
@@ -72,7 +73,7 @@ def check_inside(detector: Detector, tank: Tank) -> None:
 
     Raises
     ------
-    ValueError
+    RuleError
         A position, a plane, or a part of a plane whose size was given; what is only a default is named.
     """
     if detector.positions_m is not None:
@@ -91,9 +92,9 @@ def check_inside(detector: Detector, tank: Tank) -> None:
     ):
         size = getattr(detector, name)
         if size is not None and size > room + ROUNDING_M:
-            raise ValueError(
-                f"detector.{name} = {size:g} does not fit, the tank has {ends}; "
-                f"remedy: at most {room:.6g}, or leave it out: the plane is then clipped to the tank"
+            raise RuleError(
+                f"detector.{name} = {size:g} does not fit, the tank has {ends}",
+                f"at most {room:.6g}, or leave it out: the plane is then clipped to the tank",
             )
 
 
@@ -108,7 +109,7 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
 
     Raises
     ------
-    ValueError
+    RuleError
         Its window does not fit in there.
     """
     for (name, (low, high)), sizes in zip(room_for_lamp_m(lamp, tank).items(), SIZES, strict=False):
@@ -116,9 +117,10 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
         if not low - ROUNDING_M <= offset <= high + ROUNDING_M:
             window = f" and a window of lamp.radius_m = {lamp.radius_m:g}" if lamp.radius_m else ""
             why = ", ".join(told(tank, size) for size in sizes)
-            raise ValueError(
+            raise RuleError(
                 f"lamp.{name} = {offset:g}{window} is outside the tank, {low:g} <= {name} <= {high:g} "
-                f"by {why}; remedy: move the lamp, or enlarge the tank"
+                f"by {why}",
+                "move the lamp, or enlarge the tank",
             )
 
 
@@ -127,7 +129,8 @@ def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str) -> 
         if not low <= value <= high:
             x, y, z = place
             why = ", ".join(told(tank, name) for name in sizes)
-            raise ValueError(
+            raise RuleError(
                 f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, {low:g} <= {axis} <= {high:g} "
-                f"by {why}; remedy: {remedy}"
+                f"by {why}",
+                remedy,
             )

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.parameters import bounds
 
 RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
@@ -33,8 +33,8 @@ def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> S
     return SceneError(f"{len(lines)} problems in the scene", where=where, problems=lines)
 
 
-def unknown_key(path: str, valid: Iterable[str]) -> str:
-    """Line for a key that does not exist, with the nearest valid one.
+def nearest(path: str, valid: Iterable[str]) -> str:
+    """Remedy for a key that does not exist: the nearest valid ones.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def unknown_key(path: str, valid: Iterable[str]) -> str:
     near = [c for c in choices if c.rpartition(".")[2].startswith(f"{leaf}_")]
     near = near or difflib.get_close_matches(path, choices, n=1, cutoff=0.6)
     if near:
-        return f"remedy: did you mean {' or '.join(near[:3])}?"
-    return f"remedy: valid here are {', '.join(choices)}" if choices else "remedy: remove it"
+        return f"did you mean {' or '.join(near[:3])}?"
+    return f"valid here are {', '.join(choices)}" if choices else "remove it"
 
 
 def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
@@ -58,9 +58,8 @@ def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         prefix = "".join(f"{key}." for key in keys[:-1])
         valid = [prefix + name for name in owner.model_fields]
-        return (
-            f"{path}: unknown key; found {_short(value)}; rule: only known keys; {unknown_key(path, valid)}"
-        )
+        remedy = nearest(path, valid)
+        return f"{path}: unknown key; found {_short(value)}; rule: only known keys; remedy: {remedy}"
     rule, remedy = _rule(problem, owner, keys)
     found = "" if kind == "missing" else f"; found {_short(value)}"
     what = {"missing": "missing", "value_error": "not possible"}.get(kind, "wrong value")
@@ -119,9 +118,8 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
             f"type is one of {context.get('expected_tags', 'the phase functions')}",
             "set type to one of them",
         )
-    if kind == "value_error":
-        rule, _, remedy = str(context["error"]).partition("; remedy: ")
-        return rule, remedy or f"change {'.'.join(keys)}"
+    if isinstance(error := context.get("error"), RuleError):
+        return error.rule, error.remedy or f"change {'.'.join(keys)}"
     if kind in {"model_type", "model_attributes_type"}:
         return "a table of keys", f"write it as [{'.'.join(keys)}]"
     if kind == "missing":
@@ -146,5 +144,4 @@ def _interval(owner: type[BaseModel], name: str) -> str:
 
 
 def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    return brief(value, 80)

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 
 FOLDER_KEY = "folder"
@@ -36,6 +37,18 @@ class Parameter:
     neutral: float | None
     value: float
     acts_on: Acts
+    open_ends: tuple[bool, bool] = (False, False)
+
+    def allows(self, value: float) -> bool:
+        """Is the value within the range, whose ends may not belong to it?"""
+        above = value > self.low if self.open_ends[0] else value >= self.low
+        return above and (value < self.high if self.open_ends[1] else value <= self.high)
+
+    @property
+    def range(self) -> str:
+        """The range in words."""
+        words = ["above " if self.open_ends[0] else "", f"{self.low:g} to "]
+        return "".join([*words, "below " if self.open_ends[1] else "", f"{self.high:g}"])
 
 
 def number(
@@ -166,7 +179,12 @@ def numbers_of(
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
             acts_on=acts_of(type(part), name),
+            open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
+
+
+def _has(model: type[BaseModel], name: str, rule: str) -> bool:
+    return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
 
 
 def told(part: BaseModel, name: str) -> str:
@@ -200,7 +218,7 @@ def _resolve(value: str, info: ValidationInfo) -> str:
     folder = (info.context or {}).get(FOLDER_KEY, os.curdir)
     path = Path(os.path.abspath(Path(folder, value).expanduser()))
     if not path.is_file():
-        raise ValueError(f"no such file: {path}; remedy: give a path relative to the scene file")
+        raise RuleError(f"no such file: {path}", "give a path relative to the scene file")
     return str(path)
 
 

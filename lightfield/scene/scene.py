@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -15,21 +14,17 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError
 from lightfield.scene.detector import Detector
 from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.messages import scene_error, unknown_key
+from lightfield.scene.messages import nearest, scene_error
 from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
 from lightfield.scene.water.water import Water
+from lightfield.storage import inputs, toml
 from lightfield.storage.files import atomic_path
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
@@ -70,12 +65,12 @@ class Scene(Part):
         try:
             total = absorption_per_m(self.water, centres)
         except SceneError as error:
-            raise ValueError(str(error)) from error
+            raise RuleError.of(error) from error
         if total.min() < 0:
-            raise ValueError(
+            raise RuleError(
                 f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
-                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0; "
-                f"remedy: write at least {self.water.absorption_per_m - total.min():.4g}"
+                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0",
+                f"write at least {self.water.absorption_per_m - total.min():.4g}",
             )
         return self
 
@@ -97,11 +92,7 @@ class Scene(Part):
         """
         source = Path(path)
         try:
-            text = source.read_bytes().decode("utf-8")
-        except OSError as error:
-            raise SceneError(
-                "cannot read the scene", where=str(path), found=error.strerror, remedy="check the path"
-            ) from error
+            text = inputs.read_bytes(source, inputs.SCENE).decode("utf-8")
         except UnicodeDecodeError as error:
             raise SceneError(
                 "not a text file",
@@ -137,8 +128,8 @@ class Scene(Part):
             Not TOML, or not a scene.
         """
         try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            data = toml.loads(text)
+        except ValueError as error:
             raise SceneError(f"not TOML: {error}", where=where, remedy="correct that line") from error
         return cls.from_dict(data, where=where, folder=folder)
 
@@ -373,7 +364,7 @@ class Scene(Part):
                 remedy="add a [tank] table to the scene",
             )
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
-        return SceneError(f"{path}: no such parameter; {unknown_key(path, known)}")
+        return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
 
 
 def _plain(value: Any) -> Any:
@@ -397,4 +388,4 @@ def _stamp(path: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def _content_hash(path: str, _modified: int, _size: int) -> str:
-    return "sha256:" + hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return "sha256:" + hashlib.sha256(inputs.read_bytes(path, inputs.TABLE)).hexdigest()

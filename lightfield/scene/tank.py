@@ -7,8 +7,13 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import Part, declare, number, told
+
+#: Refractive index of the water under its surface, relative to air; 1.33 to 1.35 over the spectrum and for
+#: fresh to sea water (Quan & Fry 1995, Appl. Opt. 34, 3477; see `water.molecular.refractive_index`).
+WATER_INDEX = 1.34
 
 
 class Tank(Part):
@@ -54,8 +59,8 @@ class Tank(Part):
             return {**data, "surface_reflectance": 1.0} if data.get("surface") == "flat" else data
         if isinstance(reflectance, int | float) and reflectance > 0:
             if data.get("surface", "flat") == "none":
-                raise ValueError(
-                    f'surface_reflectance = {reflectance} with surface "none"; remedy: write surface = "flat"'
+                raise RuleError(
+                    f'surface_reflectance = {reflectance} with surface "none"', 'write surface = "flat"'
                 )
             return {**data, "surface": data.get("surface", "flat")}
         return data
@@ -65,9 +70,9 @@ class Tank(Part):
         self._lamp_at_half_depth()
         for inner, outer in (("lamp_depth_m", "depth_m"), ("behind_lamp_m", "length_m")):
             if getattr(self, inner) >= getattr(self, outer):
-                raise ValueError(
-                    f"{inner} must be less than {outer}, found {told(self, inner)} and {told(self, outer)}; "
-                    f"remedy: correct the one, or give the other"
+                raise RuleError(
+                    f"{inner} must be less than {outer}, found {told(self, inner)} and {told(self, outer)}",
+                    "correct the one, or give the other",
                 )
         return self
 

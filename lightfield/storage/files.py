@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import platform
 import re
@@ -16,6 +17,7 @@ from pathlib import Path
 from lightfield.errors import OutputError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+PROBE_BYTES = 1 << 20
 MAKE_ROOM = "make room there, or choose another folder"
 # A temporary folder says who writes in it (machine, process), so that what a killed process left can be told.
 _MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
@@ -44,6 +46,37 @@ def output_folder(path: str | os.PathLike[str]) -> Path:
         ) from error
     remove_leftovers(folder)
     return folder
+
+
+@contextmanager
+def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """An output folder that no other command writes to inside the block: files of one run stay together.
+
+    The kernel holds the lock, on the folder itself: nothing is left behind, whatever ends the process. Where
+    a file system knows no such locks (some network disks), there is none.
+
+    Raises
+    ------
+    OutputError
+        As `output_folder`, or another command is writing there.
+    """
+    folder = output_folder(path)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                "another command is writing to this folder",
+                where=str(path),
+                rule="files of two runs would mix",
+                remedy="wait for it, or choose another folder",
+            ) from None
+        except OSError:
+            pass
+        yield folder
+    finally:
+        os.close(handle)
 
 
 def output_file(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -> Path:
@@ -128,11 +161,30 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise OutputError(
                 "cannot replace the file", where=str(target), found=error.strerror, remedy="move it away"
             ) from error
-    except OSError as error:
-        if error.errno not in NO_ROOM:
+    except (OSError, RuntimeError) as error:
+        full = _no_room(error, temporary)
+        if full is None:
             raise
         raise OutputError(
-            "cannot write the file", where=str(target), found=error.strerror, remedy=MAKE_ROOM
-        ) from error
+            "cannot write the file", where=str(target), found=full.strerror, remedy=MAKE_ROOM
+        ) from full
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _no_room(error: OSError | RuntimeError, file: Path) -> OSError | None:
+    """The error of a full disk, quota or size limit behind an error, if that is what it is.
+
+    Libraries give it other names: HDF5 says "Permission denied". So the disk itself is asked, with the file
+    that is lost anyway.
+    """
+    if isinstance(error, OSError) and error.errno in NO_ROOM:
+        return error
+    try:
+        with file.open("ab") as lost:
+            lost.write(bytes(PROBE_BYTES))
+            lost.flush()
+            os.fsync(lost.fileno())
+    except OSError as found:
+        return found if found.errno in NO_ROOM else None
+    return None

@@ -6,13 +6,16 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError
+from lightfield.storage.inputs import TABLE, read_bytes
+
+#: Coefficients of water, as in a scene; and numbers in any other unit, whose squares must not overflow.
+LARGEST_PER_M, LARGEST = 100.0, 1e30
 
 
 def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
@@ -51,19 +54,19 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
 
     Raises
     ------
-    ValueError
+    RuleError
         With the reader's message on one line.
     """
     try:
         reader(*arguments)
     except SceneError as error:
-        raise ValueError(" | ".join(line.strip() for line in str(error).splitlines())) from error
+        raise RuleError.of(error) from error
 
 
 @lru_cache(maxsize=64)
 def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tuple[Array, ...]:
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise SceneError(
             "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
@@ -79,6 +82,7 @@ def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tu
             rule=f"columns {', '.join(columns)}", remedy="name the columns in the first line",
         )  # fmt: skip
     places = [header.index(name) for name in columns]
+    largest = [LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
     problems: list[str] = []
     values: list[list[float]] = []
     for number, cells in rows[1:]:
@@ -89,15 +93,18 @@ def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tu
             continue
         if not all(math.isfinite(value) and value >= 0 for value in row):
             problems.append(f"line {number}: negative or not finite: {','.join(cells)}")
+        elif any(value > most for value, most in zip(row, largest, strict=True)):
+            problems.append(f"line {number}: too large: {','.join(cells)}")
         elif values and row[0] <= values[-1][0]:
             problems.append(f"line {number}: {columns[0]} must rise, {row[0]:g} after {values[-1][0]:g}")
         values.append(row)
     if not problems and len(values) < 2:
         problems.append("fewer than two rows")
     if problems:
+        rule = f"numbers from 0 to {LARGEST:g} ({LARGEST_PER_M:g} per m), first column rising"
         raise SceneError(
-            f"{len(problems)} bad line(s) in a table", where=path, rule="numbers >= 0, first column rising",
-            remedy="correct the table", problems=problems,
+            f"{len(problems)} bad line(s) in a table", where=path, rule=rule, remedy="correct the table",
+            problems=problems,
         )  # fmt: skip
     result = tuple(np.array(column) for column in zip(*values, strict=True))
     for column in result:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,7 @@ import numpy as np
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from lightfield.storage import inputs, toml
 
 # Two numbers that people vary and that a scene does not hold: they set absorption and scattering together.
 ATTENUATION, ALBEDO = "water.attenuation_per_m", "water.single_scattering_albedo"
@@ -72,7 +67,11 @@ def parse_axis(text: str) -> Axis:
         raise UsageError("not a range", where="--vary", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
     parts = given.split(":")
     if len(parts) == 1:
-        return _axis(path, {path: [_value(word) for word in given.split(",")]}, f"--vary {path}")
+        try:
+            values = [toml.value(word) for word in given.split(",")]
+        except ValueError as error:
+            raise UsageError("not a value", where=f"--vary {path}", found=given, rule=str(error)) from error
+        return _axis(path, {path: values}, f"--vary {path}")
     scale = parts[3] if len(parts) == 4 else "linear"
     try:
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
@@ -120,35 +119,40 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     """
     where = str(path)
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        data = toml.loads(inputs.read_bytes(path, inputs.PLAN).decode("utf-8"))
+    except UnicodeDecodeError as error:
         raise UsageError(
-            "cannot read the plan", where=where, found=str(error), remedy="check the path"
+            "not a text file", where=where, rule="plans are UTF-8 text", remedy="save it as UTF-8 TOML"
         ) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
-    unknown = sorted(set(data) - {"vary", "settings"})
-    if unknown or not isinstance(data.get("vary", []), list):
-        raise UsageError(
-            "not a plan", where=where, found=", ".join(unknown) or "vary", rule="[[vary]] and [settings]"
-        )
+    wrong = sorted(set(data) - {"vary", "settings"})
+    for name, kind in (("vary", list), ("settings", dict)):
+        wrong += [] if isinstance(data.get(name, kind()), kind) else [name]
+    if wrong:
+        raise UsageError("not a plan", where=where, found=", ".join(wrong), rule="[[vary]] and [settings]")
     axes = [
         _planned(entry, f"{where}, [[vary]] number {n}") for n, entry in enumerate(data.get("vary", []), 1)
     ]
     return axes, dict(data.get("settings", {}))
 
 
-def _planned(entry: Mapping[str, Any], where: str) -> Axis:
-    keys = set(entry)
+def _planned(entry: Any, where: str) -> Axis:
+    keys = set(entry) if isinstance(entry, dict) else set()
+    name = entry.get("name", entry.get("path")) if keys else None
+    if not isinstance(name, str):
+        raise UsageError(
+            "not a range", where=where, found=entry, rule="a table with a path or a name, in quotes"
+        )
     if {"name", "together"} == keys and isinstance(entry["together"], dict) and entry["together"]:
-        return _axis(str(entry["name"]), entry["together"], where)
+        return _axis(name, entry["together"], where)
     if {"path", "values"} == keys and isinstance(entry["values"], list):
-        return _axis(str(entry["path"]), {entry["path"]: entry["values"]}, where)
+        return _axis(name, {name: entry["values"]}, where)
     if {"path", "start", "stop", "count"} <= keys <= {"path", "start", "stop", "count", "scale"}:
         start, stop, count = entry["start"], entry["stop"], entry["count"]
         if all(isinstance(v, int | float) for v in (start, stop)) and isinstance(count, int):
             values = span(float(start), float(stop), count, str(entry.get("scale", "linear")), where)
-            return _axis(str(entry["path"]), {entry["path"]: values}, where)
+            return _axis(name, {name: values}, where)
     raise UsageError(
         "not a range",
         where=where,
@@ -158,25 +162,31 @@ def _planned(entry: Mapping[str, Any], where: str) -> Axis:
 
 
 def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
+    if not name or "/" in name or name.startswith("."):
+        raise UsageError(
+            "not a name of a dimension",
+            where=where,
+            found=name,
+            rule="it names a folder of the store: no slash, and no dot in front",
+        )
     lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
     if len(lengths) != 1 or 0 in lengths:
         raise UsageError(
             "lists of unequal length, or none", where=where, rule="one value per step for every path"
         )
-    steps = list(zip(*values.values(), strict=True))
-    if any(step in steps[:n] for n, step in enumerate(steps)):
+    steps = [_hashable(list(step)) for step in zip(*values.values(), strict=True)]
+    if len(set(steps)) < len(steps):
         raise UsageError(
             "a value stands twice", where=where, rule="every value once", remedy="drop the double"
         )
     return Axis(name, {path: tuple(v) for path, v in values.items()})
 
 
-def _value(word: str) -> Any:
-    """A value as TOML reads it, and as plain text where it is not TOML."""
-    try:
-        return tomllib.loads(f"value = {word.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
-        return word.strip()
+def _hashable(value: Any) -> Any:
+    """Equal for equal values, and fit for a set."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(part)) for key, part in value.items())
+    return tuple(map(_hashable, value)) if isinstance(value, list | tuple) else value
 
 
 def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
@@ -217,14 +227,16 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
 
 def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
     known = scene.parameters().get(path)
-    low, high = (known.low, known.high) if known else (0.0, 1.0 if path == ALBEDO else math.inf)
     if known is None and path not in COMPOUND:
         return
     for value in values:
-        if not isinstance(value, int | float) or not low <= value <= high:
-            raise SceneError(
-                "impossible value", where=f"--vary {path}", found=value, rule=f"{low:g} to {high:g}"
-            )
+        if known is not None:
+            allowed, rule = isinstance(value, int | float) and known.allows(value), known.range
+        else:
+            most = 1.0 if path == ALBEDO else math.inf
+            allowed, rule = isinstance(value, int | float) and 0 <= value <= most, f"0 to {most:g}"
+        if not allowed:
+            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=rule)
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:

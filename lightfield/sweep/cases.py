@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,10 +38,7 @@ class Cases:
 
     def values(self, number: int) -> dict[str, Any]:
         """What case `number` sets, by path."""
-        steps = np.unravel_index(number, self.shape)
-        return {
-            p: v for axis, step in zip(self.axes, steps, strict=True) for p, v in axis.at(int(step)).items()
-        }
+        return self._set_by([int(step) for step in np.unravel_index(number, self.shape)])
 
     def build(self, number: int, validate: bool = True) -> Scene:
         """Scene of case `number`.
@@ -59,7 +56,15 @@ class Cases:
             at = [0] * len(self.axes)
             for i, step in zip(axes, steps, strict=True):
                 at[i] = step
-            yield (
-                tuple(map(int, steps)),
-                self.build(int(np.ravel_multi_index(at, self.shape)), validate=False),
-            )
+            yield steps, self.at(at)
+
+    def at(self, steps: Sequence[int]) -> Scene:
+        """Scene of one step along every axis, its values unchecked."""
+        return apply(self.scene, self._set_by(steps), validate=False)
+
+    def _set_by(self, steps: Sequence[int]) -> dict[str, Any]:
+        return {
+            path: value
+            for axis, n in zip(self.axes, steps, strict=True)
+            for path, value in axis.at(n).items()
+        }

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
+import multiprocessing.resource_tracker
 import os
 import re
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 15
+LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
 
 
 def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) -> None:
@@ -49,7 +49,7 @@ def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) 
             "not the address of a scheduler",
             where="--scheduler",
             found=scheduler,
-            rule="tcp://HOST:PORT",
+            rule="tcp://HOST:PORT, or tls://HOST:PORT",
             remedy="start one with `dask scheduler`, which says its address",
         )
 
@@ -79,7 +79,7 @@ def connected(
         A worker cannot compute.
     """
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     # A trace holds the interpreter for seconds: that is no reason to warn, or to give a worker up.
     quiet = {
@@ -99,6 +99,7 @@ def connected(
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set(quiet))
         if scheduler is not None:
+            _check_keys(scheduler)
             try:
                 client = stack.enter_context(Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False))
             except (OSError, TimeoutError, ValueError) as error:
@@ -111,20 +112,60 @@ def connected(
             if not client.scheduler_info()["workers"]:
                 client.wait_for_workers(1, timeout=10 * CONNECT_SECONDS)
         else:
-            limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
-            cluster = stack.enter_context(
-                LocalCluster(
-                    n_workers=max(1, workers),
-                    threads_per_worker=1,
-                    processes=workers > 0,
-                    memory_limit=limit,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                )
-            )
-            client = stack.enter_context(Client(cluster, set_as_default=False))
+            client = stack.enter_context(_local(workers, memory_gb))
         client.register_plugin(_plugin(store.resolve()))
         yield client
+
+
+@contextmanager
+def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
+    """Workers in this process or as processes of their own, out of reach for other machines."""
+    from distributed import Client, LocalCluster
+
+    limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
+    with _deaf_to_interrupts():
+        cluster = LocalCluster(
+            n_workers=0,
+            threads_per_worker=1,
+            processes=workers > 0,
+            memory_limit=limit,
+            host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
+            dashboard_address=f"{LOOPBACK}:0",
+            worker_dashboard_address=f"{LOOPBACK}:0",
+            silence_logs=logging.CRITICAL,
+        )
+    with cluster, Client(cluster, set_as_default=False) as client:
+        cluster.scale(max(1, workers))
+        client.wait_for_workers(max(1, workers))
+        yield client
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Threads begun within it, and all processes that they begin, never see the Ctrl-C of the terminal.
+
+    The main thread hears of it afterwards, and ends the workers.
+    """
+    # Would be begun with the first worker, and let Ctrl-C in again.
+    multiprocessing.resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _check_keys(scheduler: str) -> None:
+    """TLS needs a certificate and a key, which Dask's configuration names."""
+    from distributed.security import Security
+
+    if scheduler.startswith("tls://") and Security().get_connection_args("client")["ssl_context"] is None:
+        raise UsageError(
+            "no keys for TLS",
+            where=f"--scheduler {scheduler}",
+            rule="ca-file, client.cert and client.key of distributed.comm.tls",
+            remedy="set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__CLIENT__CERT and ..__CLIENT__KEY",
+        )
 
 
 def prepare_worker(store: str, version: str) -> None:
@@ -148,10 +189,6 @@ def prepare_worker(store: str, version: str) -> None:
             rule="a folder that all machines share",
             remedy="put the store on a shared disk",
         )
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if multiprocessing.parent_process() is not None and in_main_thread:
-        # Ctrl-C reaches every process of a terminal; the one that was started by hand ends the others.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
     from lightfield.render.backend import use_backend
 
     use_backend()

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
 from lightfield.formula.field import direct_field, optical_depth, rays, window_points
+from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
 from lightfield.render.response.grid import Grid, band_wavelengths
 from lightfield.scene import Lamp, Scene, Water
-from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity
 
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Formula:
         """The formula of a scene's lamp and detector; None for a pencil beam, which has no formula."""
         try:
             sources = [
-                (point, share * _cell_means(scene.model_copy(update={"water": Water(), "lamp": point}), grid))
+                (point, share * _in_clear_water(scene.model_copy(update={"lamp": point}), grid))
                 for point, share in window_points(scene.lamp)
             ]
         except LightfieldError:
@@ -51,32 +50,22 @@ class Formula:
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
-        maps = np.zeros((len(scene.detector.bands_nm), *self.grid.shape))
+        at = band_wavelengths(scene)  # [n_bands, samples]
+        maps = np.zeros((len(at), *self.grid.shape))
         for point, field in self.sources:
             # Within a cell the path changes far less than its attenuation length: the centre's will do.
             ray = rays(point, x, y, z)
-            for total, band, power in zip(maps, band_wavelengths(scene), intensity_of(scene), strict=True):
+            for total, band, power in zip(maps, at, axial_intensity(scene.lamp, at), strict=True):
                 for w, intensity in zip(band, power, strict=True):
                     total += intensity / len(band) * field * np.exp(-optical_depth(scene.water, ray, z, w))
         return maps
 
 
-def _cell_means(scene: Scene, grid: Grid) -> Array:
-    """Direct light averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_planes, n_y, n_x)."""
-    total = np.zeros(grid.shape)
-    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
-        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
-            x, y = grid.x_m + 0.5 * u * grid.pitch_x_m, grid.y_m + 0.5 * v * grid.pitch_y_m
-            at_z, at_y, at_x = np.meshgrid(grid.z_m, y, x, indexing="ij")
-            total += 0.25 * wu * wv * direct_field(scene, at_x, at_y, at_z)
-    return total
-
-
-def intensity_of(scene: Scene) -> Array:
-    """On-axis radiant intensity at `band_wavelengths`, W/(sr nm) (power, W/nm, for a pencil beam)."""
-    at = band_wavelengths(scene)
-    sr = 1.0 if scene.lamp.profile == "pencil" else float(solid_angle_sr(scene.lamp))
-    return np.asarray(spectral_power(scene.lamp, at.ravel()).reshape(at.shape) / sr)
+def _in_clear_water(scene: Scene, grid: Grid) -> Array:
+    """Unattenuated direct light averaged over every cell, shape (n_planes, n_y, n_x)."""
+    clear, z = scene.model_copy(update={"water": Water()}), grid.z_m[:, None, None]
+    cells = grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m
+    return cell_mean(lambda x, y: direct_field(clear, x, y, z), *cells)
 
 
 def derive(
@@ -103,7 +92,7 @@ def derive(
     dict of name to array, shape (n_bands, n_planes)
         See `layout.derived_variables`; NaN where there is nothing to tell.
     """
-    near = _axis_cells(grid)
+    near = axis_cells(grid.x_m, grid.y_m)
     # An error that k cells share counts k times over in a sum, and not as the root of k.
     images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
     known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
@@ -187,9 +176,3 @@ def _coarse(values: Array, n: int) -> Array:
     top, left = (values.shape[0] - rows) // 2, (values.shape[1] - columns) // 2
     inside = values[top : top + rows, left : left + columns]
     return np.asarray(inside.reshape(rows // n, n, columns // n, n).mean(axis=(1, 3)))
-
-
-def _axis_cells(grid: Grid) -> NDArray[np.bool_]:
-    """The cell, or the equally near cells, at x = y = 0; shape (n_y, n_x)."""
-    radius = np.hypot(*np.meshgrid(grid.x_m, grid.y_m))
-    return np.asarray(radius <= radius.min() * (1 + 1e-6) + 1e-12)

@@ -183,11 +183,35 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
 def _transport_axes(cases: Cases) -> tuple[list[int], list[str], list[Grid]]:
     """Axes along which light must be traced anew, and key and grid of every combination of their steps."""
     transport = []
-    for i in range(len(cases.axes)):
-        if len({_key(scene) for _, scene in cases.subset([i])}) > 1:
-            transport.append(i)
-    scenes = [scene for _, scene in cases.subset(transport)]
-    return transport, [_key(scene) for scene in scenes], [scene_grid(scene) for scene in scenes]
+    for i, axis in enumerate(cases.axes):
+        at = [0] * len(cases.axes)
+        keys = set()
+        for at[i] in _telling_steps(axis):
+            keys.add(_key(cases.at(at)))
+            if len(keys) > 1:
+                transport.append(i)
+                break
+    keys_of, grids = [], []
+    for _, scene in cases.subset(transport):
+        keys_of.append(_key(scene))
+        grids.append(scene_grid(scene))
+    return transport, keys_of, grids
+
+
+def _telling_steps(axis: Axis) -> list[int]:
+    """Steps that tell whether a trace depends on what an axis sets.
+
+    It depends on a number or it does not, whatever the number is, but zero may switch a thing off; two texts
+    may name the same table.
+    """
+    steps = {0}
+    for values in axis.values.values():
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+            return list(range(axis.size))
+        others = [n for n, value in enumerate(values) if value != values[0]]
+        zeros = [n for n in others if values[n] == 0]
+        steps.update(others[:1], others[-1:], zeros[:1])
+    return sorted(steps)
 
 
 def _key(scene: Scene) -> str:
@@ -201,28 +225,47 @@ def _key(scene: Scene) -> str:
 
 def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, str]]:
     """Least absorption, most scattering, wall albedo, surface reflectance of cases, shape (n_cases, 4)."""
-    table, problems = np.zeros((cases.count, 4)), {}
+    numbers = np.arange(cases.count).reshape(cases.shape)
+    problems: dict[int, str] = {}
     # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
-    suspicious = np.zeros(cases.shape, bool)
     for steps, _ in cases.subset(transport):
-        at = [0] * len(cases.shape)
-        for i, step in zip(transport, steps, strict=True):
-            at[i] = step
-        if problem_of(cases, int(np.ravel_multi_index(at, cases.shape))):
-            suspicious[tuple(at[i] if i in transport else slice(None) for i in range(len(at)))] = True
-    for number, doubtful in enumerate(suspicious.ravel()):
-        if doubtful and (problem := problem_of(cases, number)):
-            problems[number] = problem
-            continue
-        try:
-            scene = cases.build(number, validate=False)
-            wavelengths, tank = band_wavelengths(scene).ravel(), scene.tank
-            walls = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
-            a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
-            table[number] = a.min(), b.max(), *walls
-        except (LightfieldError, ValueError, TypeError, OSError) as error:
-            problems[number] = " ".join(str(error).split())
-    return table, problems
+        alike = numbers[_where(cases, transport, steps)].ravel()
+        if problem_of(cases, int(alike[0])):
+            problems |= {int(n): problem for n in alike if (problem := problem_of(cases, int(n)))}
+    table = np.zeros((*cases.shape, 4))
+    # Water and walls apart: where both vary, each has far fewer values than there are cases.
+    for columns, parts, values_of in (
+        (slice(0, 2), ("water.", "detector."), _coefficients),
+        (slice(2, 4), ("tank.",), _reflectances),
+    ):
+        axes = [i for i, a in enumerate(cases.axes) if any(path.startswith(parts) for path in a.values)]
+        for steps, scene in cases.subset(axes):
+            where = _where(cases, axes, steps)
+            try:
+                table[where][..., columns] = values_of(scene)
+            except (LightfieldError, ValueError, TypeError, OSError) as error:
+                problem = " ".join(str(error).split())
+                for number in numbers[where].ravel():
+                    problems.setdefault(int(number), problem)
+    return table.reshape(-1, 4), problems
+
+
+def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[Any, ...]:
+    """Index of the cases with these steps along some axes."""
+    at: list[Any] = [slice(None)] * len(cases.shape)
+    for i, step in zip(axes, steps, strict=True):
+        at[i] = step
+    return (*at, ...)
+
+
+def _coefficients(scene: Scene) -> tuple[float, float]:
+    wavelengths = band_wavelengths(scene).ravel()
+    a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
+    return float(a.min()), float(b.max())
+
+
+def _reflectances(scene: Scene) -> tuple[float, float]:
+    return (scene.tank.wall_albedo, scene.tank.surface_reflectance) if scene.tank else (0.0, 0.0)
 
 
 def problem_of(cases: Cases, number: int) -> str:
@@ -255,14 +298,17 @@ def _traces(
     usable[list(problems)] = False
     trace_of_case = np.full(cases.count, -1)
     traces: list[Trace] = []
-    for key, which in unique.items():
-        left = np.flatnonzero(usable & (key_of_case == which))
-        far = float(grids[keys.index(key)].z_m.max())
+    grid_of = dict(zip(reversed(keys), reversed(grids), strict=True))  # the first one of every key
+    # Cases of a key, ascending, for all keys in one go.
+    ordered = np.argsort(np.where(usable, key_of_case, len(unique)), kind="stable")
+    ends = np.searchsorted(key_of_case[ordered[: usable.sum()]], np.arange(len(unique)), side="right")
+    for key, left in zip(unique, np.split(ordered, ends)[:-1], strict=True):
+        far = float(grid_of[key].z_m.max())
         while len(left):
-            members = left[_spread(waters[left], far) <= MOST_SPREAD]
+            near = _spread(waters[left], far) <= MOST_SPREAD
+            members, left = left[near], left[~near]
             trace_of_case[members] = len(traces)
             traces.append(_trace(cases, settings, key, members, waters[members], len(traces)))
-            left = np.setdiff1d(left, members)
     return tuple(traces), trace_of_case
 
 

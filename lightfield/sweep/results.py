@@ -1,9 +1,10 @@
-"""Reading a sweep's store: open it, choose cases by their values, get one case as a rendering's data set."""
+"""Reading a sweep's store: check and open it, choose cases by value, one case as a rendering's data set."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,32 +13,92 @@ import xarray as xr
 
 from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
-from lightfield.scene.messages import unknown_key
+from lightfield.scene.messages import nearest
+from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
+from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
+
+GIVE = "give what `lightfield sweep -o` wrote"
 
 
-def open_store(path: str | Path) -> xr.Dataset:
-    """Open a store; nothing but coordinates is read yet.
+@dataclass(frozen=True)
+class Soundness:
+    """What a store was found to hold, all of it as it was written.
+
+    Parameters
+    ----------
+    files : int
+        Files that have the digest in the journal.
+    blocks : int
+        Blocks of cases on disk.
+    complete : bool
+        Whether that is all of them.
+    """
+
+    files: int
+    blocks: int
+    complete: bool
+
+
+def verify(path: str | Path) -> Soundness:
+    """Hold every file of a store against the digests in its journal; reads all of it, and opens nothing.
 
     Raises
     ------
     OutputError
-        Not a store of a sweep.
+        Not a store of a sweep, or a damaged one, with all files that are.
     """
-    if not Path(path, ".zmetadata").is_file():
+    store = Path(path)
+    if not (store / CONSOLIDATED).is_file() and not (store / journal.NAME).is_file():
+        raise OutputError("not a sweep's store", where=str(path), remedy=GIVE)
+    if not (store / journal.NAME).is_file():
         raise OutputError(
-            "not a sweep's store", where=str(path), remedy="give what `lightfield sweep -o` wrote"
-        )
+            "this store has no journal, so nothing tells whether its numbers are right", where=str(path),
+            rule=f"{journal.NAME} has a digest of every file",
+            remedy="copy the store with its hidden folder, or run its sweep again",
+        )  # fmt: skip
+    for _ in range(2):  # a sweep that runs may write between the first reading of the journal and of a file
+        entries, lost = journal.read(store)
+        blocks = {entry["block"] for entry in entries if "block" in entry}
+        expected = [entry["complete"] for entry in entries if "complete" in entry]
+        problems = journal.damaged_files(store, entries)
+        if (
+            lost
+            or (expected and len(blocks) != expected[-1])
+            or not any("files" in entry for entry in entries)
+        ):
+            problems.insert(0, journal.NAME)
+        if not problems:
+            files = {name for entry in entries for name in entry.get("files", {})}
+            return Soundness(len(files), len(blocks), bool(expected))
+    raise OutputError(
+        f"{len(problems)} files of this store are damaged or missing",
+        where=str(path),
+        rule="every file has the digest that the journal noted",
+        remedy="give the same `lightfield sweep` command again: it makes the damage good",
+        problems=problems,
+    )
+
+
+def open_store(path: str | Path) -> xr.Dataset:
+    """Check a store and open it; all files are read once, the values of variables on demand.
+
+    Raises
+    ------
+    OutputError
+        Not a store of a sweep, a damaged one, or one that declares what no sweep writes.
+    """
+    verify(path)
+    refuse_foreign_metadata(Path(path))
     try:
         data = xr.open_zarr(path, consolidated=True)
-    except (OSError, ValueError, KeyError) as error:
+        for axis, values in json.loads(data.attrs["sweep_axes"]).items():
+            if data[axis].dims != (axis,) or any(len(data[name]) != len(v) for name, v in values.items()):
+                raise ValueError(f"axis {axis}")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OutputError(
             "cannot read this store", where=str(path), found=str(error), remedy="run its sweep again"
         ) from error
-    if "sweep_axes" not in data.attrs:
-        raise OutputError(
-            "not a sweep's store", where=str(path), remedy="give what `lightfield sweep -o` wrote"
-        )
     return data
 
 
@@ -61,7 +122,7 @@ def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
             raise UsageError("not a case", where="--case", found=text, rule="PATH=VALUE")
         if name not in data.dims:
             raise UsageError(
-                f"{name} is no dimension of this sweep; {unknown_key(name, names)}", where="--case"
+                f"{name} is no dimension of this sweep", where="--case", remedy=nearest(name, names)
             )
         data = data.isel({name: [step_of(data[name].values, name, value)]})
     return data

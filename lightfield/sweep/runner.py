@@ -39,6 +39,8 @@ class Progress:
         Since the start of this run.
     workers : dict of str to int
         Most memory held by every process that worked, bytes.
+    repaired : list of str
+        Damaged files of the store that are written again.
     """
 
     cases: int
@@ -52,6 +54,7 @@ class Progress:
     block_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
     workers: dict[str, int] = field(default_factory=dict)
+    repaired: list[str] = field(default_factory=list)
 
     @property
     def seconds(self) -> float:
@@ -80,7 +83,7 @@ def run_sweep(
     ----------
     plan : Plan
     path : Path
-        The store. A finished one is left as it is; an unfinished one is continued.
+        The store. A finished one is left as it is; an unfinished or a damaged one is continued.
     workers, scheduler, memory_gb
         See `cluster.connected`.
     report : callable, optional
@@ -107,13 +110,14 @@ def _run(
     memory_gb: float | None,
     report: Report | None,
 ) -> Progress:
-    done = store.done()
+    done = store.blocks()
     left = [block for block in plan.blocks if block.number not in done]
     needed = {t for block in left for t in block.traces}
     progress = Progress(
         plan.cases.count, len(needed), cases_before=sum(len(plan.blocks[number].cases) for number in done)
     )
-    progress.failed = sum(len(entry["failed"]) for entry in store.journal if "block" in entry)
+    progress.repaired = store.repaired
+    progress.failed = sum(len(entry["failed"]) for entry in done.values())
     for number in set(range(len(plan.traces))) - needed:
         store.drop_trace(number)
     try:
@@ -150,7 +154,10 @@ class _Dispatch:
     def follow(self, left: list[Block]) -> None:
         """Work until no block is left."""
         self.queue = sorted({t for block in left for t in block.traces})
-        self.users = {t: {b.number for b in left if t in b.traces} for t in self.queue}
+        self.users = {t: set() for t in self.queue}
+        for block in left:
+            for t in block.traces:
+                self.users[t].add(block.number)
         self.pending = {block.number: set(block.traces) for block in left}
         for block in left:
             if not block.traces:
@@ -184,7 +191,7 @@ class _Dispatch:
                 self.broken[number] = _reason(error)
                 return None
             return BlockDone(
-                number, {int(c): _reason(error) for c in self.plan.blocks[number].cases}, 0.0, "", 0
+                number, {int(c): _reason(error) for c in self.plan.blocks[number].cases}, {}, 0.0, "", 0
             )
 
     def _traced(self, result: TraceDone) -> None:
@@ -216,6 +223,7 @@ class _Dispatch:
             block=result.number,
             failed={str(c): text for c, text in result.failed.items()},
             seconds=result.seconds,
+            files=result.files,
         )
         self.progress.cases_done += len(block.cases)
         self.progress.failed += len(result.failed)

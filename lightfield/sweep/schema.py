@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from datetime import datetime, timezone
 from importlib.metadata import version
 from typing import Any
 
@@ -154,12 +153,11 @@ def coordinates(plan: Plan) -> dict[str, np.ndarray]:
 def attributes(plan: Plan) -> dict[str, Any]:
     """Global attributes: conventions, scene, plan, seed, software."""
     scene = plan.cases.scene
-    now = datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     return {
         "Conventions": "CF-1.11",
         "title": str(scene.name or "sweep over the light field of an underwater lamp"),
         "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {version('mitsuba')}",
-        "history": f"{now} lightfield sweep",
+        "history": f"lightfield {__version__} sweep",
         "orientation": "x horizontal, y up, z along the axis from the lamp; indices grow with coordinates",
         "quantity": quantity_of(plan)[0],
         "scene_toml": scene.to_toml(),

@@ -3,7 +3,8 @@
     STORE.zarr/               xarray opens it: maps, errors, derived quantities, over the varied parameters
     STORE.zarr/.lightfield/   plan.json: what it is for; journal.jsonl: blocks on disk; traces/: while needed
 
-A block counts as done once its line is in the journal, which is written after the block's chunks are on disk.
+A block counts as done once its line is in the journal, which is written after the block's chunks are on disk,
+and as long as its chunks have the digests of that line: `journal` says how damage is told.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -27,11 +27,11 @@ from lightfield.errors import OutputError
 from lightfield.render.response.store import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.sweep import zarrfile
+from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.plan import Plan
 from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, layout
 
-FORMAT = 1  # of the store; raised whenever the same plan would give other numbers
+FORMAT = 2  # of the store; raised whenever the same plan would give other numbers
 
 
 class SweepStore:
@@ -41,6 +41,11 @@ class SweepStore:
     ----------
     path : Path
     plan : Plan
+
+    Attributes
+    ----------
+    repaired : list of str
+        Files that were found damaged when the store was taken up; they are written again.
     """
 
     def __init__(self, path: Path, plan: Plan) -> None:
@@ -48,7 +53,8 @@ class SweepStore:
         self.variables = layout(plan)
         self.inner = path / ".lightfield"
         self.traces = self.inner / "traces"
-        self.journal: list[dict[str, Any]] = []
+        self.journal: list[journal.Entry] = []
+        self.repaired: list[str] = []
 
     @contextmanager
     def opened(self) -> Iterator[SweepStore]:
@@ -59,9 +65,7 @@ class SweepStore:
         OutputError
             Something else is there, another sweep runs on it, or it was made for another sweep.
         """
-        started = (self.inner / "plan.json").exists()
-        # Without a plan, our own folder is what a killed process left before it had begun.
-        ours = started or self.inner.is_dir() or not self.path.exists()
+        ours = self.inner.is_dir() or not self.path.exists()
         if not ours and (not self.path.is_dir() or any(self.path.iterdir())):
             raise OutputError(
                 "there is something else here",
@@ -80,7 +84,10 @@ class SweepStore:
                         where=str(self.path),
                         remedy="wait for it, or choose another name with -o",
                     ) from None
-                self._take_up() if started else self._create()
+                self.journal, lost = journal.read(self.path)
+                # Without a plan, our own folder is what a killed process left before it had begun.
+                started = (self.path / journal.PLAN).exists() or self._plans()
+                self._take_up(lost) if started else self._create()
                 yield self
         except PermissionError as error:
             raise OutputError(
@@ -90,20 +97,17 @@ class SweepStore:
                 remedy="choose a writable folder with -o",
             ) from error
 
-    def done(self) -> set[int]:
-        """Numbers of the blocks that are on disk."""
-        return {entry["block"] for entry in self.journal if "block" in entry}
+    def blocks(self) -> dict[int, journal.Entry]:
+        """What is known of every block on disk, by number."""
+        return {entry["block"]: entry for entry in self.journal if "block" in entry}
 
-    def traced(self) -> dict[int, dict[str, Any]]:
+    def traced(self) -> dict[int, journal.Entry]:
         """What is known of every finished trace, by number."""
         return {entry["trace"]: entry for entry in self.journal if "trace" in entry}
 
     def record(self, **entry: Any) -> None:
         """Append a line to the journal; it is on disk when this returns."""
-        with (self.inner / "journal.jsonl").open("ab") as file:
-            file.write(json.dumps(entry).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+        journal.append(self.path, entry)
         self.journal.append(entry)
 
     def drop_trace(self, number: int) -> None:
@@ -112,52 +116,120 @@ class SweepStore:
 
     def summarise(self) -> None:
         """Write what is known of every case: status, message, trace, photons, error reached."""
-        cases, traced = self.plan.cases, self.traced()
+        cases, trace = self.plan.cases, self.plan.trace_of_case
         status, message = np.zeros(cases.count, "i1"), np.zeros(cases.count, MESSAGE)
-        photons, reached = np.zeros(cases.count, "i8"), np.full(cases.count, np.nan)
-        for entry in self.journal:
-            if "block" in entry:
-                status[self.plan.blocks[entry["block"]].cases] = 1
-                for number, text in entry["failed"].items():
-                    status[int(number)], message[int(number)] = 2, text
-        for number, entry in traced.items():
-            which = self.plan.trace_of_case == number
-            photons[which], reached[which] = entry["photons"], entry["reached"]
-        trace = self.plan.trace_of_case
-        for name, values in (
-            ("status", status),
-            ("message", message),
-            ("trace", trace),
-            ("photons", photons),
-            ("reached_relative_error", reached),
-        ):
-            zarrfile.write_whole(self.path, name, self.variables[name], values.reshape(cases.shape))
+        for number, entry in self.blocks().items():
+            status[self.plan.blocks[number].cases] = 1
+            for case, text in entry["failed"].items():
+                status[int(case)], message[int(case)] = 2, text
+        # One more than there are traces: the last stands for no trace, which is number -1.
+        photons = np.zeros(len(self.plan.traces) + 1, "i8")
+        reached = np.full(len(self.plan.traces) + 1, np.nan)
+        for number, entry in self.traced().items():
+            photons[number], reached[number] = entry["photons"], entry["reached"]
+        self._write(
+            self._whole(
+                {
+                    "status": status,
+                    "message": message,
+                    "trace": trace,
+                    "photons": photons[trace],
+                    "reached_relative_error": reached[trace],
+                }
+            )
+        )
 
     def finish(self) -> None:
         """Mark the store as complete and remove the traces."""
         zarrfile.remove_leftovers(self.path)  # of workers that died
         self.summarise()
         shutil.rmtree(self.traces, ignore_errors=True)
-        zarrfile.set_attrs(self.path, {"complete": "yes"})
+        self._write(self._metadata("yes"), complete=len(self.plan.blocks))
 
     def _create(self) -> None:
-        zarrfile.create(self.path, self.variables, attributes(self.plan))
-        for name, values in coordinates(self.plan).items():
-            zarrfile.write_whole(self.path, name, self.variables[name], values)
+        self.journal = []
+        journal.rewrite(self.path, [])  # it may be of a process that was killed at this place
+        self._lay_out()
         self.summarise()
         # Last: without a plan there is no store to continue.
-        _write(self.inner / "plan.json", fingerprint(self.plan))
+        self._write({journal.PLAN: _as_json(fingerprint(self.plan))})
 
-    def _take_up(self) -> None:
-        refuse_another_sweep(
-            json.loads((self.inner / "plan.json").read_text()), fingerprint(self.plan), self.path
-        )
+    def _lay_out(self) -> None:
+        self._write({**self._metadata("no"), **self._whole(coordinates(self.plan))})
+
+    def _take_up(self, lost: int) -> None:
+        """Check all that is there, and forget what is damaged: it is done again."""
         zarrfile.remove_leftovers(self.path)
-        journal = self.inner / "journal.jsonl"
-        lines = journal.read_bytes().split(b"\n") if journal.exists() else [b""]
-        if lines[-1]:  # a line that was cut off: what it said did not happen
-            _write_bytes(journal, b"".join(line + b"\n" for line in lines[:-1]))
-        self.journal = [json.loads(line) for line in lines[:-1]]
+        bad = set(journal.damaged_files(self.path, self.journal))
+        self._check_plan(journal.PLAN in bad)
+        if lost or bad or not self._plans():
+            # The lines of traces may be among the lost ones.
+            known = self.traced().keys() if lost else range(len(self.plan.traces))
+            self.journal = [entry for entry in self.journal if self._stands(entry, bad, set(known))]
+            self.repaired = sorted(bad) if self._plans() and not lost else [journal.NAME, *sorted(bad)]
+        journal.rewrite(self.path, self.journal)  # without a last line that was cut off
+        if self.repaired:
+            self._lay_out()
+            self._write({journal.PLAN: _as_json(fingerprint(self.plan))})
+
+    def _stands(self, entry: journal.Entry, bad: set[str], traces: set[int]) -> bool:
+        """Whether what a line says is still true beside damaged files, and with these traces known."""
+        if "block" in entry:
+            return not bad.intersection(entry["files"]) and traces.issuperset(
+                self.plan.blocks[entry["block"]].traces
+            )
+        return "complete" not in entry
+
+    def _check_plan(self, damaged: bool) -> None:
+        """Raise unless the store is for this plan; its digest in the journal is as good as the plan."""
+        wanted = fingerprint(self.plan)
+        if journal.digest(_as_json(wanted)) in self._plans():
+            return
+        try:
+            if damaged:
+                raise ValueError("not as it was written")
+            found = json.loads((self.path / journal.PLAN).read_bytes())
+        except (OSError, ValueError, RecursionError) as error:
+            raise OutputError(
+                "the plan of this store is damaged",
+                where=str(self.path / journal.PLAN),
+                found=str(error),
+                rule="what a store is for is known before it is continued",
+                remedy="choose another name with -o, or remove the store",
+            ) from error
+        refuse_another_sweep(found, wanted, self.path)
+
+    def _plans(self) -> list[str]:
+        """Digests of the plan in the journal."""
+        files = [entry.get("files", {}) for entry in self.journal]
+        return [told[journal.PLAN] for told in files if journal.PLAN in told]
+
+    def _metadata(self, complete: str) -> dict[str, bytes]:
+        return zarrfile.metadata_files(self.variables, attributes(self.plan) | {"complete": complete})
+
+    def _whole(self, arrays: Mapping[str, np.ndarray]) -> dict[str, bytes]:
+        """Files of arrays that are one chunk each."""
+        files = {}
+        for name, values in arrays.items():
+            variable = self.variables[name]
+            file = zarrfile.chunk_name(name, [0] * len(variable.shape))
+            files[file] = zarrfile.encoded(variable, values.reshape(variable.shape))
+        return files
+
+    def _write(self, files: Mapping[str, bytes], **entry: Any) -> None:
+        """Write what is not there, or not noted; the digests come first: a kill in between is no damage."""
+        noted = {pair for known in self.journal for pair in known.get("files", {}).items()}
+        digests = {name: journal.digest(content) for name, content in files.items()}
+        there = {
+            name for name in files if (name, digests[name]) in noted and _holds(self.path / name, files[name])
+        }
+        if len(there) == len(files):
+            return
+        self.record(**entry, files={name: told for name, told in digests.items() if name not in there})
+        for name, content in files.items():
+            if name not in there:
+                with atomic_path(self.path / name) as temporary:
+                    temporary.write_bytes(content)
 
 
 def trace_file(store: Path, number: int) -> Path:
@@ -247,10 +319,10 @@ def _hash(value: Any) -> str:
     return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:6]
 
 
-def _write(path: Path, content: Any) -> None:
-    _write_bytes(path, json.dumps(content, indent=1).encode())
+def _as_json(content: Any) -> bytes:
+    return json.dumps(content, indent=1).encode()
 
 
-def _write_bytes(path: Path, content: bytes) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+def _holds(file: Path, content: bytes) -> bool:
+    """Whether a file is there and has this content."""
+    return file.is_file() and file.stat().st_size == len(content) and file.read_bytes() == content

@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
@@ -22,11 +22,12 @@ from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Progress
 from lightfield.scene import Scene
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.derived import Formula, derive, intensity_of
+from lightfield.sweep.derived import Formula, derive
 from lightfield.sweep.plan import Block, SweepSettings, Trace
 from lightfield.sweep.schema import derived_variables
 from lightfield.sweep.store import trace_file
@@ -51,10 +52,11 @@ class TraceDone:
 
 @dataclass(frozen=True)
 class BlockDone:
-    """Report of a block: what failed and why, by case."""
+    """Report of a block: what failed and why, by case; digests of the files written, by name."""
 
     number: int
     failed: dict[int, str]
+    files: dict[str, str]
     seconds: float
     worker: str
     peak_bytes: int
@@ -158,14 +160,18 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
                 for name, key, _, _ in names:
                     if key in found:
                         results[name][i] = found[key]
+        files: dict[str, str] = {}
         for name, values in results.items():
             variable = target.variables[name]
             edge = tuple(
                 min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False)
             )
             index = (*block.index, *(0,) * len(shapes[name]))
-            zarrfile.write_chunk(target.path, name, variable, index, values.reshape(*edge, *shapes[name]))
-        return BlockDone(block.number, failed, time.perf_counter() - started, worker_name(), peak_bytes())
+            whole = values.reshape(*edge, *shapes[name])
+            file, told = zarrfile.write_chunk(target.path, name, variable, index, whole)
+            files[file] = told
+        seconds = time.perf_counter() - started
+        return BlockDone(block.number, failed, files, seconds, worker_name(), peak_bytes())
 
 
 def evaluated(
@@ -202,7 +208,7 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
         rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
         a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
-        intensity = intensity_of(scene)
+        intensity = axial_intensity(scene.lamp, band_wavelengths(scene))
         # Grey water: one map serves all bands.
         weights.append(intensity.mean(axis=1)[:, None] if at.size == 1 else intensity / intensity.shape[1])
     shape = (len(scenes), *_nodes(scenes[0]).shape, *response.shape)
@@ -265,19 +271,8 @@ def _loaded(file: str, _modified: int) -> TransportResponse:
 
 
 def _save(file: Path, response: TransportResponse, reached: float) -> None:
-    reference = response.reference
-    water = (reference.absorption_per_m, reference.scattering_per_m, reference.wall_albedo)
-    arrays: dict[str, Any] = {
-        "tally": response.tally,
-        "histories": response.histories,
-        "excess_m": response.excess_m,
-        "straight_m": response.straight_m,
-        "reference": np.array(water),
-        "photons": response.photons,
-        "reached": reached,
-    }
-    if response.merged is not None:
-        arrays["merged"] = response.merged
+    arrays: dict[str, Any] = response.packed()
+    arrays |= {"reference": np.array(astuple(response.reference)), "reached": np.array(reached)}
     with atomic_path(file) as temporary, temporary.open("wb") as out:
         np.savez(out, **arrays)
 
@@ -286,11 +281,8 @@ def _read(file: Path) -> tuple[TransportResponse, float] | None:
     """A response and the error it reached; None when it is missing or damaged (the archive has checksums)."""
     try:
         with np.load(file, allow_pickle=False) as d:
-            reference = Reference(*map(float, d["reference"]))
-            arrays = (d["tally"], d["histories"], d["excess_m"], d["straight_m"])
-            merged = d["merged"] if "merged" in d.files else None
-            response = TransportResponse(*arrays, reference, int(d["photons"]), merged)
-            return response, float(d["reached"])
+            reference = Reference(*d["reference"].tolist())
+            return TransportResponse.unpacked(d, reference), float(d["reached"])
     except FileNotFoundError:
         return None
     except Exception:  # whatever a damaged file makes NumPy or zipfile raise

@@ -7,6 +7,7 @@ xarray read. The library's own writer promises neither fsync nor, in older versi
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,9 +17,13 @@ from typing import Any
 import numpy as np
 from numcodecs import Blosc
 
+from lightfield.errors import OutputError
 from lightfield.storage.files import atomic_path
+from lightfield.sweep.journal import digest
 
+CONSOLIDATED = ".zmetadata"
 DIMENSIONS = "_ARRAY_DIMENSIONS"  # where xarray looks for the names of the dimensions
+_DTYPE = re.compile(r"[<>]f[48]|[<>|]i[1248]|[<>]U[1-9]\d{0,5}")
 
 
 @dataclass(frozen=True)
@@ -52,32 +57,76 @@ class Variable:
             "order": "C",
             "filters": None,
             "dimension_separator": ".",
-            "compressor": _codec(dtype).get_config(),
+            "compressor": {"id": Blosc.codec_id, **_compression(dtype), "blocksize": 0},
             "fill_value": "NaN" if dtype.kind == "f" else None,
         }
 
 
-def create(path: Path, variables: Mapping[str, Variable], attrs: Mapping[str, Any]) -> None:
-    """Lay out an empty store; the consolidated metadata come last and make it one."""
+def metadata_files(variables: Mapping[str, Variable], attrs: Mapping[str, Any]) -> dict[str, bytes]:
+    """Files that make a folder a store, by name; the consolidated metadata come last."""
     metadata: dict[str, Any] = {".zgroup": {"zarr_format": 2}, ".zattrs": dict(attrs)}
     for name, variable in variables.items():
         metadata[f"{name}/.zarray"] = variable.metadata()
         metadata[f"{name}/.zattrs"] = {**variable.attrs, DIMENSIONS: list(variable.dims)}
-    for key, content in metadata.items():
-        _write_json(path / key, content)
-    _write_json(path / ".zmetadata", {"zarr_consolidated_format": 1, "metadata": metadata})
+    whole = {"zarr_consolidated_format": 1, "metadata": metadata}
+    return {key: _json(content) for key, content in {**metadata, CONSOLIDATED: whole}.items()}
 
 
-def set_attrs(path: Path, attrs: Mapping[str, Any]) -> None:
-    """Add attributes to the store."""
-    whole = json.loads((path / ".zmetadata").read_text())
-    whole["metadata"][".zattrs"] |= attrs
-    _write_json(path / ".zattrs", whole["metadata"][".zattrs"])
-    _write_json(path / ".zmetadata", whole)
+def refuse_foreign_metadata(path: Path) -> None:
+    """Raise unless a store declares only what this module writes; to be called before any library opens it.
+
+    Codecs and filters of the zarr format are named in the metadata, and some of them (`pickle`) run code that
+    stands in the chunks. Hence every array must be declared word for word as `Variable.metadata` does.
+
+    Raises
+    ------
+    OutputError
+        Another codec, filter, type or version of the format, or metadata that contradict each other.
+    """
+    try:
+        whole = _read_json(path / CONSOLIDATED)
+        metadata = dict(whole["metadata"])
+        if whole != {"zarr_consolidated_format": 1, "metadata": metadata}:
+            raise ValueError("not consolidated metadata")
+        for key, content in metadata.items():
+            if not _is_ours(key, content):
+                raise ValueError(f"{key} declares what a sweep does not write")
+            if _read_json(path / key) != content:
+                raise ValueError(f"{key} says something else than {CONSOLIDATED}")
+        if (path / "zarr.json").exists():
+            raise ValueError("zarr.json, of version 3 of the format, which a sweep does not write")
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise OutputError(
+            "the metadata of this store are not those of a sweep",
+            where=str(path),
+            found=str(error),
+            rule="codecs and types as `lightfield sweep` writes them; nothing else is opened",
+            remedy="run its sweep again, or do not trust this store",
+        ) from error
 
 
-def write_chunk(path: Path, name: str, variable: Variable, index: Sequence[int], values: np.ndarray) -> int:
-    """Write one chunk; at the far edges, values may be smaller than a chunk. Returns the bytes on disk."""
+def _is_ours(key: str, content: Any) -> bool:
+    name, _, kind = key.rpartition("/")
+    if "/" in name or name.startswith("."):
+        return False
+    if kind == ".zarray" and name:
+        numbers = [*content["shape"], *content["chunks"]]
+        if not _DTYPE.fullmatch(content["dtype"]) or not all(type(n) is int and n >= 0 for n in numbers):
+            return False
+        declared = Variable((), tuple(content["shape"]), tuple(content["chunks"]), content["dtype"])
+        return bool(content == declared.metadata())
+    if kind == ".zattrs":
+        return isinstance(content, dict)
+    return bool(key == ".zgroup" and content == {"zarr_format": 2})
+
+
+def chunk_name(name: str, index: Sequence[int]) -> str:
+    """File of a chunk, relative to the store."""
+    return f"{name}/{'.'.join(map(str, index or (0,)))}"
+
+
+def encoded(variable: Variable, values: np.ndarray) -> bytes:
+    """Content of a chunk's file; at the far edges, values may be smaller than a chunk."""
     dtype = np.dtype(variable.dtype)
     whole = np.ascontiguousarray(values, dtype=dtype)
     if whole.shape != tuple(variable.chunks):
@@ -85,15 +134,17 @@ def write_chunk(path: Path, name: str, variable: Variable, index: Sequence[int],
         padded = np.full(variable.chunks, fill, dtype)
         padded[tuple(slice(n) for n in whole.shape)] = whole
         whole = padded
-    packed = bytes(_codec(dtype).encode(whole))
-    with atomic_path(path / name / ".".join(map(str, index or (0,)))) as temporary:
+    return bytes(Blosc(**_compression(dtype)).encode(whole))
+
+
+def write_chunk(
+    path: Path, name: str, variable: Variable, index: Sequence[int], values: np.ndarray
+) -> tuple[str, str]:
+    """Write one chunk; returns the name of its file in the store and its digest."""
+    file, packed = chunk_name(name, index), encoded(variable, values)
+    with atomic_path(path / file) as temporary:
         temporary.write_bytes(packed)
-    return len(packed)
-
-
-def write_whole(path: Path, name: str, variable: Variable, values: np.ndarray) -> int:
-    """Write an array that is one chunk."""
-    return write_chunk(path, name, variable, [0] * len(variable.shape), values)
+    return file, digest(packed)
 
 
 def remove_leftovers(path: Path) -> None:
@@ -108,10 +159,17 @@ def size_on_disk(path: Path) -> int:
     return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
 
 
-def _codec(dtype: np.dtype[Any]) -> Blosc:
-    return Blosc(cname="zstd", clevel=3, shuffle=Blosc.BITSHUFFLE if dtype.kind == "f" else Blosc.SHUFFLE)
+def _compression(dtype: np.dtype[Any]) -> dict[str, Any]:
+    """Settings of the compressor."""
+    shuffle = Blosc.BITSHUFFLE if dtype.kind == "f" else Blosc.SHUFFLE
+    return {"cname": "zstd", "clevel": 3, "shuffle": shuffle}
 
 
-def _write_json(path: Path, content: Any) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1), encoding="utf-8")
+def _json(content: Any) -> bytes:
+    return json.dumps(content, indent=1).encode()
+
+
+def _read_json(file: Path) -> Any:
+    if not file.is_file():
+        raise ValueError(f"{file.name} is missing")
+    return json.loads(file.read_bytes())

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from lightfield.formula.field import direct_field, paper_model
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.scene import Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenes" / "unh_tow_tank"
@@ -36,7 +36,7 @@ def paper(x, z):
 
 
 def test_measured_file_holds_the_papers_numbers():
-    readings = Readings.load(FOLDER / "measured.csv")
+    readings = read_table(FOLDER / "measured.csv")
     np.testing.assert_allclose(readings.value, [1, 0.5, 0.23, 0.115])
     np.testing.assert_allclose(readings.x_m, [0, 0.3, 0, 0.4])
     assert np.isnan(readings.stderr).all(), "the paper gives no errors, so the file has none"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lightfield.render.tracer.settings import Settings
 
 from lightfield.experiments.hide import scan
 from lightfield.render.at_readings import rendered_light
@@ -17,6 +16,7 @@ from lightfield.render.maps import Rendering, render_scene, transport_key
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import acts_on

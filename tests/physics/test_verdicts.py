@@ -22,7 +22,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.verdict.verdict import json_schema
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
@@ -39,7 +39,7 @@ def found() -> dict[str, Diagnosis]:
     files = {kind: (DATA / f"{kind}.csv", DATA / "scene.toml") for kind in KINDS}
     files["identified"] = (STORY / "data.csv", STORY / "scene.toml")
     return {
-        kind: diagnose(Readings.load(data), Scene.load(scene), diffuse=quick)
+        kind: diagnose(read_table(data), Scene.load(scene), diffuse=quick)
         for kind, (data, scene) in files.items()
     }
 
@@ -63,6 +63,30 @@ def test_scattering_is_named_and_measured(found):
     assert explained.error_percent < 0.5 * base.error_percent
     assert explained.held_out_percent < 0.5 * base.held_out_percent
     assert verdict.nearest_rival.separation_sigma > 6
+
+
+def test_scattering_that_the_scene_has_and_the_readings_lack_is_refuted(found):
+    """Readings of clear water, and a scene of b = 0.15 per metre: said with a limit, and the noise is met."""
+    scene = Scene.load(DATA / "scene.toml").with_values({"water.scattering_per_m": 0.15})
+    done = diagnose(found["none"].readings, scene, diffuse=quick, advise=False)
+    verdict, (entry,) = done.verdict, done.verdict.stated
+    assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
+    assert entry.judgement == "absent" and entry.limit < 0.05
+    assert "Your scene's scattering is not in the readings" in verdict.sentence
+    assert done.scene.water.scattering_per_m == 0
+    assert verdict.ladder[-1].error_percent == pytest.approx(
+        found["none"].verdict.ladder[-1].error_percent, rel=0.1
+    )
+
+
+def test_scattering_that_the_readings_show_is_supported(found):
+    """The story's water, b = 0.2 per metre and g = 0.92, stated as it is."""
+    truth = {"water.scattering_per_m": 0.2, "water.phase.g": 0.92}
+    scene = Scene.load(STORY / "scene.toml").with_values(truth)
+    verdict = diagnose(found["identified"].readings, scene, diffuse=quick, advise=False).verdict
+    assert verdict.verdict == "none"
+    (entry,) = (e for e in verdict.stated if e.effect == "scattering")
+    assert entry.judgement == "supported" and entry.sigma_to_remove > 10
 
 
 def test_dense_water_is_traced_only_when_it_explains_the_readings(found):
@@ -162,7 +186,7 @@ def test_what_is_dissolved_or_floats_in_pure_water_is_named(file, name, path, tr
 
     With water that is unknown at every wavelength none of them can be tested.
     """
-    table, scene = Readings.load(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
+    table, scene = read_table(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
     verdict = diagnose(table, scene, diffuse=quick, advise=False).verdict
     assert (verdict.verdict, verdict.effects) == ("identified", [name])
     estimate = verdict.explanations[0].parameters[path]
@@ -205,9 +229,9 @@ def test_plan_with_traced_light_promises_what_diagnose_can_see(found):
 def test_four_numbers_say_little_and_say_so():
     """Three parameters leave one number: any effect that moves it explains it, unless rounding does."""
     table = ROOT / "scenes" / "unh_tow_tank"
-    bare = diagnose(Readings.load(table / "measured.csv"), open_water(), diffuse=None).verdict
+    bare = diagnose(read_table(table / "measured.csv"), open_water(), diffuse=None).verdict
     assert bare.verdict == "ambiguous" and len(bare.explanations) >= 3
     assert any("too few readings to estimate the noise" in w for w in bare.warnings)
-    rounded = Readings.load(table / "measured_with_rounding.csv")
+    rounded = read_table(table / "measured_with_rounding.csv")
     verdict = diagnose(rounded, open_water(), diffuse=None).verdict
     assert verdict.verdict == "none" and any("too few" in w for w in verdict.warnings)

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
+from lightfield.commands._line import available
 
 ROOT = Path(__file__).resolve().parents[2]
 TANK = '[water]\nabsorption_per_m = 0.1\n[tank]\nsurface = "none"\n'
@@ -296,7 +297,7 @@ def test_one_line_and_exit_code_2(made, no_trace, monkeypatch, capsys, line, wor
 
 def test_every_command_has_its_wrong_inputs():
     """The table above covers the whole program."""
-    assert {line.split()[0] for line, _ in WRONG} >= set(cli.available())
+    assert {line.split()[0] for line, _ in WRONG} >= set(available())
     assert len({line for line, _ in WRONG}) == len(WRONG)
 
 

@@ -14,6 +14,7 @@ import pytest
 
 from lightfield import __version__, cli
 from lightfield.commands import doctor
+from lightfield.commands._line import COMMANDS, available
 from lightfield.errors import SceneError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,20 +42,20 @@ def test_help_lists_the_commands_that_exist_and_no_other():
     listed = {line.split()[0] for line in done.stdout.splitlines() if line.startswith("    ")}
     folder = ROOT / "lightfield" / "commands"
     existing = {
-        name for name in cli.COMMANDS if list(folder.glob(f"{name}.py")) + list(folder.glob(f"{name}_.py"))
+        name for name in COMMANDS if list(folder.glob(f"{name}.py")) + list(folder.glob(f"{name}_.py"))
     }
     assert done.returncode == 0
     assert existing >= {"scene", "doctor", "demo"}
-    assert listed & set(cli.COMMANDS) == existing
+    assert listed & set(COMMANDS) == existing
 
 
 def test_every_command_module_is_in_the_table():
     folder = ROOT / "lightfield" / "commands"
     modules = {path.stem.rstrip("_") for path in folder.glob("*.py") if not path.stem.startswith("_")}
-    assert modules <= set(cli.COMMANDS)
+    assert modules <= set(COMMANDS)
 
 
-@pytest.mark.parametrize("command", list(cli.available()))
+@pytest.mark.parametrize("command", list(available()))
 def test_every_command_explains_itself(command):
     done = lightfield(command, "--help")
     assert done.returncode == 0, done.stderr
@@ -104,7 +105,7 @@ def test_wrong_command_lines_give_one_line_and_exit_code_2(arguments, text):
 
 def test_unknown_command_lists_the_choices():
     done = lightfield("nonsense")
-    assert all(name in done.stderr for name in cli.available())
+    assert all(name in done.stderr for name in available())
 
 
 def test_no_command_prints_the_help():
@@ -167,7 +168,7 @@ LONG_WRITE = """
 import sys, time
 from lightfield import cli
 from lightfield.commands import doctor
-from lightfield.files import atomic_path
+from lightfield.storage.files import atomic_path
 def run(args):
     with atomic_path(sys.argv[1] + "/result.nc") as path:
         path.write_bytes(bytes(1000))

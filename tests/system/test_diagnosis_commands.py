@@ -117,6 +117,14 @@ def test_wrong_input_ends_with_2(folder: Path, wrong: str, capsys) -> None:
     assert not list((folder / "never").glob("*")), "a wrong input left a file"
 
 
+def test_a_layout_without_light_is_told(folder: Path, tmp_path: Path, capsys) -> None:
+    """exp(-850) is no number: neither a limit nor "every effect would be told" follows from it."""
+    (tmp_path / "dark.toml").write_text("[water]\nabsorption_per_m = 100.0\n")
+    (tmp_path / "far.csv").write_text("x_m,z_m\n" + "".join(f"{x},8.5\n" for x in (0, 0.1, 0.2, 0.3)))
+    assert cli.main(f"plan {tmp_path}/far.csv --scene {tmp_path}/dark.toml --no-trace".split()) == 2
+    assert "no light of the scene reaches this layout" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lightfield.readings import Readings
+from lightfield.readings import read_table
 
 WAVELENGTH = np.arange(480.0, 580.0, 0.5)
 
@@ -52,7 +52,7 @@ def test_files_become_a_reading_table(index):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == str(out)
     assert "4 files (SpectraSuite) -> 2 readings of irradiance in counts/s" in done.stdout
-    readings = Readings.load(out)
+    readings = read_table(out)
     assert readings.value == pytest.approx([800, 800], rel=1e-12)
     # Three spectra 10 counts/s apart: standard deviation 10, its mean's error 10 / sqrt(3).
     assert readings.stderr == pytest.approx([10 / np.sqrt(3)] * 2, rel=1e-9)
@@ -87,7 +87,7 @@ def test_wrong_requests_end_with_code_2_an_explanation_and_no_file(index, case):
 def test_missing_index_and_missing_output(index):
     asked = ["--quantity", "irradiance", "--units", "counts", "--band", "500:550"]
     done = lightfield("import", index.parent / "none.csv", *asked, "-o", index.parent / "r.csv")
-    assert done.returncode == 2 and "none.csv: cannot be read" in done.stderr
+    assert done.returncode == 2 and "none.csv: cannot read the index" in done.stderr
     done = lightfield("import", index, *asked)
     assert done.returncode == 2 and "-o READINGS.csv" in done.stderr
     done = lightfield("import", index, *asked, "-o", index / "r.csv")

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
-from lightfield.readings import Readings
+from lightfield.commands import _line
+from lightfield.readings import read_table
 from lightfield.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,7 +78,7 @@ def test_the_scene_and_the_readings_shown_are_whole(tmp_path):
     assert scene.lamp.hwhm_deg == 3.81 and scene.detector.planes_m == (4.5, 6.5, 8.5)
     file = tmp_path / "readings.csv"
     file.write_text(csv, encoding="utf-8")
-    readings = Readings.load(file)
+    readings = read_table(file)
     assert readings.value.tolist() == [1.0] and readings.budget.position_mm == 1.0
 
 
@@ -89,5 +90,5 @@ def test_every_option_file_and_variable_that_is_named_exists():
     source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "lightfield").rglob("*.py"))
     for variable in set(re.findall(r"LIGHTFIELD_\w+", README)):
         assert f'"{variable}"' in source, variable
-    for command in cli.COMMANDS:
+    for command in _line.COMMANDS:
         assert re.search(rf"`?(lightfield )?{command}\b", README), command

@@ -141,7 +141,7 @@ def test_picture_shows_the_beam(scene, tmp_path, capsys):
         (["render", "{scene}", "-o", "{scene}"], "cannot write here"),
         (["compare", "{scene}", "-o", "{scene}/deeper"], "cannot write here"),
         (["compare", "readings.csv"], "readings need the scene"),
-        (["compare", "missing.nc"], "missing.nc: cannot read this as a data set"),
+        (["compare", "missing.nc"], "missing.nc: cannot read the rendering"),
         (["picture", "{scene}", "--size", "big"], "--size: not a size"),
         (["picture", "{scene}", "--samples", "0"], "--samples: impossible number of samples"),
         (["picture", "{scene}", "-o", "view.jpg"], "the picture is a PNG file"),

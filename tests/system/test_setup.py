@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from lightfield.render.backend import llvm
+from lightfield.storage import toml
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL_TOOLS = ("sh", "env", "sed", "cat", "printf", "uname", "ln", "echo", "true")
@@ -176,6 +180,56 @@ def test_a_python_without_venv_names_its_package(machine):
     package = f"python{sys.version_info.major}.{sys.version_info.minor}-venv"
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].endswith(f"sudo apt-get install {package}")
+
+
+def installs(machine, python: str) -> tuple[list[str], str]:
+    """What pip is asked for on a machine with this Python, and what is said."""
+    machine.script(
+        machine.checkout / ".venv/bin/python",
+        f"case \"$*\" in *version_info*) echo {python} ;; *'-m pip'*) echo \"$@\" >> '{machine.log}' ;; esac",
+    )
+    machine.script(machine.bin / "python3", f'exec "{sys.executable}" "$@"')
+    done = machine.setup("venv")
+    assert done.returncode == 0, done.stderr
+    return machine.calls(), done.stderr
+
+
+def test_set_up_installs_what_the_lock_names_and_builds_with_it(machine):
+    (dependencies, package), said = installs(machine, "3.12")
+    assert dependencies.endswith("--require-hashes --only-binary :all: -r tools/lock.txt")
+    assert "--no-deps --no-build-isolation" in package and package.endswith("-e .")
+    assert "not made for" not in said
+
+
+def test_a_python_beyond_the_lock_gets_the_ranges_and_a_word(machine):
+    (everything,), said = installs(machine, "3.99")
+    assert everything.endswith("-e .[dev]") and "--require-hashes" not in everything
+    assert "tools/lock.txt is not made for Python 3.99" in said
+
+
+@pytest.mark.parametrize("python", ["3.10", "3.11", "3.12", "3.13", "3.14"])
+def test_the_lock_pins_every_dependency_within_its_range(python):
+    """One version of every package for every Python, with hashes, and from no registry in particular."""
+    text = (ROOT / "tools/lock.txt").read_text(encoding="utf-8")
+    assert "//" not in text
+    pinned: dict[str, str] = {}
+    here = {"python_version": python, "python_full_version": f"{python}.0"}
+    for entry in re.findall(r"^(\S.*?)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)$", text, re.MULTILINE):
+        pin = Requirement(entry[0])
+        if pin.marker is None or pin.marker.evaluate(here):
+            assert pin.name not in pinned
+            pinned[pin.name] = str(pin.specifier).removeprefix("==")
+    assert len(pinned) > 50
+    settings = toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project = settings["project"]
+    for line in (
+        *settings["build-system"]["requires"],
+        *project["dependencies"],
+        *project["optional-dependencies"]["dev"],
+    ):
+        asked = Requirement(line)
+        if asked.marker is None or asked.marker.evaluate(here):
+            assert asked.specifier.contains(pinned[canonicalize_name(asked.name)]), line
 
 
 def test_nonsense_step(machine):

@@ -1,11 +1,12 @@
 """A sweep on an existing Dask scheduler: scheduler and two workers as processes of their own.
 
 Expected: the same store, bit by bit, as from one process; the workers' memory is reported; a scheduler that
-does not answer is one clear error.
+does not answer is one clear error. Without one nothing of a sweep can be reached from another machine.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 import subprocess
@@ -14,8 +15,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from sweeping import SCENE, differences, sweep
+
+from lightfield.sweep.cluster import connected
 
 
 @pytest.fixture(scope="module")
@@ -74,4 +78,35 @@ def test_no_scheduler_at_that_address_is_one_line(tmp_path: Path) -> None:
     refused = sweep(scene, tmp_path / "s.zarr", "--scheduler", "tcp://127.0.0.1:9", before=before)
     assert refused.returncode == 2
     assert "no Dask scheduler answers" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+
+
+def listening() -> set[tuple[str, int]]:
+    """Address and port of every socket of this process and its children that waits for connections."""
+    mine = {os.getpid(), *(child.pid for child in psutil.Process().children(recursive=True))}
+    return {
+        (found.laddr.ip, found.laddr.port)
+        for found in psutil.net_connections("tcp")
+        if found.pid in mine and found.status == psutil.CONN_LISTEN
+    }
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_no_other_machine_reaches_a_sweep(workers: int, tmp_path: Path) -> None:
+    """Dask runs the code of whoever reaches its scheduler or a worker: every socket listens on loopback."""
+    (tmp_path / ".lightfield").mkdir()
+    before = listening()
+    with connected(tmp_path, workers) as client:
+        assert client.submit(abs, -1).result() == 1
+        opened = listening() - before
+    assert len(opened) >= 2, "scheduler and worker say how they are, on a port each"
+    assert {ip for ip, _ in opened} <= {"127.0.0.1", "::1"}
+
+
+def test_tls_without_keys_is_one_line(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE)
+    refused = sweep(scene, tmp_path / "s.zarr", "--scheduler", "tls://127.0.0.1:9")
+    assert refused.returncode == 2
+    assert "no keys for TLS" in refused.stderr
     assert refused.stderr.count("\n") == 1

@@ -7,7 +7,7 @@ when the base model, every effect's template and every smooth unknown together c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,17 +108,22 @@ def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
 
 
 def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tuple[Array, int]:
-    """|misfit| of readings that were not used over its standard error, and the degrees of freedom."""
-    u, s, vt = np.linalg.svd(basis[judges], full_matrices=False)
-    firm = s > 1e-6
-    misfit = residual - basis @ (vt[firm].T @ ((u[:, firm].T @ residual[judges]) / s[firm]))
+    """|misfit| of readings that were not used over its standard error, shape (n,), and degrees of freedom."""
+    others = basis[~judges]
+    # The basis is orthonormal over all readings: what the judges see of it is what the others leave.
+    square, directions = np.linalg.eigh(np.eye(basis.shape[1]) - others.T @ others)
+    firm = square > 1e-12
+    loose, inverse = others @ directions, 1 / square[firm]
+    along = directions.T @ (basis.T @ (judges * residual))
+    misfit = residual - basis @ (directions[:, firm] @ (inverse * along[firm]))
     nu = max(int(judges.sum()) - int(firm.sum()), 1)
     sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), 1e-9 * np.abs(misfit).max(), 1e-300)
-    loose = basis @ vt.T
     # Directions that the judges leave open could have produced any misfit.
     open_part = (loose[:, ~firm] ** 2).sum(1) > 1e-6
-    variance = 1 + ((loose[:, firm] / s[firm]) ** 2).sum(1)
-    return np.where(open_part, 0.0, np.abs(misfit) / (sigma * np.sqrt(variance))), nu
+    variance = 1 + loose[:, firm] ** 2 @ inverse
+    out = np.zeros(len(residual))
+    out[~judges] = np.where(open_part, 0.0, np.abs(misfit[~judges]) / (sigma * np.sqrt(variance)))
+    return out, nu
 
 
 def scattered(bad: NDArray[np.bool_], misfit: Array, layout: Layout) -> NDArray[np.bool_]:
@@ -190,11 +195,17 @@ def _log_evidence(white: Array, stated: float | None) -> float:
     if stated is not None:
         # Student's t with 4 degrees of freedom, up to a constant.
         prior = -2.5 * np.log1p(((log_scale - np.log(stated)) / SCALE_SPREAD) ** 2 / 4)
-    q, r = np.linalg.qr(white[:, :-1])
-    rest = white[:, -1] - q @ (q.T @ white[:, -1])
-    nu = len(white) - r.shape[1]
-    log_likelihood = prior - 0.5 * (nu * log_scale + float(rest @ rest) * np.exp(-log_scale))
-    return float(special.logsumexp(log_likelihood) - np.log(np.abs(np.diag(r))).sum())
+    nu, rest, volume = _beside(white)
+    log_likelihood = prior - 0.5 * (nu * log_scale + rest * np.exp(-log_scale))
+    return float(special.logsumexp(log_likelihood) - volume)
+
+
+def _beside(white: Array) -> tuple[int, float, float]:
+    """Spare readings and sum of squares of a residual (last column) beside columns; ln(volume) of these."""
+    r: Array = np.asarray(np.linalg.qr(white, mode="r"))
+    nu = len(white) - white.shape[1] + 1
+    volume = float(np.log(np.abs(np.diag(r)[: white.shape[1] - 1])).sum())
+    return nu, float(r[-1, -1] ** 2) if nu > 0 else 0.0, volume
 
 
 def scatter_law(
@@ -243,11 +254,9 @@ def scatter_law(
 
 def _profile(white: Array) -> tuple[float, float]:
     """Restricted log likelihood of a residual (last column) beside the others at its best scale, and that."""
-    q, r = np.linalg.qr(white[:, :-1])
-    rest = white[:, -1] - q @ (q.T @ white[:, -1])
-    nu = len(white) - r.shape[1]
-    variance = max(float(rest @ rest) / nu, 1e-300)
-    return -0.5 * nu * float(np.log(variance)) - float(np.log(np.abs(np.diag(r))).sum()), variance
+    nu, rest, volume = _beside(white)
+    variance = max(rest / nu, 1e-300)
+    return -0.5 * nu * float(np.log(variance)) - volume, variance
 
 
 def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, most: float) -> Array:
@@ -306,12 +315,23 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
         variance = np.exp(log_phi) + more
         return float(np.sum(np.log(variance) + square / variance))
 
-    largest = max(float(square.sum()) / spare, 2 * _SMALLEST_SCALE)
-    bounds = (np.log(_SMALLEST_SCALE), np.log(2 * largest))
-    grid = np.linspace(*bounds, 40)
+    return likeliest_scale(lambda low, high: deviance, float(square.sum()) / spare)
+
+
+def likeliest_scale(within: Callable[[float, float], Callable[[float], float]], mean_square: float) -> float:
+    """Scale of least deviance that is credible.
+
+    Parameters
+    ----------
+    within : callable
+        Takes bounds of ln(phi) and gives the deviance, a function of ln(phi), between them.
+    mean_square : float
+        Of the residual: the scale if there were no other errors.
+    """
+    largest = max(mean_square, 2 * _SMALLEST_SCALE)
+    low, high = float(np.log(_SMALLEST_SCALE)), float(np.log(2 * largest))
+    deviance, grid = within(low, high), np.linspace(low, high, 40)
     best = grid[int(np.argmin([deviance(x) for x in grid]))]
     width = grid[1] - grid[0]
-    found = optimize.minimize_scalar(
-        deviance, bounds=(max(best - width, bounds[0]), best + width), method="bounded"
-    )
-    return float(np.exp(found.x))
+    low, high = max(best - width, low), best + width
+    return float(np.exp(optimize.minimize_scalar(within(low, high), bounds=(low, high), method="bounded").x))

@@ -33,6 +33,8 @@ VARIANCE_EXCESS = 4.0
 #: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
 FEWEST_SPARE = 4
 _CERTAIN = 1000
+#: Replicates that are tested at a time, to bound the memory.
+_AT_ONCE = 200
 
 
 @dataclass(frozen=True)
@@ -167,12 +169,17 @@ class AdequacyTest:
         spare = n_kept - reach.shape[1]
         taken = spare < FEWEST_SPARE
         nu = _CERTAIN if taken else spare
-        null = beside(free, self.replicates)
-        null_p, labels, _ = self._p_values(null, testable, spans, scans, None if taken else reach, nu)
+        views = _Views(free, None if taken else reach, testable, spans, scans, nu)
+        chance = np.concatenate(
+            [
+                views.p_values(self.replicates[:, first : first + _AT_ONCE])[0].min(0)
+                for first in range(0, self.replicates.shape[1], _AT_ONCE)
+            ]
+        )
         observed = beside(free, fit.residual[:, None])
-        seen_p, _, phi = self._p_values(observed, testable, spans, scans, None if taken else reach, nu)
+        seen_p, labels, phi = views.p_values(observed)
         worst = float(seen_p.min())
-        p = (1 + int((null_p.min(0) <= worst).sum())) / (1 + null_p.shape[1])
+        p = (1 + int((chance <= worst).sum())) / (1 + len(chance))
         excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
         return Adequacy(
             p,
@@ -183,7 +190,7 @@ class AdequacyTest:
             tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
             float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
             taken,
-            float(np.quantile(null_p.min(0), ALPHA)),
+            float(np.quantile(chance, ALPHA)),
         )
 
     @staticmethod
@@ -194,22 +201,57 @@ class AdequacyTest:
         visible = after > 0.05 * np.maximum(before, 1e-300)
         return np.asarray(rest[:, visible] / after[visible])
 
-    @staticmethod
-    def _p_values(
-        residuals: Array,
+
+class _Views:
+    """All that a test looks at, as columns that whitened noise is projected on at once.
+
+    Parameters
+    ----------
+    free : array, shape (n, p)
+        Orthonormal basis of what the fit moves; all but `reach` are perpendicular to it.
+    reach : array, shape (n, k), optional
+        Orthonormal basis of all that is not pure error; None: the scale of the errors is taken as stated.
+    scores : list of Score
+    spans, scans : mapping of array, shape (n, k)
+    nu : int
+        Degrees of freedom of the pure error.
+    """
+
+    def __init__(
+        self,
+        free: Array,
+        reach: Array | None,
         scores: list[Score],
         spans: Mapping[str, Array],
         scans: Mapping[str, Array],
-        reach: Array | None,
         nu: int,
-    ) -> tuple[Array, list[object], Array]:
-        total = (residuals**2).sum(0)
+    ) -> None:
+        self.scores, self.spans, self.scans, self.nu = scores, spans, scans, nu
+        self._fitted_in_reach = None if reach is None else reach.T @ free
+        fixed = [free] if reach is None else [free, reach]
+        parts = [*fixed, *(s.direction for s in scores), *spans.values(), *scans.values()]
+        self._ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        self._columns = np.hstack(parts)
+
+    def p_values(self, residuals: Array) -> tuple[Array, list[object], Array]:
+        """Nominal p of every test, shape (n_tests, m), its name, and the scale of the pure error, shape (m,).
+
+        Parameters
+        ----------
+        residuals : array, shape (n, m)
+            Whitened.
+        """
+        nu = self.nu
+        seen = iter(np.split(self._columns.T @ residuals, self._ends))
+        fitted = next(seen)
+        total = np.maximum((residuals**2).sum(0) - (fitted**2).sum(0), 0.0)
         phi = np.ones_like(total)
-        if reach is not None:
-            phi = np.maximum(total - ((reach.T @ residuals) ** 2).sum(0), 1e-12 * total + 1e-300) / nu
+        if self._fitted_in_reach is not None:
+            reached = next(seen) - self._fitted_in_reach @ fitted
+            phi = np.maximum(total - (reached**2).sum(0), 1e-12 * total + 1e-300) / nu
         best: dict[object, Array] = {}
-        for score in scores:
-            projected = score.direction.T @ residuals
+        for score in self.scores:
+            projected = next(seen)
             q = len(projected)
             if q == 1:
                 z = projected[0] / np.sqrt(phi)
@@ -221,11 +263,13 @@ class AdequacyTest:
             else:
                 p = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
             best[score.key] = np.minimum(best[score.key], p) if score.key in best else p
-        for name, basis in spans.items():
-            if q := basis.shape[1]:
-                best["~" + name] = special.fdtrc(q, nu, ((basis.T @ residuals) ** 2).sum(0) / q / phi)
-        for name, columns in scans.items():
-            if k := columns.shape[1]:
-                z = np.abs(columns.T @ residuals).max(0) / np.sqrt(phi)
+        for name in self.spans:
+            projected = next(seen)
+            if q := len(projected):
+                best["~" + name] = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
+        for name in self.scans:
+            projected = next(seen)
+            if k := len(projected):
+                z = np.abs(projected).max(0) / np.sqrt(phi)
                 best["~" + name] = np.minimum(2 * k**0.7 * special.stdtr(nu, -z), 1.0)
         return np.stack(list(best.values())), list(best), phi

@@ -13,7 +13,8 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.fitting.least_squares import Fit, Parameter, Whiten
+from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.fitting.parameter import FitParameter
 
 BUMP_WIDTH_M = 0.06
 #: Cycles over the angles that the readings span: effects change slower than this.
@@ -68,7 +69,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
     return tuple(templates)
 
 
-def _slope(problem: Problem, values: Mapping[str, float], parameter: Parameter, at: Array) -> Array:
+def _slope(problem: Problem, values: Mapping[str, float], parameter: FitParameter, at: Array) -> Array:
     """Change of the readings per unit of a parameter at its neutral value, where they are `at`."""
     step = parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
 

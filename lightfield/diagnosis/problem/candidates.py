@@ -4,7 +4,7 @@ reasons."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -13,8 +13,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.fitting.effects import Effect, Form, Free
-from lightfield.fitting.forward import has_diffuse_light
-from lightfield.fitting.least_squares import Parameter
+from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.parameter import FitParameter
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
@@ -30,6 +30,7 @@ REASONS: Mapping[str, str] = {
     "water": "no reading was taken in water",
     "air_and_water": "needs readings in air and in water",
     "spectral": "needs readings at three wavelengths or more",
+    "absolute": "the readings are on a relative scale",
     "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
 }
 
@@ -42,6 +43,7 @@ class Setting:
     layout: Layout
     signal: float
     band_nm: float
+    absolute: bool = False
 
     @property
     def hwhm_deg(self) -> float:
@@ -55,6 +57,7 @@ class Setting:
         return {
             "off_axis": bool(layout.angle_rad.max() > 1e-6),
             "time": layout.has_time,
+            "absolute": self.absolute,
             "tank": self.scene.tank is not None,
             "water": bool((~layout.air).any()),
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
@@ -70,6 +73,7 @@ class Setting:
         near, far = float(self.layout.z_m.min()), float(self.layout.z_m.max())
         return {
             "one": (1.0, 0.0),
+            "power": (float(self.scene.get("lamp.power_w")), 0.0),
             "signal": (self.signal, 0.0),
             "inverse_signal": (1.0 / self.signal, 0.0),
             "hwhm": (self.hwhm_deg, 0.0),
@@ -87,22 +91,30 @@ class Candidate:
 
     Parameters
     ----------
-    amplitudes, shapes : tuple of Parameter
-        `start` of an amplitude is its neutral coordinate.
+    amplitudes, shapes : tuple of FitParameter
+        `start` of an amplitude is the scene's value: its neutral coordinate, unless the scene has the effect.
     typical : tuple of float
         Size of each amplitude worth asking about, in its coordinate.
     grid : tuple of tuple of float
         Start points of the shapes, every combination.
+    neutral : tuple of float
+        Coordinate of each amplitude that switches it off.
     one_sided : bool
         A single amplitude whose neutral value is its lower bound.
     """
 
     effect: Effect
     form: Form
-    amplitudes: tuple[Parameter, ...]
+    amplitudes: tuple[FitParameter, ...]
     typical: tuple[float, ...]
-    shapes: tuple[Parameter, ...]
+    shapes: tuple[FitParameter, ...]
     grid: tuple[tuple[float, ...], ...]
+    neutral: tuple[float, ...] = ()
+
+    @property
+    def is_stated(self) -> bool:
+        """Does the scene have this effect already?"""
+        return any(p.start != off for p, off in zip(self.amplitudes, self.neutral, strict=False))
 
     @property
     def name(self) -> str:
@@ -113,7 +125,7 @@ class Candidate:
         return (self.effect.name, self.form.name)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[FitParameter, ...]:
         return self.amplitudes + self.shapes
 
     @property
@@ -123,7 +135,7 @@ class Candidate:
 
 def _parameter(
     free: Free, setting: Setting, known: Mapping[str, Any], shape: bool
-) -> tuple[Parameter, float, Array]:
+) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
     now = float(setting.scene.get(free.path))
     coordinate = "inverse-square" if free.inverse_square else "linear"
@@ -133,12 +145,14 @@ def _parameter(
         low = low if declared.low is None else max(low, declared.low)
         high = high if declared.high is None else min(high, declared.high)
     grid = offset + factor * np.array(free.grid)
-    parameter = Parameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
-    start = float(np.clip(parameter.coordinate_of(now), low, high))
-    if shape:
+    parameter = FitParameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
+    start = parameter.coordinate_of(now)
+    if not shape:
+        low, high = min(low, start), max(high, start)  # what the scene has is plausible
+    else:
         grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))
         start = float(grid[0])
-    return Parameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
+    return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
 
 
 def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, Any]) -> Candidate | None:
@@ -147,14 +161,21 @@ def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, A
         return None
     amplitudes = [_parameter(free, setting, known, shape=False) for free in usable]
     shapes = [_parameter(free, setting, known, shape=True) for free in form.shapes if free.path in known]
-    return Candidate(
+    parameters = tuple(p for p, _, _ in amplitudes)
+    off = [known[p.path].neutral for p in parameters]
+    found = Candidate(
         effect,
         form,
-        tuple(p for p, _, _ in amplitudes),
+        parameters,
         tuple(t for _, t, _ in amplitudes),
         tuple(p for p, _, _ in shapes),
         tuple(tuple(map(float, point)) for point in product(*(g for _, _, g in shapes))),
+        tuple(p.start if n is None else p.coordinate_of(n) for p, n in zip(parameters, off, strict=True)),
     )
+    if not (found.is_stated and found.shapes):
+        return found
+    own = tuple(float(np.clip(setting.scene.get(p.path), p.low, p.high)) for p in found.shapes)
+    return replace(found, grid=(own, *(point for point in found.grid if point != own)))
 
 
 def candidates(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -68,12 +67,18 @@ class Layout:
         """Angle from the lamp's axis, shape (n,)."""
         return np.asarray(np.arctan2(np.hypot(self.x_m, self.y_m), self.z_m))
 
-    @cached_property
-    def alike(self) -> Array:
-        """Correlation of an error that varies smoothly over places, shape (n, n); none from water to air."""
-        x, y, z = (np.subtract.outer(v, v) ** 2 for v in (self.x_m, self.y_m, self.z_m))
+    def alike(self, a: Labels, b: Labels) -> Array:
+        """Correlation of an error that varies smoothly over places, between two sets of readings; none from
+        water to air. Shape (len(a), len(b))."""
+        x, y, z = (np.subtract.outer(v[a], v[b]) ** 2 for v in (self.x_m, self.y_m, self.z_m))
         kernel = np.exp(-0.5 * ((x + y) / ACROSS_M**2 + z / ALONG_M**2))
-        return np.asarray(kernel * (self.air[:, None] == self.air[None]))
+        return np.asarray(kernel * (self.air[a][:, None] == self.air[b][None]))
+
+    def subset(self, rows: NDArray[np.bool_]) -> Layout:
+        """Some of the readings."""
+        place = np.cumsum(rows) - 1
+        columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "order"}
+        return Layout(**columns, order=place[self.order[rows[self.order]]])
 
     def varies(self, name: str) -> bool:
         """Does a coordinate ("x_m", "y_m", "z_m") take different values?"""

@@ -3,16 +3,18 @@ it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtrtri
 from scipy.optimize import nnls
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.chain import ChainFactor, Link, alone, low_rank
+from lightfield.diagnosis.problem.layout import Labels, Layout
+from lightfield.diagnosis.problem.scan import links_of
 
 #: Assumed when a table has hardly any standard errors: relative part, constant part over the largest reading.
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
@@ -22,6 +24,10 @@ CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 _TALL = 2.0
 #: Fewer standard errors than this say nothing about the others.
 FEWEST_STATED = 4
+#: So many readings are whitened as one; of more, so many at a time.
+FEW, BLOCK = 512, 128
+#: Shared variance that is left out between blocks, in units of the reading's own.
+_LEFT_OUT = 1e-4
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -84,6 +90,9 @@ class Budget:
     tolerance: float
     gain_stated: bool = False
     assumed: tuple[str, ...] = ()
+    outlier_rate: float = 0.0
+    #: Standard error of the calibration; None on a relative scale.
+    calibration: float | None = None
 
 
 @dataclass(frozen=True)
@@ -110,69 +119,165 @@ class Noise:
     photon_modes: Array | None = None
     response_error: Array | None = None
 
-    def extra(self, tolerance: float) -> Array:
-        """Covariance that does not scale with the quoted errors, shape (n, n)."""
-        lay, f = self.layout, np.clip(self.prediction, 0, None)
-        out = np.zeros((lay.size, lay.size))
-        if self.budget.plane_gain > 0:
-            together = lay.visit[:, None] == lay.visit[None]
-            if not self.budget.gain_stated:
-                # Assumed for lack of better, it must not widen the errors of readings that have a stay to
-                # themselves.
-                together &= (together.sum(0) > 1)[:, None]
-            out += self.budget.plane_gain**2 * np.outer(f, f) * together
-        if self.budget.position_m > 0:
-            out[np.diag_indices(lay.size)] += (self.budget.position_m * self.position_slope) ** 2
+    @property
+    def _bright(self) -> Array:
+        return np.clip(self.prediction, 0, None)
+
+    @cached_property
+    def stays(self) -> tuple[Labels, Array]:
+        """Stays that share a gain error, from 0, -1 for a reading without; its size; both of shape (n,)."""
+        _, stay, count = np.unique(self.layout.visit, return_inverse=True, return_counts=True)
+        # Assumed for lack of better, it must not widen the errors of readings that have a stay to
+        # themselves.
+        has_one = self.budget.gain_stated | (count[stay] > 1)
+        gain = np.where(has_one, self.budget.plane_gain * self._bright, 0.0)
+        return np.where(gain > 0, stay, -1), gain
+
+    def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
+        """Covariance of tolerated model error and diffuse light between two sets of readings."""
+        lay, f = self.layout, self._bright
+        out = np.zeros((len(a), len(b)))
         smooth = [(tolerance, f, CHANNELS_ALIKE)] if tolerance > 0 else []
         if self.response_error is not None and self.response_error.any():
             smooth.append((1.0, self.response_error, RESPONSES_ALIKE))
         if smooth:
-            one_channel = lay.channel[:, None] == lay.channel[None]
-            for relative, part, alike in smooth:
-                out += relative**2 * np.outer(part, part) * lay.alike * np.where(one_channel, 1.0, alike)
-        return out if self.photon_modes is None else out + self._of_photons
+            one_channel, alike = lay.channel[a][:, None] == lay.channel[b][None], lay.alike(a, b)
+            for relative, part, share in smooth:
+                out += relative**2 * np.outer(part[a], part[b]) * alike * np.where(one_channel, 1.0, share)
+        if self.photon_modes is not None and self.photon_modes.size:
+            out += self.photon_modes[a] @ self.photon_modes[b].T
+        return out
+
+    def _smooth_variance(self, tolerance: float) -> Array:
+        out = (tolerance * self._bright) ** 2
+        if self.response_error is not None:
+            out = out + self.response_error**2
+        if self.photon_modes is not None:
+            out = out + (self.photon_modes**2).sum(axis=1)
+        return np.asarray(out)
 
     @cached_property
-    def _of_photons(self) -> Array:
-        """Covariance of the Monte Carlo errors, shape (n, n)."""
-        assert self.photon_modes is not None
-        return np.asarray(self.photon_modes @ self.photon_modes.T)
+    def _smooth_columns(self) -> dict[float, Array]:
+        return {}
 
-    def serial(self, rho: float) -> Array:
-        """Correlation of the readings' own noise in scan order, shape (n, n)."""
+    def smooth_columns(self, tolerance: float) -> Array:
+        """Columns U with U U^T near the covariance of tolerated model error and diffuse light, shape (n, r).
+
+        No variance differs by more than `_LEFT_OUT` times that of the reading's own noise.
+        """
+        if tolerance not in self._smooth_columns:
+            own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
+
+            def between(a: Labels, b: Labels) -> Array:
+                return self._smooth(a, b, tolerance) / np.outer(own[a], own[b])
+
+            few = max(_LEFT_OUT, 1e-11 * float(variance.max()))
+            self._smooth_columns[tolerance] = own[:, None] * low_rank(between, variance, few)
+        return self._smooth_columns[tolerance]
+
+    def extra(self, tolerance: float, rows: Labels | None = None) -> Array:
+        """Covariance of all or some readings that does not scale with the quoted errors, shape (n, n)."""
+        a = np.arange(self.layout.size) if rows is None else rows
+        out = self._smooth(a, a, tolerance)
+        stay, gain = (each[a] for each in self.stays)
+        if gain.any():
+            out += np.outer(gain, gain) * (stay[:, None] == stay[None])
+        if self.budget.position_m > 0:
+            out[np.diag_indices(len(a))] += (self.budget.position_m * self.position_slope[a]) ** 2
+        return out
+
+    def serial(self, rho: float, rows: Labels | None = None) -> Array:
+        """Correlation of the own noise of all or some readings in scan order, shape (n, n)."""
         lay = self.layout
+        a = np.arange(lay.size) if rows is None else rows
         if rho == 0:
-            return np.eye(lay.size)
-        lag = np.abs(np.subtract.outer(lay.position, lay.position))
-        return np.where(
-            lay.channel[:, None] == lay.channel[None], rho ** np.minimum(lag, 80), 0.0
-        ) + 1e-9 * np.eye(lay.size)
+            return np.eye(len(a))
+        lag = np.abs(np.subtract.outer(lay.position[a], lay.position[a])).astype(int)
+        one_channel = lay.channel[a][:, None] == lay.channel[a][None]
+        powers = rho ** np.arange(lag.max() + 1)
+        return np.asarray(np.where(one_channel, powers[lag], 0.0) + 1e-9 * np.eye(len(a)))
 
-    def covariance(self, rho: float, phi: float, tolerance: float) -> Array:
+    def covariance(self, rho: float, phi: float, tolerance: float, rows: Labels | None = None) -> Array:
         """phi S R S + plane gain + stage + tolerated smooth model error + Monte Carlo, shape (n, n)."""
-        return phi * np.outer(self.sigma, self.sigma) * self.serial(rho) + self.extra(tolerance)
+        sigma = self.sigma if rows is None else self.sigma[rows]
+        return phi * np.outer(sigma, sigma) * self.serial(rho, rows) + self.extra(tolerance, rows)
+
+    def variance(self, phi: float, tolerance: float) -> Array:
+        """Diagonal of the covariance without serial correlation, shape (n,)."""
+        stage = (self.budget.position_m * self.position_slope) ** 2
+        return np.asarray(phi * self.sigma**2 + self.stays[1] ** 2 + stage + self._smooth_variance(tolerance))
+
+    def independent(self, tolerance: float) -> bool:
+        """Do no two readings share an error, but for serial correlation?"""
+        stay = self.stays[0][self.stays[0] >= 0]
+        return not self._smooth_variance(tolerance).any() and len(np.unique(stay)) == len(stay)
+
+    def subset(self, rows: NDArray[np.bool_]) -> Noise:
+        """Of some of the readings."""
+        modes, smooth = self.photon_modes, self.response_error
+        return Noise(
+            self.layout.subset(rows), self.sigma[rows], self.prediction[rows], self.budget,
+            self.position_slope[rows],
+            None if modes is None else modes[rows], None if smooth is None else smooth[rows],
+        )  # fmt: skip
 
 
 class Whitener:
-    """Multiplies columns by the inverse Cholesky factor of the covariance."""
+    """Multiplies columns by the inverse Cholesky factor of the covariance.
 
-    def __init__(self, noise: Noise, rho: float = 0.0, phi: float = 1.0, tolerance: float = 0.0) -> None:
+    Few readings, or such as share nearly as many errors as there are, are one block, in the order of the
+    table. Many are taken in that of the scan, in which stays and serial correlation are short.
+
+    Parameters
+    ----------
+    block : int, optional
+        Most readings in one block.
+    """
+
+    def __init__(
+        self,
+        noise: Noise,
+        rho: float = 0.0,
+        phi: float = 1.0,
+        tolerance: float = 0.0,
+        block: int | None = None,
+    ) -> None:
         self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
-        factor = np.linalg.cholesky(noise.covariance(rho, phi, tolerance))
-        diagonal = np.diag(factor)
-        #: Logarithm of the determinant of the covariance.
-        self.log_determinant = 2 * float(np.log(diagonal).sum())
-        self._inverse: Array | None = None
-        self._diagonal = 1 / diagonal
-        if np.abs(factor - np.diag(diagonal)).max() > 1e-12 * diagonal.max():
-            self._inverse, _ = dtrtri(factor, lower=1)
+        self._sigma: Array | None = None
+        self._order: Labels | None = None
+        if rho == 0 and noise.independent(tolerance):
+            variance = noise.variance(phi, tolerance)
+            self._sigma = np.sqrt(variance)
+            #: Logarithm of the determinant of the covariance.
+            self.log_determinant = float(np.log(variance).sum())
+            return
+        n, size = noise.layout.size, block or BLOCK
+        if n <= (block or FEW) or (block is None and 2 * noise.smooth_columns(tolerance).shape[1] + size > n):
+            links: Iterable[Link] = [alone(noise.covariance(rho, phi, tolerance))]
+        else:
+            self._order = np.argsort(noise.layout.position, kind="stable")
+            links = links_of(noise, rho, phi, tolerance, self._order, size)
+        self._factor = ChainFactor(links)
+        self.log_determinant = self._factor.log_determinant
 
     def __call__(self, columns: Array) -> Array:
-        if self._inverse is not None:
-            return np.asarray(self._inverse @ columns)
-        return np.asarray(
-            self._diagonal * columns if columns.ndim == 1 else self._diagonal[:, None] * columns
-        )
+        if self._sigma is not None:
+            return columns / (self._sigma if columns.ndim == 1 else self._sigma[:, None])
+        return self._applied(self._factor.white, columns)
+
+    def coloured(self, columns: Array) -> Array:
+        """Columns times the Cholesky factor: the inverse of whitening."""
+        if self._sigma is not None:
+            return columns * (self._sigma if columns.ndim == 1 else self._sigma[:, None])
+        return self._applied(self._factor.coloured, columns)
+
+    def _applied(self, factor: Callable[[Array], Array], columns: Array) -> Array:
+        two = columns[:, None] if columns.ndim == 1 else columns
+        if self._order is None:
+            return np.asarray(factor(two).reshape(columns.shape))
+        out = np.empty(two.shape)
+        out[self._order] = factor(two[self._order])
+        return out.reshape(columns.shape)
 
     def replicates(self, rng: np.random.Generator, count: int) -> Array:
         """Whitened noise, shape (n, count)."""

@@ -10,7 +10,9 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout
-from lightfield.fitting.least_squares import Fit, Forward, Model, Parameter, Whiten, least_squares
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit, Whiten, least_squares
+from lightfield.fitting.parameter import FitParameter, Model
 
 Explanation = tuple[Candidate, ...]
 
@@ -24,20 +26,22 @@ class Problem:
     value : array, shape (n,)
     keep : array of 0 and 1, shape (n,)
         Readings left out (saturated, gross outliers) carry 0.
-    base : tuple of Parameter
+    base : tuple of FitParameter
         Gain per channel, beam half-width, absorption.
     """
 
-    forward: Forward
+    forward: SceneForward
     layout: Layout
     value: Array
     keep: Array
-    base: tuple[Parameter, ...]
+    base: tuple[FitParameter, ...]
     candidates: tuple[Candidate, ...]
 
     def model(self, explanation: Explanation = ()) -> Model:
         """The base model with the effects of an explanation set free."""
-        return Model(self.forward, self.base + tuple(p for c in explanation for p in c.parameters))
+        replaced = {path for c in explanation for path in c.effect.instead_of}
+        base = (p.held(0.5 * (p.low + p.high)) if p.path in replaced else p for p in self.base)
+        return Model(self.forward, (*base, *(p for c in explanation for p in c.parameters)))
 
     def fit(
         self,

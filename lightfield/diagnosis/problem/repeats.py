@@ -66,7 +66,7 @@ def repeats_of(readings: Any) -> Repeats | None:
         columns = (layout.x_m, layout.y_m, layout.z_m, layout.air, layout.channel)
         _, place = np.unique(np.round(np.stack(columns, axis=1), 4), axis=0, return_inverse=True)
         rows: list[tuple[float, float, float, int]] = []
-        for label in np.unique(place[chosen]):
+        for label in np.flatnonzero(np.bincount(place[chosen]) >= FEWEST_VISITS):
             here = np.flatnonzero(chosen & (place == label))
             visits = [here[layout.visit[here] == v] for v in np.unique(layout.visit[here])]
             if len(visits) < FEWEST_VISITS:

@@ -15,8 +15,9 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT, Diffuse, DiffuseSource, has_diffuse_light
-from lightfield.fitting.least_squares import Parameter
+from lightfield.fitting.forward import READOUT
+from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.fitting.parameter import FitParameter
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -24,12 +25,24 @@ from lightfield.scene.scene import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm.
-PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT = 0.3, 0.0, 0.3
+PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
+#: A radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to 10 % in
+#: water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp powers.
+CALIBRATION_PERCENT = 10.0
+#: The gain of absolute readings is looked for within so many errors of the calibration.
+_GAIN_SIGMAS = 3.0
+#: On a relative scale a gain is looked for within this exponent of the first guess.
+GAIN_ROOM = 12.0
 #: Half widths are looked for within this factor of the guess.
 _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
 _FEWEST_TO_SPARE = 1
+#: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
+#: which the model may be wrong in its own way.
+MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
+#: Memory of traced light grows with the square of the places that it is wanted at (2.4 GB at so many).
+MOST_TRACED = 3000
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -51,6 +64,13 @@ def budget_of(readings: Any) -> Budget:
         assumed.append(f"position_mm = {POSITION_MM:g}")
     if tolerance is None:
         assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
+    slips = stated.outlier_percent
+    if slips is None:
+        slips = OUTLIER_PERCENT
+        assumed.append(f"outlier_percent = {slips:g}")
+    calibration = calibration_of(readings)
+    if calibration is not None and stated.calibration_percent is None:
+        assumed.append(f"calibration_percent = {CALIBRATION_PERCENT:g}")
     if not errors_stated(np.asarray(readings.stderr, float)):
         assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
     return Budget(
@@ -59,11 +79,24 @@ def budget_of(readings: Any) -> Budget:
         (TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
         gain is not None,
         tuple(assumed),
+        slips / 100,
+        calibration,
     )
 
 
-def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Parameter, ...]:
+def calibration_of(readings: Any) -> float | None:
+    """Relative standard error of an absolute calibration, stated or assumed; None on a relative scale."""
+    if readings.scale != "absolute":
+        return None
+    stated = readings.budget.calibration_percent
+    return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
+
+
+def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
     """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
+
+    On an absolute scale the gain is 1 within the error of the calibration, which is its range; its start is
+    what the readings show at once, be it in that range or not.
 
     The scene's values are guesses. Where they are far from what the readings show at once, the fit starts
     from that: in the flank of a wrong beam, or behind a wall of absorption, it would not find its way.
@@ -78,11 +111,11 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
-        hwhm, seen = scene.lamp.hwhm_deg, forward.width_seen_deg
+        hwhm, seen = scene.lamp.hwhm_deg, forward.light.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
         low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
         begin = start["lamp.hwhm_deg"] = min(begin, high)
-        free.append(Parameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
+        free.append(FitParameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
     if scene.water.absorption_at and scene.water.base == "none":
         free += _spectrum(scene, layout, len(names) == 1)
     elif layout.varies("z_m") and not layout.air.all():
@@ -93,7 +126,7 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
         else:
             begin = now
         low, high = min(clearest, now), max(now, begin) + 3.0
-        free.append(Parameter("water.absorption_per_m", low, high, begin, 1e-4))
+        free.append(FitParameter("water.absorption_per_m", low, high, begin, 1e-4))
     unit = forward.predict(start)
     least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
     gains = []
@@ -103,7 +136,9 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[Paramet
         gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], 1e-300)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
-        gains.append(Parameter(name, np.log(gain) - 12, np.log(gain) + 12, float(np.log(gain)), 1e-5, "log"))
+        begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
+        low, high = (-room, room) if forward.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
+        gains.append(FitParameter(name, low, high, begin, 1e-5, "log"))
     return (*gains, *free)
 
 
@@ -126,13 +161,13 @@ def _decay_per_m(layout: Layout, light: Array) -> float:
     return above / below if below > 0 else 0.0
 
 
-def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[Parameter]:
+def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[FitParameter]:
     """Absorption at each wavelength, where the readings tell it from the gain."""
     out = []
     for wavelength, now in scene.water.absorption_at:
         z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < 1e-3)]
         if len(z) and (np.ptp(z) > 1e-6 or (one_gain and layout.varies("z_m"))):
-            out.append(Parameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
+            out.append(FitParameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
     return out
 
 
@@ -173,9 +208,10 @@ def problem_of(
     Raises
     ------
     FitError
-        Too few readings for the base model, or none but zeros.
+        Too few readings for the base model, too many for one diagnosis, or none but zeros.
     """
     layout, value = layout_of(readings), np.asarray(readings.value, float)
+    _check_size(layout, readings.source)
     keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
     base = base_parameters(forward, layout, value)
     if keep.sum() < len(base) + _FEWEST_TO_SPARE:
@@ -197,12 +233,27 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    setting = Setting(forward.scene, layout, signal, float(high - low))
+    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute)
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     return Problem(forward, layout, value, keep, base, found), untestable
 
 
-def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: tuple[Parameter, ...]) -> None:
+def _check_size(layout: Layout, source: str) -> None:
+    """Refuse what would take hours or all memory."""
+    distances = len(np.unique(layout.plane * 1000 + layout.channel))
+    if layout.size > MOST_READINGS or layout.size * distances > MOST_AT_DISTANCES:
+        raise FitError(
+            "too many readings for one diagnosis",
+            where=source or None,
+            found=f"{layout.size} readings at {distances} distances (apart for each medium and wavelength)",
+            rule=f"at most {MOST_READINGS} readings, and {MOST_AT_DISTANCES} in the product of the two",
+            remedy="diagnose every tenth reading, say, average what was read at one place, or round z_m",
+        )
+
+
+def _check_reach(
+    forward: Any, readings: Any, value: Array, keep: Array, base: tuple[FitParameter, ...]
+) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
     bright = (keep > 0) & (value > 0.05 * value[keep > 0].max())
@@ -218,18 +269,38 @@ def _check_reach(forward: Any, readings: Any, value: Array, keep: Array, base: t
         )
 
 
-def source_of(scene: Scene, diffuse: DiffuseSource | str | None) -> tuple[DiffuseSource | None, str | None]:
+def source_of(
+    scene: Scene, diffuse: DiffuseSource | str | None, readings: Any
+) -> tuple[DiffuseSource | None, str | None]:
     """What gives scattered and reflected light, or why nothing does.
 
     Parameters
     ----------
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
+    readings : Readings
+        At more places than light is traced at, it is done without if the scene has none.
+
+    Raises
+    ------
+    FitError
+        Light of the scene itself would have to be traced at too many places.
     """
     if diffuse is None:
         return None, "scattered and reflected light was not traced"
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+    at = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
+    if len(at) > MOST_TRACED and (places := len(np.unique(np.round(at, 4), axis=0))) > MOST_TRACED:
+        if has_diffuse_light(scene):
+            raise FitError(
+                "too many places to trace the scene's scattered and reflected light",
+                where=readings.source or None,
+                found=f"{places} places",
+                rule=f"at most {MOST_TRACED}",
+                remedy="diagnose a part of the readings, every third one, say",
+            )
+        return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
     if callable(diffuse):
         return diffuse, None
     from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs

@@ -8,8 +8,8 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class Finding:
         Everything fitted at the deciding level, rivals included.
     n : int
         Number of readings that were fitted.
+    withheld : bool
+        There was an answer, and no reason to believe it.
     """
 
     size: int | None
@@ -75,6 +77,11 @@ class Finding:
     weights: list[float]
     tried: list[Tried]
     n: int
+    withheld: bool = False
+
+    def without_answer(self) -> Finding:
+        """The same, where no answer can rest on the readings."""
+        return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
 
     @property
     def whiten(self) -> Whiten:
@@ -107,19 +114,31 @@ def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:
     return weights([*found, base])[:-1]
 
 
-def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha: float = ALPHA) -> Finding:
+def search(
+    prepared: Prepared,
+    tolerance: float,
+    rng: np.random.Generator,
+    alpha: float = ALPHA,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Finding:
     """The smallest sets of effects beside which nothing is missing.
 
     Parameters
     ----------
     tolerance : float
         Smooth relative misfit that is of no interest.
+    progress : callable
+        Told what begins.
     """
     problem, n = prepared.problem, int(prepared.problem.keep.sum())
     starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
     levels: list[Level] = []
 
+    def began(what: str, width: float) -> None:
+        progress(what + (f" within {100 * width:g} %" if width else ""))
+
     def prepare_level(width: float) -> Level:
+        began("the base model", width)
         made = bench(prepared, width, rng)
         base = problem.fit((), made.whiten, starts)
         levels.append(Level(width, made, base, made.test(base)))
@@ -136,12 +155,14 @@ def search(prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha
     level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, 0.2))
 
     def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
+        began("one effect at a time", level.tolerance)
         fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
         return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     def two_more(
         level: Level, singles: list[Tried], known: Sequence[Fitted]
     ) -> tuple[list[Fitted], list[Tried]]:
+        began("two effects at a time", level.tolerance)
         fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
         return fits, search_pairs(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 

@@ -81,13 +81,13 @@ def describe(
     ]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
-    missing = problem.forward.to_trace([fit.values])
+    missing = problem.forward.light.to_trace([fit.values])
     if misses(whiten, best[1]) and misses(own, fit):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else 4]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        asked = problem.forward.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
+        asked = problem.forward.light.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
     known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]

@@ -41,7 +41,7 @@ def from_valleys(
     """The same for a single effect: water between two traced ones may look right only because neither trace
     says much of it, so that dense water is looked for at the traced one as well."""
     found = [settled(problem, explanation, fit, whiten, noise)]
-    more = problem.forward.factor_to_traced(found[0][1].values)
+    more = problem.forward.light.factor_to_traced(found[0][1].values)
     if abs(more - 1) > FAR_FROM_TRACED:
         (candidate,), u = explanation, fit.u.copy()
         for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):

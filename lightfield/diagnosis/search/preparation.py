@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -25,10 +25,11 @@ from lightfield.diagnosis.adequacy.robust import (
     serial_correlation,
     unstated_error,
 )
+from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, AdequacyTest
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener, errors_stated, smooth_stderr
+from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.description import Description, describe
 from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_response_error
@@ -214,7 +215,10 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
     reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
     rich = _rich(problem, plain, reference)
     about = with_response_error(problem, noise, reference)
-    phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
+    if problem.layout.size <= FEW:
+        phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
+    else:
+        phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep)
     return _bench(prepared, Whitener(noise, rho, phi, tolerance), rng)
 
 
@@ -223,19 +227,18 @@ def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Be
     unknowns = whitened_unknowns(problem, whiten)
     # Drawn now, worked out when tested: what is drawn must not depend on what was tested before.
     white = whiten.replicates(rng, REPLICATES)
-    noise, scale = partial(_with_serial, whiten, prepared.serial, white), whiten.phi * prepared.excess
+    noise, scale = cache(partial(_with_serial, whiten, prepared.serial, white)), whiten.phi * prepared.excess
     test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale)
     return Bench(whiten, test, unknowns, whiten.phi)
 
 
 def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
-    """Whitened noise that carries the uncertainty of the serial correlation, shape (n, REPLICATES)."""
-    white = white.copy()
+    """Whitened noise, given the uncertainty of the serial correlation in place, shape (n, REPLICATES)."""
     for i, rho in enumerate(serial.levels):
         if abs(rho - whiten.rho) > 1e-3:
             mine = slice(i, None, len(serial.levels))
-            factor = np.linalg.cholesky(whiten.noise.covariance(rho, whiten.phi, whiten.tolerance))
-            white[:, mine] = whiten(factor @ white[:, mine])
+            other = Whitener(whiten.noise, rho, whiten.phi, whiten.tolerance)
+            white[:, mine] = whiten(other.coloured(white[:, mine]))
     return white
 
 

@@ -4,13 +4,13 @@ errors that the curvature at one of them does not show: profile likelihood over 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.fitting.least_squares import Fit, Model, Whiten, least_squares
+from lightfield.fitting.least_squares import Fit, Whiten, least_squares
+from lightfield.fitting.parameter import Model
 
 _POINTS = 9
 _STEPS = 15
@@ -51,7 +51,7 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float) ->
     for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
         row = [fit]
         for value in side:
-            held = replace(parameter, low=float(value), high=float(value), start=float(value))
+            held = parameter.held(float(value))
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
             row.append(least_squares(model, problem.value, whiten, row[-1].u, problem.keep, _STEPS, 1e-2))

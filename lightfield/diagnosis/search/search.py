@@ -53,8 +53,17 @@ class Tried:
 
     @property
     def at_edge(self) -> bool:
-        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?"""
-        return self._bounded(p.path for c in self.explanation for p in c.amplitudes)
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
+
+        That an effect which the scene has is not there at all is an answer, not an edge.
+        """
+        found = dict(zip(self.fit.paths, self.fit.u, strict=True))
+        return self._bounded(
+            p.path
+            for c in self.explanation
+            for p, off in zip(c.amplitudes, c.neutral, strict=True)
+            if not (c.is_stated and found[p.path] == off)
+        )
 
     @property
     def at_bound(self) -> bool:
@@ -73,7 +82,7 @@ class Tried:
         return any(
             not errors[p.path] <= p.width(u)
             for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
-            if p.path in amplitudes
+            if p.path in amplitudes and not p.is_held
         )
 
     def accepted(self, alpha: float) -> bool:

@@ -12,7 +12,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.rivals import separation
 from lightfield.diagnosis.search.search import Tried
-from lightfield.fitting.least_squares import Fit, Forward, Whiten
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.scene import Tank
 
 #: Part of the photons that the trace at possible places is worth.
@@ -55,9 +56,9 @@ def possible_places(problem: Problem, tank: Tank | None) -> Places:
     gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
     inside = np.ones(len(gx), bool)
     if tank is not None:
-        floor, end = tank.lamp_depth_m - tank.depth_m, tank.length_m - tank.behind_lamp_m
-        inside = (np.abs(gx) < 0.97 * tank.width_m / 2) & (gz < 0.98 * end)
-        inside &= (gy > floor + 0.03) & (gy < tank.lamp_depth_m - 0.03)
+        (_, side), (floor, top), (_, end) = tank.box_m
+        inside = (np.abs(gx) < 0.97 * side) & (gz < 0.98 * end)
+        inside &= (gy > floor + 0.03) & (gy < top - 0.03)
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 
@@ -139,7 +140,7 @@ def _way(
     whiten: Whiten,
     truth: Fit,
     rival: Tried,
-    there: Forward,
+    there: SceneForward,
     sigma: Callable[[Array], Array],
     phi: float,
 ) -> Way:
@@ -162,12 +163,12 @@ def _way(
     return Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
 
 
-def own_error(there: Forward, values: Mapping[str, float]) -> Array:
+def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
     """Error that scattered and reflected light will give to readings once they are taken, shape (n,).
 
     Parameters
     ----------
-    there : Forward
+    there : SceneForward
         Traced with a part `ROUGH` of the photons; readings that were taken are traced with all.
     """
     modes, smooth = there.errors(values)
@@ -181,14 +182,14 @@ def where_next(
     two: Tried,
     phi: float,
     places: Places,
-    there: Forward,
+    there: SceneForward,
     sigma: Callable[[Array], Array],
 ) -> Advice:
     """Where to measure next so that two explanations part.
 
     Parameters
     ----------
-    there : Forward
+    there : SceneForward
         Predicts readings at the places.
     sigma : callable
         Standard error of a reading from its prediction.

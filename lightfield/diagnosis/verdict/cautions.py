@@ -9,7 +9,7 @@ from scipy import special
 
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.verdict import Explanation
+from lightfield.diagnosis.verdict.verdict import Explanation, Reason
 
 #: Factors on the stated variance from which on they are spoken of; the first only if it is no chance.
 _NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25
@@ -51,7 +51,7 @@ def cautions(
         out.append("a significant misfit is smaller than the tolerance and was ignored")
     for explanation in explanations[:1]:
         for path, estimate in explanation.parameters.items():
-            if estimate.reason == "at boundary":
+            if estimate.reason is Reason.AT_BOUNDARY:
                 out.append(
                     f"{path} lies at the edge of its plausible range ({estimate.value:g}): not a finding"
                 )

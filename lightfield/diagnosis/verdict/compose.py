@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,13 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
 from lightfield.diagnosis.verdict.ladder import Step, bright
+from lightfield.diagnosis.verdict.plausibility import exchanged, hints
+from lightfield.diagnosis.verdict.refutation import Judged, entries, judged
+from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
 from lightfield.diagnosis.verdict.verdict import (
     DetectionLimit,
     Estimate,
@@ -25,6 +28,7 @@ from lightfield.diagnosis.verdict.verdict import (
     Kind,
     NearestRival,
     NextMeasurement,
+    Reason,
     Rung,
     Spot,
     Verdict,
@@ -33,9 +37,6 @@ from lightfield.fitting.least_squares import Fit
 
 #: A family of unknown factors is named when it takes away this part of the misfit.
 _NAMED = 0.35
-_SHOWN = 8
-#: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
-_CREDIBLE = 2.0
 
 
 def estimates(
@@ -54,15 +55,17 @@ def estimates(
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
-        reason = None
-        if bound[i]:
-            reason = "at boundary"
+        reason: Reason | None = None
+        if fit.model.parameters[i].is_held:
+            reason = Reason.HELD
+        elif bound[i]:
+            reason = Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
-            reason = "did not move the model"
+            reason = Reason.DID_NOT_MOVE
         elif not np.isfinite(error):
-            reason = "undetermined"
+            reason = Reason.UNDETERMINED
         elif error > fit.model.parameters[i].width(fit.u[i]):
-            reason = "undetermined: error wider than the allowed range"
+            reason = Reason.TOO_WIDE
         out[path] = Estimate(
             value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
         )
@@ -231,16 +234,6 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
     return (best.name if best else None), (_where(best) if best else ""), advice
 
 
-def error_scale(prepared: Prepared, finding: Finding) -> float:
-    """Variance of the readings' errors over the quoted one, judged beside the best explanation.
-
-    A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
-    """
-    best = finding.accepted[0].adequacy if finding.accepted else None
-    scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
-    return min(scale, _CREDIBLE) if finding.size is None and prepared.errors_stated else scale
-
-
 def verdict_of(
     forward: Any,
     readings: Any,
@@ -248,11 +241,19 @@ def verdict_of(
     finding: Finding,
     steps: list[Step],
     untestable: dict[str, str],
+    trust: Trust,
     seed: int,
     alpha: float,
     advise: bool,
+    lamp: Sequence[Judged] = (),
 ) -> Verdict:
-    """The verdict as plain data."""
+    """The verdict as plain data.
+
+    Parameters
+    ----------
+    lamp : sequence of Judged
+        What absolute readings say of the lamp's power.
+    """
     problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
     best = finding.accepted[0] if finding.accepted else None
     absorbed = {
@@ -275,8 +276,13 @@ def verdict_of(
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
         if kind == "ambiguous" and other is not None and advise:
             advice = _advice(forward, prepared, finding, best, other)
-    elif kind == "unexplained":
+    elif kind == "unexplained" and not finding.withheld:
         coordinate, where, advice = _unexplained(prepared, finding)
+    aside = aside_words.entries(readings, trust)
+    # A misfit that has a coordinate says more than any doubt.
+    doubt = trust.doubt if coordinate is None else None
+    if doubt is not None and trust.structure is not None:
+        coordinate, advice = trust.structure.coordinate, aside_words.advice(aside)
     tolerance = prepared.noise.budget.tolerance
     within_tolerance = level.tolerance > 0
     within = f" within {100 * tolerance:g} %" if within_tolerance else ""
@@ -285,72 +291,70 @@ def verdict_of(
     explanations = _explanations(finding, prepared, steps, units, advise)
     limits = _limits(finding, best, units)
     counted = bright(problem)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, error_scale(prepared, finding), 0.0)))
+    sigma = standard_errors(prepared, finding)
     floor = (
         float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
         if counted.any()
         else 0.0
     )
-    saturated = np.flatnonzero(np.asarray(readings.saturated))
-    outliers = [int(i) for i in np.flatnonzero(problem.keep == 0) if i not in set(saturated)]
+    scale = variance_scale(prepared, finding)
+    noise = words.at_noise(trust.noise_percent, prepared.errors_stated, scale)
+    phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
+    own_effects = entries(
+        forward.scene,
+        # What cannot be trusted contradicts no scene either.
+        [] if doubt is not None else [*lamp, *judged(prepared, finding, untestable)],
+        (p.path for p in problem.base),
+        untestable,
+        lambda fit, least: estimates(fit, phi, units, least),
+    )
+
+    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> words.Said:
+        new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
+        return words.said(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
+
+    said = stated.said(kind, explanations, rival, own_effects, say)
+    if doubt is not None:
+        said = words.Said.of(f"Unexplained: {doubt}.")
+    waves = int(problem.layout.channel.max()) > 0
     return Verdict(
         verdict=kind,
-        sentence=words.sentence(
-            kind, explanations, rival, limits, coordinate, where, within, finding.determined
-        ),
+        **said.then(aside_words.sentence(aside, problem.layout.size, waves)).fields,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
         detection_limits=limits,
         untestable=untestable,
         unexplained_coordinate=coordinate,
+        doubt=doubt,
         ladder=_rungs(steps, forward, level.phi, units, best),
         noise_floor_percent=floor,
+        noise_percent=trust.noise_percent,
         next_measurement=advice,
+        stated=own_effects,
         assumed=list(prepared.noise.budget.assumed),
-        warnings=cautions(readings, prepared, finding, explanations),
+        warnings=[
+            *hints(forward, problem, steps[-1].fit, prepared.noise.budget.calibration),
+            *exchanged(forward, problem, finding),
+            *cautions(readings, prepared, finding, explanations),
+        ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=within_tolerance,
-        variance_scale=variance_scale(prepared, finding),
+        variance_scale=scale,
         serial_correlation=prepared.serial.rho,
-        outliers=outliers,
-        saturated=[int(i) for i in saturated],
+        outliers=[int(i) for i in np.flatnonzero(trust.aside)],
+        saturated=[int(i) for i in np.flatnonzero(np.asarray(readings.saturated))],
+        set_aside=aside,
         readings=problem.layout.size,
         seed=seed,
     )
 
 
-def summary(verdict: Verdict) -> str:
-    """The verdict for people: one sentence, then what supports it."""
-    lines = [verdict.sentence]
-    if verdict.ladder:
-        lines.append("")
-        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}")
-        for rung in verdict.ladder:
-            held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
-            lines.append(f"{rung.label:<28}{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}")
-            if rung.rendered_error_percent is not None:
-                about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
-                lines.append(f"{'  rendered afresh':<28}{about}")
-        lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
-    for explanation in verdict.explanations[:_SHOWN]:
-        values = ", ".join(
-            f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
-            for path, e in explanation.parameters.items()
-            if not path.startswith("gain")
-        )
-        lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
-    if verdict.next_measurement:
-        lines.append(f"next: {verdict.next_measurement.sentence}")
-    reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}
-    if reachable and verdict.verdict == "none":
-        listed = ", ".join(
-            f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
-        )
-        lines.append("would have been seen: " + listed)
-    for reason in dict.fromkeys(verdict.untestable.values()):
-        names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
-        lines.append(f"not testable here: {names} ({reason})")
-    lines += [f"assumed: {a}" for a in verdict.assumed]
-    lines += [f"warning: {w}" for w in verdict.warnings]
-    return "\n".join(lines)
+def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
+    """What changes in a verdict that something found later contradicts."""
+    named = words.join(verdict.effects) if verdict.effects else "the base model"
+    doubt = f"{named} would explain the readings, but {contradiction}"
+    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
+    aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
+    said = words.Said.of(f"Unexplained: {doubt}.").then(aside)
+    return {"verdict": "unexplained", "effects": [], "doubt": doubt, **said.fields}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
@@ -68,6 +69,13 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     return percent(problem, prediction, counted)
 
 
+def _label(candidate: Candidate) -> str:
+    """What a rung changes: an effect more, or one of the scene's left out or of another size."""
+    if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
+        return f"+ {candidate.name}"
+    return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
+
+
 def climb(
     problem: Problem,
     explanation: Explanation,
@@ -95,6 +103,9 @@ def climb(
             fits = [start, problem.default_start(base.u, (candidate,))]
             alone.append(problem.fit((candidate,), whiten, fits).chi2)
         order = [order[int(np.argmin(alone))], order[int(np.argmax(alone))]]
+    # What takes the place of a base parameter comes first: the rest would be bent to do its work.
+    order.sort(key=lambda c: not c.effect.instead_of)
+    bent = any(c.effect.instead_of for c in order)
     steps: list[Step] = []
     counted, n = bright(problem), int(problem.keep.sum())
     fit = base
@@ -107,7 +118,7 @@ def climb(
             if k == len(order):
                 starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
             fit = problem.fit(part, whiten, starts_k, tolerance=1e-5)
-        label = "base" if not k else "+ " + order[k - 1].name
+        label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(
             Step(
@@ -116,7 +127,7 @@ def climb(
                 fit,
                 percent(problem, fit.prediction, counted),
                 fit.chi2 * phi / dof,
-                held_out(problem, part, fit, whiten) if with_held_out else float("nan"),
+                held_out(problem, part, fit, whiten) if with_held_out and (k or not bent) else float("nan"),
             )
         )
     return steps

@@ -6,6 +6,16 @@ from lightfield.fitting.effects.effect import Effect, Form, Free
 
 EFFECTS: tuple[Effect, ...] = (
     Effect(
+        "lamp_power",
+        "lamp power",
+        (Form("factor", (Free("lamp.power_w", 1e-4, 1e4, 0.1, per="power"),)),),
+        "The lamp gives more or less light than the scene says, or the readings are in another unit.",
+        "All readings too bright or too dark by one factor.",
+        "Measure the lamp with a calibrated meter; check the readings' unit and the detector's calibration.",
+        needs=("absolute",),
+        instead_of=("gain",),
+    ),
+    Effect(
         "apparent_source",
         "path and attenuation",
         (Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),),

@@ -10,7 +10,7 @@ from lightfield.scene.acts import DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on
 
 Scale = Literal[
-    "one", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
+    "one", "power", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
 ]
 Need = Literal[
     "vary_x",
@@ -23,6 +23,7 @@ Need = Literal[
     "spectral",
     "known_base",
     "off_axis",
+    "absolute",
 ]
 
 
@@ -39,7 +40,8 @@ class Free:
     typical : float
         Size worth asking about, in multiples of `per`; also the yard-stick of finite differences.
     per : str
-        What the numbers are multiples of: "one" (the parameter's own unit), "signal" (largest reading),
+        What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
+        "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
         "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm).
     grid : tuple of float
@@ -83,6 +85,8 @@ class Effect:
         What happens, what its residual looks like, how to check or remove it.
     needs : tuple of str
         Conditions on readings and scene without which it cannot be tested.
+    instead_of : tuple of str
+        Parameters of the base model that it takes the place of: held in the middle of their range.
     """
 
     name: str
@@ -92,6 +96,7 @@ class Effect:
     signature: str
     laboratory: str
     needs: tuple[Need, ...] = ()
+    instead_of: tuple[str, ...] = ()
 
     @cached_property
     def diffuse(self) -> bool:

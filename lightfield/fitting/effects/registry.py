@@ -12,7 +12,7 @@ from lightfield.fitting.effects.builtin import EFFECTS
 from lightfield.fitting.effects.effect import Effect, Form
 from lightfield.scene import Scene
 
-ENTRY_POINT_GROUP = "lightfield.fitting.effects"
+ENTRY_POINT_GROUP = "lightfield.effects"
 
 
 def _from_entry_points() -> Iterable[Effect]:

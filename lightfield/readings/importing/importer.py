@@ -11,6 +11,7 @@ import numpy as np
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
+from lightfield.readings.columns import ErrorBudget, LoadWarning
 from lightfield.readings.importing import provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
@@ -19,7 +20,7 @@ from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectrum
 from lightfield.readings.problems import Problems
-from lightfield.readings.readings import ErrorBudget, LoadWarning, Readings
+from lightfield.readings.readings import Readings
 from lightfield.readings.units import is_absolute
 
 

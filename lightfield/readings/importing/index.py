@@ -8,9 +8,10 @@ from os.path import normpath
 from pathlib import Path
 
 from lightfield.readings import text
+from lightfield.readings.columns import MEDIA
 from lightfield.readings.problems import Problems
-from lightfield.readings.readings import MEDIA
 from lightfield.readings.sheet import UNITS, look_alike, read_sheet
+from lightfield.storage.inputs import INDEX
 
 ROLES = ("signal", "dark", "reference", "ignore")
 NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
@@ -55,7 +56,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
         The file cannot be read; everything else that is wrong goes to `problems`.
     """
     where = fspath(path)
-    sheet = read_sheet(text.read_text(where), problems, COLUMNS, ("file",), NUMBERS)
+    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS)
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
     for name in (n for n in COLUMNS if n not in place and n != "file"):

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.readings.columns import LoadWarning
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.problems import ranges
-from lightfield.readings.readings import LoadWarning
 
 # Columns of a table made by import beside those of every reading table.
 COLUMNS = ("file", "n_spectra", "dark", "nonlinearity_corrected", "electric_dark_corrected")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
-from lightfield.readings.readings import QUANTITIES
+from lightfield.readings.columns import QUANTITIES
 
 Bands = Sequence[tuple[float, float]]
 

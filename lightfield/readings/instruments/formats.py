@@ -10,6 +10,7 @@ from lightfield.readings.instruments import jaz, jaz_irradiance, oceanview, spec
 from lightfield.readings.instruments.oceanoptics import take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.text import Text, read_text
+from lightfield.storage.inputs import SPECTRUM
 
 # The more particular first.
 READERS: tuple[ModuleType, ...] = (jaz_irradiance, jaz, oceanview, spectrasuite)
@@ -23,7 +24,7 @@ def read_spectrum(path: str | Path) -> Spectrum:
     MeasurementError
         Unknown format, or all problems of the file with their lines.
     """
-    return parse_spectrum(read_text(path), str(path))
+    return parse_spectrum(read_text(path, SPECTRUM), str(path))
 
 
 def parse_spectrum(content: Text, where: str) -> Spectrum:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from typing import Any
@@ -14,8 +14,7 @@ import numpy as np
 from lightfield.readings import text
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
-from lightfield.readings.problems import Problems
-from lightfield.readings.readings import (
+from lightfield.readings.columns import (
     COLUMNS,
     DEFAULTS,
     NUMBER_COLUMNS,
@@ -25,19 +24,17 @@ from lightfield.readings.readings import (
     WORDS,
     ErrorBudget,
     LoadWarning,
-    Readings,
 )
+from lightfield.readings.problems import Problems
+from lightfield.readings.readings import Readings
 from lightfield.readings.sheet import Sheet, look_alike, read_sheet
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from lightfield.storage import toml
+from lightfield.storage.inputs import READINGS
 
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
-def load(path: str | PathLike[str], scene: Any = None) -> Readings:
+def read_table(path: str | PathLike[str], scene: Any = None, required: Sequence[str] = REQUIRED) -> Readings:
     """Read a reading table.
 
     Parameters
@@ -45,6 +42,8 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
     path : path-like
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
+    required : sequence of str
+        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1.
 
     Raises
     ------
@@ -53,7 +52,7 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
     """
     where = fspath(path)
     problems = Problems(where)
-    sheet = read_sheet(text.read_text(where), problems, COLUMNS, REQUIRED, NUMBER_COLUMNS)
+    sheet = read_sheet(text.read_text(where, READINGS), problems, COLUMNS, required, NUMBER_COLUMNS)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -81,8 +80,8 @@ def load(path: str | PathLike[str], scene: Any = None) -> Readings:
 
 def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any]:
     try:
-        found = tomllib.loads("\n".join(line for _, line in head))
-    except (ValueError, RecursionError) as error:
+        found = toml.loads("\n".join(line for _, line in head))
+    except ValueError as error:
         at = re.search(r"at line (\d+)", str(error))
         row = min(int(at[1]), len(head)) - 1 if at else len(head) - 1
         problems.add(
@@ -119,8 +118,8 @@ def _lines_that_read(head: list[tuple[int, str]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for _, content in head:
         try:
-            found |= tomllib.loads(content)
-        except (ValueError, RecursionError):
+            found |= toml.loads(content)
+        except ValueError:
             continue
     return found
 
@@ -149,15 +148,15 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
     for line, cells in sheet.rows:
         row: dict[str, Any] = {}
         for name in COLUMNS:
-            cell = cells[place[name]].strip() if name in place else ""
+            if name not in place:
+                row[name] = 1.0 if name == "value" else DEFAULTS.get(name, np.nan)
+                continue
+            cell = cells[place[name]].strip()
             try:
                 row[name] = _value(name, cell, sheet.mark)
             except ValueError as error:
-                if name in place:  # else the whole column is missing, which is one problem
-                    problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name))
-                row[name] = (
-                    np.nan if name in NUMBER_COLUMNS else DEFAULTS[name]
-                )  # the others are still checked
+                problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name), column=name)
+                row[name] = DEFAULTS[name] if name in TEXT_COLUMNS else np.nan  # the others are still checked
         good.append((line, cells, row))
     kinds: dict[str, Any] = {name: np.float64 for name in COLUMNS}
     kinds.update({name: np.str_ for name in TEXT_COLUMNS}, saturated=np.bool_)

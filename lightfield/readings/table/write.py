@@ -12,14 +12,15 @@ import numpy as np
 import tomli_w
 
 from lightfield.errors import OutputError
-from lightfield.readings.readings import COLUMNS, DEFAULTS, REQUIRED, TERMS, WORDS, Readings
+from lightfield.readings.columns import COLUMNS, DEFAULTS, REQUIRED, TERMS, WORDS
+from lightfield.readings.readings import Readings
 from lightfield.storage.files import atomic_path
 
 _UNWRITABLE = re.compile(r"[\x00-\x1f\x7f]")
 
 
-def save(readings: Readings, path: str | PathLike[str]) -> None:
-    """Write a reading table that `load` reads back to the last bit.
+def write_table(readings: Readings, path: str | PathLike[str]) -> None:
+    """Write a reading table that `read_table` reads back to the last bit.
 
     Raises
     ------
@@ -32,7 +33,7 @@ def save(readings: Readings, path: str | PathLike[str]) -> None:
 
 
 def dumps(readings: Readings) -> str:
-    """The text of a reading table; see `save`."""
+    """The text of a reading table; see `write_table`."""
     head: dict[str, Any] = {name: getattr(readings, name) for name in WORDS if getattr(readings, name)}
     head.update({n: v for n in TERMS if (v := getattr(readings.budget, n)) is not None})
     names = [name for name in COLUMNS if _worth_writing(readings, name)]

@@ -152,8 +152,9 @@ def _llvm_library() -> llvm.Library:
         refused.append(f"{library.path} {problem}")
     raise BackendError(
         f"no usable libLLVM ({llvm.OLDEST} or newer)",
-        found="; ".join(refused) or "none on this machine",
+        found=None if refused else "none on this machine",
         remedy=llvm.install_command(),
+        problems=refused,
     )
 
 

@@ -29,9 +29,9 @@ from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.shift import Shift
-from lightfield.render.diffuse.straight import from_behind, inhomogeneous
+from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.reflected.light import ReflectedLight, lagrange
-from lightfield.render.response.beam_tallies import BeamTallies
+from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.response import (
     CLASSES,
     FROM_SURFACE,
@@ -44,6 +44,7 @@ from lightfield.render.response.response import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.layers import is_layered, layers_depth
 
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
@@ -226,7 +227,7 @@ class DiffuseResponse:
         nothing = np.zeros((len(a), len(self.straight_m)))
         light = sum((v for v, _ in self._light(scene, a, b, errors=False).values()), nothing)
         z, r = self.shift.cell_z_m, self.straight_m
-        seen = light * inhomogeneous(scene.water, z, r)
+        seen = light * np.exp(-layers_depth(scene.water, z, r))
         seen = seen * from_behind(scene.lamp.apparent_distance_m, a + b, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
@@ -282,8 +283,10 @@ class DiffuseResponse:
         for one, c in zip(light, attenuation, strict=True):
             for share, at in zip(shares, nodes, strict=True):
                 one += share * self.reflected.evaluate(scene, float(c + at))
-        along = inhomogeneous(scene.water, self.shift.cell_z_m, self.straight_m)
-        return light * self.shift.pick(along)
+        if is_layered(scene.water):
+            along = np.exp(-layers_depth(scene.water, self.shift.cell_z_m, self.straight_m))
+            light *= self.shift.pick(along)
+        return light
 
     @staticmethod
     def _spread(scene: Scene) -> tuple[Array, Array]:
@@ -328,8 +331,8 @@ class DiffuseResponse:
             noises = []
             for i in range(len(found)) if errors else ():
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                roots = relative_stderr[i, kind] * _roots(beams.thinning(i, kind, scene.lamp, mixed))
-                noises.append(Noise(passed_on[i], roots, self.images))
+                own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
+                noises.append(Noise(passed_on[i], own, self.images))
             out[kind] = value, noises
         return out
 
@@ -387,14 +390,3 @@ class DiffuseResponse:
 @lru_cache(maxsize=64)
 def _interpolation(g_nodes: tuple[float, ...], g: float) -> Array:
     return lagrange(np.log1p(-np.array(g_nodes)).tolist(), float(np.log1p(-g)))
-
-
-def _roots(covariance: Array) -> Array:
-    """Lower triangular roots of the covariances of cells, shape (k, k, n_cells) as given."""
-    size = np.sqrt(np.einsum("wwh->wh", covariance))
-    lengths = np.where(size > 1e-150, size, np.inf)
-    few = 1e-5 * np.eye(len(size))  # sums in single precision are positive definite only up to that
-    correlation = np.moveaxis(covariance / (lengths[:, None] * lengths), 2, 0)
-    correlation += np.eye(len(size)) * np.isinf(lengths.T)[:, :, None]
-    roots = np.linalg.cholesky((correlation + few) / (1 + 1e-5))
-    return np.asarray(size[:, None] * np.moveaxis(roots, 0, 2))

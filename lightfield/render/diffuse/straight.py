@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene import Water
 
 
 def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array, straight_m: Array) -> Array:
@@ -28,16 +27,3 @@ def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array
     return np.asarray(
         np.exp(-attenuation_per_m[:, None] * (np.hypot(radius, behind) * z_m / behind - straight_m))
     )
-
-
-def inhomogeneous(water: Water, z_m: Array, straight_m: Array) -> Array:
-    """Transmission of what a gradient or a layer of the water adds, shape (n,)."""
-    if water.gradient_per_m2 == water.layer_absorption_per_m == 0:
-        return np.ones(len(z_m))
-    tau = water.gradient_per_m2 * (0.5 * z_m - water.gradient_centre_m) * straight_m
-    if water.layer_absorption_per_m:
-        half = 0.5 * water.layer_width_m
-        low, high = water.layer_centre_m - half, water.layer_centre_m + half
-        inside = np.clip(np.minimum(z_m, high) - max(low, 0.0), 0, None)
-        tau = tau + water.layer_absorption_per_m * inside * straight_m / z_m
-    return np.asarray(np.exp(-tau))

@@ -6,7 +6,8 @@ import mitsuba as mi
 import numpy as np
 
 from lightfield.render.response.grid import cell_centres
-from lightfield.render.tracer.planes import Receiver
+from lightfield.scene import Detector
+from lightfield.scene.receiver import RECEIVER
 
 
 class DetectorPlane(mi.Sensor):
@@ -25,13 +26,7 @@ class DetectorPlane(mi.Sensor):
         self.z_m = float(props["z_m"])
         self.width_m = float(props.get("width_m", 2.0))
         self.height_m = float(props.get("height_m", self.width_m))
-        self.receiver = Receiver(
-            quantity=str(props.get("quantity", "irradiance")),
-            full_angle_deg=float(props.get("full_angle_deg", 2.0)),
-            aim_at_lamp=str(props.get("aim", "axis")) == "lamp",
-            acceptance_hwhm_deg=float(props.get("acceptance_hwhm_deg", 0.0)),
-            tilt_x_deg=float(props.get("tilt_x_deg", 0.0)),
-        )
+        self.receiver = Detector.model_validate({name: props[name] for name in RECEIVER if name in props})
 
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
         """Cell centres x_m (n_x,) and y_m (n_y,), both ascending."""

@@ -7,21 +7,10 @@ import mitsuba as mi
 
 from lightfield.render.tracer.emission import Emission
 from lightfield.scene import Lamp
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import fields_on
 
-NUMBERS = (
-    "hwhm_deg",
-    "shape_exponent",
-    "skirt_fraction",
-    "skirt_hwhm_deg",
-    "ellipticity",
-    "offset_x_m",
-    "offset_y_m",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "apparent_distance_m",
-    "radius_m",
-)
-WORDS = ("profile", "intensity_table")
+PROPERTIES = fields_on(Lamp, Acts.BEAM | Acts.SOURCE)
 
 
 class LightfieldLamp(mi.Emitter):
@@ -38,26 +27,18 @@ class LightfieldLamp(mi.Emitter):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        values: dict[str, object] = {name: float(props[name]) for name in NUMBERS if name in props}
-        values |= {name: str(props[name]) for name in WORDS if name in props}
-        self.lamp = Lamp.model_validate(values)
+        self.lamp = Lamp.model_validate({name: props[name] for name in PROPERTIES if name in props})
         self.intensity = float(props.get("intensity", 1.0))
         self.m_flags = int(mi.EmitterFlags.DeltaPosition)
         self.m_needs_sample_2, self.m_needs_sample_3 = False, True
         self.emission = Emission(self.lamp, cone_rad=0.3, wide_share=0.0)
 
-    def _frame(self) -> tuple[mi.Point3f, mi.Vector3f, mi.Vector3f, mi.Vector3f]:
-        beam = self.emission
-        return mi.Point3f(self.lamp.offset_x_m, self.lamp.offset_y_m, 0), beam.right, beam.up, beam.axis
+    def _place(self) -> mi.Point3f:
+        return mi.Point3f(self.lamp.offset_x_m, self.lamp.offset_y_m, 0)
 
     def _towards(self, direction: mi.Vector3f) -> mi.Float:
         """Radiant intensity relative to the axis in a world direction."""
-        _, right, up, axis = self._frame()
-        x, y, z = dr.dot(direction, right), dr.dot(direction, up), dr.dot(direction, axis)
-        sine = dr.sqrt(x * x + y * y)
-        theta = dr.atan2(sine, z)
-        scale = dr.select(sine > 1e-9, theta / dr.maximum(sine, 1e-9), 1)
-        return self.emission.intensity(x * scale, y * scale)
+        return self.emission.intensity(*self.emission.angles(direction))
 
     def sample_ray(
         self,
@@ -69,18 +50,16 @@ class LightfieldLamp(mi.Emitter):
     ) -> tuple[mi.Ray3f, mi.Spectrum]:
         """Ray drawn after the beam's shape, weighted to W for unit on-axis intensity."""
         local, weight, _ = self.emission.draw(sample3.x, sample3.y)
-        origin, right, up, axis = self._frame()
-        direction = dr.normalize(right * local.x + up * local.y + axis * local.z)
+        direction = self.emission.in_tank(local)
         wavelengths, spectrum = self.sample_wavelengths(dr.zeros(mi.SurfaceInteraction3f), sample1, active)
-        return mi.Ray3f(origin, direction, time, wavelengths), spectrum * weight * self.intensity
+        return mi.Ray3f(self._place(), direction, time, wavelengths), spectrum * weight * self.intensity
 
     def sample_direction(
         self, it: mi.Interaction3f, sample: mi.Point2f, active: mi.Bool = True
     ) -> tuple[mi.DirectionSample3f, mi.Spectrum]:
         """The one direction from a point to the lamp; intensity over distance squared."""
-        origin, *_ = self._frame()
         ds = dr.zeros(mi.DirectionSample3f)
-        ds.p, ds.time, ds.delta, ds.pdf = origin, it.time, True, 1
+        ds.p, ds.time, ds.delta, ds.pdf = self._place(), it.time, True, 1
         ds.emitter = mi.EmitterPtr(self)
         path = ds.p - it.p
         ds.dist = dr.norm(path)

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.render.reflected.patches import Patches
-from lightfield.render.response.beam_nodes import beam_angles, is_round
 from lightfield.scene import Lamp
+from lightfield.scene.lamp.frame import beam_angles, is_round
 from lightfield.scene.lamp.profile import relative_intensity
-
-WATER_INDEX = 1.34
+from lightfield.scene.tank import WATER_INDEX
 
 
 class Ways(NamedTuple):
@@ -21,16 +20,18 @@ class Ways(NamedTuple):
     ----------
     ahead : array of bool
         Patches that a lamp there can light.
-    theta, phi : arrays, rad
-        Directions of those, in the frame of the tank.
+    direction : array, shape (3, k)
+        Unit vectors to those, in the frame of the tank.
+    theta : array, rad
+        Their angles to the axis of the tank.
     facing : array, m^-2
         Cosine of incidence over the square of the way, of those.
     in_water : array, m
     """
 
     ahead: np.ndarray
+    direction: np.ndarray
     theta: np.ndarray
-    phi: np.ndarray
     facing: np.ndarray
     in_water: np.ndarray
 
@@ -44,13 +45,14 @@ class Ways(NamedTuple):
         facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
         in_water = np.zeros(len(ahead))
         in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
-        return cls(ahead, *_angles(direction), facing, in_water.astype(np.float32))
+        theta = np.arccos(np.clip(direction[:, 2], -1, 1))
+        return cls(ahead, direction.T, theta, facing, in_water.astype(np.float32))
 
     def lit(self, lamp: Lamp) -> np.ndarray:
         """Irradiance by a lamp there, without attenuation."""
         light = np.zeros(len(self.ahead), np.float32)
         # A round beam needs no azimuths, which cost more than all the rest.
-        angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, self.theta, self.phi)
+        angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, *self.direction)
         light[self.ahead] = relative_intensity(lamp, *angles) * self.facing
         return light
 
@@ -76,7 +78,8 @@ def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndar
     ahead = _before_lamp(lamp, places[:, 2]) & _before_lamp(lamp, met)
     leaving = arriving * np.array([1.0, -1.0, 1.0])
     light, in_water = np.zeros((2, len(places)))
-    light[ahead] = _intensity(lamp, leaving[ahead]) * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
+    intensity = relative_intensity(lamp, *beam_angles(lamp, *leaving[ahead].T))
+    light[ahead] = intensity * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
     in_water[ahead] = _in_water(lamp, r[ahead], places[ahead, 2])
     return arriving, light, in_water
 
@@ -100,13 +103,3 @@ def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:
     t = np.sqrt(np.maximum(1 - sine * sine, 0))
     s_part, p_part = (n * c - t) / (n * c + t), (c - n * t) / (c + n * t + 1e-300)
     return np.where(sine >= 1, 1.0, 0.5 * (s_part**2 + p_part**2))
-
-
-def _intensity(lamp: Lamp, direction: np.ndarray) -> np.ndarray:
-    """Relative intensity in directions given in the frame of the tank, shape (n, 3)."""
-    return np.asarray(relative_intensity(lamp, *beam_angles(lamp, *_angles(direction))))
-
-
-def _angles(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angle to the axis of the tank and about it, rad, of directions of shape (n, 3)."""
-    return np.arccos(np.clip(direction[:, 2], -1, 1)), np.arctan2(direction[:, 1], direction[:, 0])

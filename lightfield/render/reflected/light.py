@@ -16,14 +16,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import product
-from math import floor, log, prod, radians, sqrt
+from math import floor, prod, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lightfield.render.reflected.from_lamp import Ways, fresnel, image_of_lamp
 from lightfield.render.reflected.patches import Patches, Transfer, transfer, walls
-from lightfield.scene import Lamp, Scene
+from lightfield.scene import Lamp, Scene, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
@@ -84,7 +84,7 @@ class ReflectedLight:
         assert tank is not None
         arriving, light, in_water = image_of_lamp(lamp, tank.lamp_depth_m, self.places)
         light *= np.exp(-attenuation_per_m * in_water)
-        return np.asarray(light * _response(self.scene, list(arriving.T)))
+        return np.asarray(light * receiver.response(self.scene.detector, list(arriving.T)))
 
 
 class Operators(NamedTuple):
@@ -187,7 +187,7 @@ class Room:
         self.patches = walls(scene, float(places[:, 2].max()), lid, count)
         # A receiver that faces straight back to the lamp sees only walls before it.
         before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
-        before |= scene.detector.tilt_x_deg != 0
+        before |= receiver.looks_aside(scene.detector)
         self.before = np.flatnonzero(before)
         parts = int(sqrt(MOST_PAIRS / (len(places) * len(self.before))))
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
@@ -314,18 +314,7 @@ class Room:
         return np.maximum(-sum(d * normal[..., i] for i, d in enumerate(direction)), 0)
 
     def _read(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
-        return _response(self.scene, direction)
-
-
-def _response(scene: Scene, direction: Sequence[np.ndarray]) -> np.ndarray:
-    """Irradiance response to light that flies along `direction`, x, y and z components."""
-    detector = scene.detector
-    tilt = radians(detector.tilt_x_deg)
-    cosine = np.clip(np.cos(tilt) * direction[2] - np.sin(tilt) * direction[0], 0, 1)
-    if detector.acceptance_hwhm_deg:
-        ratio = np.arccos(cosine) / radians(detector.acceptance_hwhm_deg)
-        return np.asarray(cosine * np.exp(-log(2) * ratio**2))
-    return np.asarray(cosine)
+        return receiver.response(self.scene.detector, direction)
 
 
 def applies(scene: Scene) -> bool:

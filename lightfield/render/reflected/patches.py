@@ -116,9 +116,8 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:
     """Patches of about equal size, roughly so many, that cover what matters of the walls."""
     tank = scene.tank
     assert tank is not None
-    half, top = 0.5 * tank.width_m, tank.lamp_depth_m
-    floor = top - tank.depth_m
-    front, back = -tank.behind_lamp_m, tank.length_m - tank.behind_lamp_m
+    x_side, y_side, (front, back) = tank.box_m
+    floor, top = y_side
     # What went past the readings comes back only by two more reflections, from not too far.
     end = min(back, farthest_m + 2 * max(tank.width_m, tank.depth_m))
     # Before the front wall lies as little.
@@ -126,8 +125,10 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:
     around = 2 * tank.depth_m + (2 if lid else 1) * tank.width_m
     step = sqrt((around * (end - start) + 2 * tank.width_m * tank.depth_m) / count)
     z = (start, end)
-    x_side, y_side = (-half, half), (floor, top)
-    made = [_rectangle((sign * half, None, None), (y_side, z), (-sign, 0, 0), step) for sign in (-1.0, 1.0)]
+    made = [
+        _rectangle((x, None, None), (y_side, z), (-sign, 0, 0), step)
+        for x, sign in zip(x_side, (-1, 1), strict=True)
+    ]
     made += [_rectangle((None, floor, None), (x_side, z), (0, 1, 0), step)]
     if lid:
         made += [_rectangle((None, top, None), (x_side, z), (0, -1, 0), step)]

@@ -13,6 +13,7 @@ import numpy as np
 
 from lightfield.render.response.grid import AngleNodes
 from lightfield.scene import Lamp
+from lightfield.scene.lamp.frame import beam_angles, is_round
 from lightfield.scene.lamp.profile import relative_intensity
 
 FINE = 5  # angles per ring at which a beam is looked at
@@ -38,7 +39,9 @@ class BeamNodes:
         weight = 1 / (0.5 ** np.minimum((theta / np.radians(1.3 * hwhm_deg)) ** 2, 40) + TAIL)
         self.fit = np.linalg.lstsq(splines * weight[:, None], np.diag(weight), rcond=1e-8)[0]
         phi = 2 * pi * np.arange(FINE_PHI * nodes.n_phi) / (FINE_PHI * nodes.n_phi)
-        self.theta_grid, self.phi_grid = np.meshgrid(theta, phi, indexing="ij")
+        self.theta = theta
+        across, along = np.sin(theta)[:, None], np.cos(theta)[:, None]
+        self.directions = across * np.cos(phi), across * np.sin(phi), along
         # Linear interpolation damps the k-th harmonic of phi by sinc^2(k h / 2).
         # (The highest is its own alias and damped half as much, but rfft gives it half the weight as well.)
         self.damping = np.sinc(np.arange(nodes.n_phi // 2 + 1) / nodes.n_phi) ** 2
@@ -47,18 +50,12 @@ class BeamNodes:
         """Coefficients of a beam's relative intensity, shape (nodes.size,); one per ring for a round beam."""
         n_phi = self.nodes.n_phi
         if is_round(lamp):
-            theta = self.theta_grid[:, 0]
-            return np.asarray(self.fit @ relative_intensity(lamp, theta, np.zeros_like(theta)))
-        beam = relative_intensity(lamp, *beam_angles(lamp, self.theta_grid, self.phi_grid))
+            return np.asarray(self.fit @ relative_intensity(lamp, self.theta, np.zeros_like(self.theta)))
+        beam = relative_intensity(lamp, *beam_angles(lamp, *self.directions))
         # Harmonics that the sectors cannot hold are dropped here, not aliased.
         harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
         beam = np.fft.irfft(harmonics, n_phi, axis=1)
         return np.asarray(self.fit @ beam).ravel()
-
-
-def is_round(lamp: Lamp) -> bool:
-    """Is the beam the same all round the axis of the tank?"""
-    return lamp.tilt_x_deg == 0 and lamp.tilt_y_deg == 0 and lamp.ellipticity == 1
 
 
 def ring_weights(t: np.ndarray, n_theta: int) -> np.ndarray:
@@ -70,17 +67,3 @@ def ring_weights(t: np.ndarray, n_theta: int) -> np.ndarray:
     for offset, share in zip((-1, 0, 1, 2), shares, strict=True):
         np.add.at(weights, (np.arange(len(t)), np.abs(low + offset)), share / 6)
     return weights
-
-
-def beam_angles(lamp: Lamp, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Beam-frame angles (theta_x, theta_y), rad, of directions given in the frame of the tank."""
-    if lamp.tilt_x_deg == 0 and lamp.tilt_y_deg == 0:
-        return theta * np.cos(phi), theta * np.sin(phi)
-    direction = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
-    axis = np.array([np.tan(np.radians(lamp.tilt_x_deg)), np.tan(np.radians(lamp.tilt_y_deg)), 1.0])
-    axis /= np.linalg.norm(axis)
-    right = np.array([axis[2], 0.0, -axis[0]]) / np.hypot(axis[0], axis[2])
-    x, y, z = np.tensordot(np.array([right, np.cross(axis, right), axis]), direction, axes=1)
-    sine = np.hypot(x, y)
-    scale = np.where(sine > 1e-12, np.arctan2(sine, z) / np.maximum(sine, 1e-12), 1.0)
-    return x * scale, y * scale

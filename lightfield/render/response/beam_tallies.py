@@ -174,3 +174,14 @@ def _stretched(lamp: Lamp, factor: float) -> Lamp:
     if factor == 1:
         return lamp
     return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in ANGLES})
+
+
+def roots(covariance: Array) -> Array:
+    """Lower triangular roots of the covariances of cells, shape (k, k, n_cells) as given."""
+    size = np.sqrt(np.einsum("wwh->wh", covariance))
+    lengths = np.where(size > 1e-150, size, np.inf)
+    few = 1e-5 * np.eye(len(size))  # sums in single precision are positive definite only up to that
+    correlation = np.moveaxis(covariance / (lengths[:, None] * lengths), 2, 0)
+    correlation += np.eye(len(size)) * np.isinf(lengths.T)[:, :, None]
+    roots = np.linalg.cholesky((correlation + few) / (1 + 1e-5))
+    return np.asarray(size[:, None] * np.moveaxis(roots, 0, 2))

@@ -10,6 +10,7 @@ No NumPy array here depends on Mitsuba, so a response read from disk is evaluate
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -94,6 +95,26 @@ class TransportResponse:
     merged: NDArray[np.integer[Any]] | None = None
     #: Factors of the rows that depend on the histories alone, as last asked for: a fit changes them rarely.
     _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, repr=False, compare=False)
+
+    def packed(self) -> dict[str, NDArray[Any]]:
+        """Plain arrays to store, all but the reference."""
+        names = ("tally", "histories", "excess_m", "straight_m")
+        arrays = {name: getattr(self, name) for name in names} | {"photons": np.array(self.photons)}
+        # Empty for none: were it left out, a damaged name of the array would read as none.
+        return arrays | {"merged": np.empty(0, int) if self.merged is None else self.merged}
+
+    @classmethod
+    def unpacked(cls, stored: Mapping[str, NDArray[Any]], reference: Reference) -> TransportResponse:
+        """The response that was `packed`."""
+        return cls(
+            stored["tally"],
+            stored["histories"],
+            stored["excess_m"],
+            stored["straight_m"],
+            reference,
+            int(stored["photons"]),
+            stored["merged"] if stored["merged"].size else None,
+        )
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -11,15 +11,14 @@ import mitsuba as mi
 import numpy as np
 
 from lightfield.errors import RenderError
-from lightfield.render.response.grid import AngleNodes, Grid, straight_path
+from lightfield.render.response.grid import AngleNodes, Grid, scene_grid, straight_path
 from lightfield.render.response.response import Reference
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.histories import Histories
-from lightfield.render.tracer.planes import Planes, Receiver
+from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.walk import Water
 from lightfield.scene import Scene
-
-OPEN_WATER_REACH = 12.0  # radius of open water, in units of the farthest plane
+from lightfield.scene.tank import WATER_INDEX
 
 
 @dataclass(frozen=True)
@@ -36,12 +35,6 @@ class Setup:
     grid: Grid
     straight_m: np.ndarray
     reflecting: bool
-
-
-def receiver_of(scene: Scene) -> Receiver:
-    """The scene's detector as the walk sees it."""
-    d = scene.detector
-    return Receiver(d.quantity, d.full_angle_deg, d.aim == "lamp", d.acceptance_hwhm_deg, d.tilt_x_deg)
 
 
 def histories_of(
@@ -94,7 +87,7 @@ def prepare(
             rule="a surface needs a [tank]",
             remedy="add a [tank] table to the scene",
         )
-    lamp, water = scene.lamp, scene.water
+    lamp = scene.lamp
     half_x = np.abs(grid.x_m).max() + 0.5 * grid.pitch_x_m + abs(lamp.offset_x_m)
     half_y = np.abs(grid.y_m).max() + 0.5 * grid.pitch_y_m + abs(lamp.offset_y_m)
     cone = atan(hypot(half_x, half_y) / grid.z_m.min()) + np.radians(hypot(lamp.tilt_x_deg, lamp.tilt_y_deg))
@@ -103,20 +96,11 @@ def prepare(
         wide_share = 0.1 if reference.scattering_per_m * grid.z_m.max() > 0.2 else 0.4
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
-    planes = Planes(grid, receiver_of(scene), position, lamp.apparent_distance_m)
+    planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m)
     histories = histories_of(scene, reference, grid, reflects, nodes)
-    layer = 0.5 * water.layer_width_m
-    reference_water = Water(
-        reference.absorption_per_m,
-        reference.scattering_per_m,
-        water.gradient_per_m2,
-        water.gradient_centre_m,
-        water.layer_absorption_per_m,
-        water.layer_centre_m - layer,
-        water.layer_centre_m + layer,
-    )
+    reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
-    parts = surfaces(scene, reference, reflects, float(grid.z_m.max())) if scene.tank else {}
+    parts = surfaces(scene, reference.wall_albedo, reflects) if scene.tank else {}
     loaded = mi.load_dict({"type": "scene", **parts})
     phase = mi.load_dict(phase_dict(scene))
     return Setup(
@@ -141,26 +125,19 @@ def phase_dict(scene: Scene) -> dict[str, Any]:
     return {"type": "lightfield_phase", "model": json.dumps(phase.model_dump(mode="json"))}
 
 
-def surfaces(scene: Scene, reference: Reference, reflects: bool, far_m: float) -> dict[str, Any]:
+def surfaces(scene: Scene, wall_albedo: float, reflects: bool) -> dict[str, Any]:
     """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface."""
-    if scene.tank is None:
-        black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
-        return {
-            "open_water": {
-                "type": "sphere",
-                "radius": OPEN_WATER_REACH * far_m,
-                "flip_normals": True,
-                "bsdf": black,
-            }
-        }
     tank = scene.tank
-    grey = {"type": "uniform", "value": reference.wall_albedo}
+    if tank is None:
+        black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+        reach = open_water_m(scene_grid(scene))
+        return {"open_water": {"type": "sphere", "radius": reach, "flip_normals": True, "bsdf": black}}
+    grey = {"type": "uniform", "value": wall_albedo}
     wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey}}
-    water = {"type": "dielectric", "int_ior": 1.34, "ext_ior": 1.0}
+    water = {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0}
     top = water if reflects else wall
-    half, back = 0.5 * tank.width_m, -tank.behind_lamp_m
-    end, floor = tank.length_m - tank.behind_lamp_m, tank.lamp_depth_m - tank.depth_m
-    mid_y, mid_z = 0.5 * (tank.lamp_depth_m + floor), 0.5 * (back + end)
+    (_, half), (floor, ceiling), (back, end) = tank.box_m
+    mid_y, mid_z = 0.5 * (ceiling + floor), 0.5 * (back + end)
     turn = mi.ScalarTransform4f
     size_x, size_y, size_z = half, 0.5 * tank.depth_m, 0.5 * tank.length_m
 
@@ -177,5 +154,5 @@ def surfaces(scene: Scene, reference: Reference, reflects: bool, far_m: float) -
         "back": rectangle([0, mid_y, back], [0, 1, 0], 0, size_x, size_y, wall),
         "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, wall),
         # Normal up into the air: the dielectric's inside, below it, is water.
-        "surface": rectangle([0, tank.lamp_depth_m, mid_z], [1, 0, 0], -90, size_x, size_z, top),
+        "surface": rectangle([0, ceiling, mid_z], [1, 0, 0], -90, size_x, size_z, top),
     }

@@ -17,6 +17,7 @@ import numpy as np
 from lightfield.render.response.grid import AngleNodes
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.scene import Lamp
+from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 
 FINE = 4096  # steps in which the wished density is integrated
@@ -91,7 +92,9 @@ class Emission:
                 "offset_y": lamp.offset_y_m,
             }.items()
         }
-        self.right, self.up, self.axis = _axes(lamp)
+        self._right, self._up, self._axis = (
+            mi.Vector3f(*(dr.opaque(mi.Float, c) for c in axis)) for axis in beam_axes(lamp)
+        )
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
         """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
@@ -128,7 +131,7 @@ class Emission:
         u1, u2 = points.point(index)
         local, weight, theta = self.draw(u1, u2)
         node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
-        direction = dr.normalize(self.right * local.x + self.up * local.y + self.axis * local.z)
+        direction = self.in_tank(local)
         radius = self.value["radius"] * dr.sqrt(rng.next_float32())
         sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
         # Light starts at the window z = 0 and seems to diverge from a point behind it.
@@ -139,6 +142,17 @@ class Emission:
             0,
         )
         return Start(position, direction, weight, node)
+
+    def in_tank(self, local: mi.Vector3f) -> mi.Vector3f:
+        """A beam-frame direction in the frame of the tank."""
+        return dr.normalize(self._right * local.x + self._up * local.y + self._axis * local.z)
+
+    def angles(self, direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
+        """Beam-frame angles (theta_x, theta_y), rad, of a direction in the frame of the tank."""
+        x, y, z = (dr.dot(direction, axis) for axis in (self._right, self._up, self._axis))
+        across = dr.sqrt(x * x + y * y)
+        scale = dr.atan2(across, z) / dr.maximum(across, 1e-20)
+        return x * scale, y * scale
 
     def draw(self, u1: mi.Float, u2: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Beam-frame direction, its weight in sr, and its angle from the axis, for two uniform numbers."""
@@ -183,16 +197,6 @@ class Emission:
         sector = mi.UInt32(at)
         sector += dr.select(rng.next_float32() < at - mi.Float(sector), mi.UInt32(1), mi.UInt32(0))
         return ring * nodes.n_phi + sector % nodes.n_phi
-
-
-def _axes(lamp: Lamp) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f]:
-    """Right, up and forward of the beam in the tank's frame."""
-    axis = np.array([np.tan(np.radians(lamp.tilt_x_deg)), np.tan(np.radians(lamp.tilt_y_deg)), 1.0])
-    axis /= np.linalg.norm(axis)
-    right = np.array([axis[2], 0.0, -axis[0]]) / np.hypot(axis[0], axis[2])
-    rows = (right, np.cross(axis, right), axis)
-    x, y, z = (mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in row)) for row in rows)
-    return x, y, z
 
 
 def _steps() -> np.ndarray:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import cos, log, pi, radians
+from math import log, pi, radians
 from typing import NamedTuple
 
 import drjit as dr
@@ -11,32 +10,10 @@ import mitsuba as mi
 import numpy as np
 
 from lightfield.render.response.grid import Grid
+from lightfield.scene import Detector
+from lightfield.scene.receiver import looks_aside, tilted_axis
 
-OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest plane
-
-
-@dataclass(frozen=True)
-class Receiver:
-    """What a detector cell answers to.
-
-    Parameters
-    ----------
-    quantity : "irradiance", "scalar_irradiance" or "radiance"
-    full_angle_deg : float
-        Full opening angle of the collimator (radiance only).
-    aim_at_lamp : bool
-        Axis towards the lamp instead of parallel to the plane's normal.
-    acceptance_hwhm_deg : float
-        Half width at half maximum of a Gaussian acceptance; 0 means unlimited.
-    tilt_x_deg : float
-        Turn of the receiver's axis towards +x.
-    """
-
-    quantity: str = "irradiance"
-    full_angle_deg: float = 2.0
-    aim_at_lamp: bool = False
-    acceptance_hwhm_deg: float = 0.0
-    tilt_x_deg: float = 0.0
+OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest cell's distance
 
 
 class Crossing(NamedTuple):
@@ -58,7 +35,8 @@ class Planes:
     Parameters
     ----------
     grid : Grid
-    receiver : Receiver
+    receiver : Detector
+        Its response to directions; where it is, the grid says.
     lamp_position_m : tuple of 3 floats, m
         Where the straight line to a cell starts (window centre).
     apparent_distance_m : float, m
@@ -68,7 +46,7 @@ class Planes:
     def __init__(
         self,
         grid: Grid,
-        receiver: Receiver,
+        receiver: Detector,
         lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         apparent_distance_m: float = 0.0,
     ) -> None:
@@ -91,16 +69,14 @@ class Planes:
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
         self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
         self.last = _opaque(grid.z_m.max())
-        widest = max(np.abs(grid.x_m).max(), np.abs(grid.y_m).max())
-        self.reach = _opaque(OPEN_WATER_REACH * max(grid.z_m.max(), widest))
+        self.reach = _opaque(open_water_m(grid))
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
         self.acceptance_hwhm = _opaque(radians(receiver.acceptance_hwhm_deg))
-        tilt = radians(receiver.tilt_x_deg)
-        self.axis = mi.Vector3f(_opaque(np.sin(tilt)), 0.0, _opaque(-cos(tilt)))
+        x, _, z = tilted_axis(receiver)
+        self.axis = mi.Vector3f(_opaque(x), 0.0, _opaque(z))
         # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
-        turned = receiver.aim_at_lamp or receiver.tilt_x_deg != 0
-        self.both_sides = receiver.quantity == "scalar_irradiance" or turned
+        self.both_sides = receiver.quantity == "scalar_irradiance" or looks_aside(receiver)
 
     def crossing(
         self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
@@ -136,7 +112,7 @@ class Planes:
         """Weight of a crossing: power through the plane into what the receiver reads."""
         receiver = self.receiver
         across = dr.rcp(dr.maximum(dr.abs(direction.z), 1e-3))
-        axis = dr.normalize(to_lamp) if receiver.aim_at_lamp else self.axis
+        axis = dr.normalize(to_lamp) if receiver.aim == "lamp" else self.axis
         facing = -dr.dot(direction, axis)
         if receiver.quantity == "scalar_irradiance":
             return across
@@ -146,8 +122,7 @@ class Planes:
             # |d + axis|^2 = 2 (1 - cos psi), exact at small angles where 1 - cos rounds away.
             inside = dr.squared_norm(direction + axis) < 4 * np.sin(0.5 * half) ** 2
             return dr.select(inside, across / solid_angle, 0)
-        plain = not receiver.aim_at_lamp and receiver.tilt_x_deg == 0
-        response = mi.Float(1) if plain else across * dr.maximum(facing, 0)
+        response = across * dr.maximum(facing, 0) if looks_aside(receiver) else mi.Float(1)
         if receiver.acceptance_hwhm_deg > 0:
             psi = 2 * dr.asin(dr.minimum(0.5 * dr.norm(direction + axis), 1))
             ratio = psi / self.acceptance_hwhm
@@ -171,6 +146,11 @@ class Planes:
     def behind(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Bool:
         """Past the last plane and leaving it: such light comes back only by turning round, and is little."""
         return (position.z > self.last) & (direction.z > 0)
+
+
+def open_water_m(grid: Grid) -> float:
+    """Radius of the part of open water that light is followed in, m."""
+    return float(OPEN_WATER_REACH * max(grid.z_m.max(), np.abs(grid.x_m).max(), np.abs(grid.y_m).max()))
 
 
 def _opaque(value: float) -> mi.Float:

@@ -15,7 +15,7 @@ numbers of scatterings n, wall hits m, surface reflections k, the excess path ov
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -28,6 +28,8 @@ from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.sobol import ScrambledSobol
+from lightfield.scene import Water as SceneWater
+from lightfield.scene.water.layers import is_layered, slab_m
 
 ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
@@ -46,35 +48,29 @@ class Water:
     Parameters
     ----------
     absorption_per_m, scattering_per_m : float, m^-1
-    gradient_per_m2, gradient_centre_m : float
-        Absorption added linearly in z: gradient (z - centre).
-    layer_absorption_per_m, layer_low_m, layer_high_m : float
-        Absorption added between two planes of constant z.
+    layers : Water of a scene
+        Its gradient and slab are added to the absorption.
     """
 
     absorption_per_m: float
     scattering_per_m: float
-    gradient_per_m2: float = 0.0
-    gradient_centre_m: float = 0.0
-    layer_absorption_per_m: float = 0.0
-    layer_low_m: float = 0.0
-    layer_high_m: float = 0.0
+    layers: SceneWater = field(default_factory=SceneWater)
 
 
 class Absorption:
     """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
     def __init__(self, water: Water) -> None:
-        self.is_uniform = water.gradient_per_m2 == 0 and water.layer_absorption_per_m == 0
+        layers = water.layers
+        self.is_uniform = not is_layered(layers)
         self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (
             dr.opaque(mi.Float, value)
             for value in (
                 water.absorption_per_m,
-                water.gradient_per_m2,
-                water.gradient_centre_m,
-                water.layer_absorption_per_m,
-                water.layer_low_m,
-                water.layer_high_m,
+                layers.gradient_per_m2,
+                layers.gradient_centre_m,
+                layers.layer_absorption_per_m,
+                *slab_m(layers),
             )
         )
 

@@ -35,7 +35,6 @@ PROVENANCE = {
     "reached_relative_error": "reached relative error",
     "scene_digest": "scene digest",
     "source": "made by",
-    "history": "when",
 }
 
 

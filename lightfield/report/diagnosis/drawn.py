@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,13 +51,6 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     """Everything on the page of a diagnosis."""
     readings, problem, finding = found.readings, found.prepared.problem, found.finding
     base = finding.level.base.prediction
-    tank = found.forward.scene.tank
-    box: Mapping[str, float] | None = None
-    if tank is not None:
-        box = {
-            name: float(getattr(tank, name))
-            for name in ("width_m", "depth_m", "length_m", "behind_lamp_m", "lamp_depth_m")
-        }
     verdict = found.verdict
     return DiagnosisView(
         verdict.model_dump(mode="json"),
@@ -73,12 +65,12 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
             problem.keep == 0,
         ),
         [
-            Prediction(" + ".join(["base", *(c.name for c in step.explanation)]), step.fit.prediction)
-            for step in found.steps
+            Prediction(" ".join(s.label for s in found.steps[: k + 1]), step.fit.prediction)
+            for k, step in enumerate(found.steps)
         ],
         [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),
-        box,
+        found.forward.scene.tank,
         found.scene.lamp.hwhm_deg,
         title or found.forward.scene.name or "Diagnosis",
         (

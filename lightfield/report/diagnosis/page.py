@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lightfield.diagnosis.verdict.stated import lines
+from lightfield.diagnosis.verdict.verdict import StatedEffect
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
@@ -45,7 +46,6 @@ def diagnosis_page(view: DiagnosisView) -> str:
     """
     verdict = view.verdict
     kind, text = TAGS[verdict["verdict"]]
-    headline, more = _headline(verdict["sentence"])
     readings = view.readings
     advice = verdict.get("next_measurement") or {}
     spots = advice.get("readings") or []
@@ -100,9 +100,9 @@ def diagnosis_page(view: DiagnosisView) -> str:
     return fill(
         "diagnosis.html",
         title=view.title,
-        verdict=headline,
+        verdict=verdict["headline"],
         tag={"kind": kind, "text": text},
-        lead=[*more, *_lead(verdict)],
+        lead=[*verdict["support"], *_lead(verdict)],
         rungs=[_rung(rung) for rung in verdict["ladder"]],
         explanations=[_explanation(each) for each in verdict["explanations"]],
         rival=_rival(verdict),
@@ -113,24 +113,27 @@ def diagnosis_page(view: DiagnosisView) -> str:
         ],
         limits=[_limit(name, each) for name, each in verdict["detection_limits"].items()],
         untestable=[(_words(name), reason) for name, reason in verdict["untestable"].items()],
+        stated=lines([StatedEffect.model_validate(each) for each in verdict.get("stated", [])]),
         assumed=verdict["assumed"],
         warnings=verdict.get("warnings", []),
+        aside=[_aside(each) for each in verdict.get("set_aside", [])],
         provenance=view.provenance,
         scene_toml=view.scene_toml,
         **figures,
     )
 
 
-def _headline(sentence: str) -> tuple[str, list[str]]:
-    """What was found, and apart from it how sure that is: the first is read from across the room."""
-    apart = re.fullmatch(r"(?P<what>.*) \((?P<far>the first lies [^()]+)\)(?P<within>.*)\.", sentence)
-    if apart:
-        return f"{apart['what']}{apart['within']}.", [f"{apart['far'][:1].upper()}{apart['far'][1:]}."]
-    found = re.fullmatch(r"(?P<what>.*) \((?P<family>family: [^)]*)\)(?P<rest>.*)", sentence)
-    if found:
-        return f"{found['what']}.", [found["family"].capitalize() + found["rest"]]
-    first, _, rest = sentence.partition(". ")
-    return (f"{first}.", [rest]) if rest else (sentence, [])
+def _aside(each: Mapping[str, Any]) -> list[str]:
+    """A reading set aside: row, place, and how far it lies from the model."""
+    wavelength, off = each["wavelength_nm"], each["off_sigma"]
+    place = (f"{each[axis]:.4g}" for axis in ("x_m", "y_m", "z_m"))
+    return [
+        str(each["row"]),
+        *place,
+        each["medium"],
+        "–" if wavelength is None else f"{wavelength:g}",
+        each["reason"] if off is None else f"{off:+.1f}",
+    ]
 
 
 def _lead(verdict: Mapping[str, Any]) -> list[str]:

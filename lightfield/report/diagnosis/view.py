@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.scene import Tank
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,7 @@ class DiagnosisView:
     signatures : sequence of Signature
         Accepted explanations, best first.
     separation : Separation, optional
-    tank : mapping, optional
-        width_m, depth_m, length_m, behind_lamp_m, lamp_depth_m.
+    tank : Tank, optional
     hwhm_deg : float
         Half width of the lamp's beam, to draw it.
     title : str
@@ -118,7 +118,7 @@ class DiagnosisView:
     predictions: Sequence[Prediction]
     signatures: Sequence[Signature] = ()
     separation: Separation | None = None
-    tank: Mapping[str, float] | None = None
+    tank: Tank | None = None
     hwhm_deg: float = 3.81
     title: str = "Diagnosis"
     provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)

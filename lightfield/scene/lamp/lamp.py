@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.photometry import intensity_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
@@ -105,9 +106,9 @@ class Lamp(Part):
             "table": "intensity_table",
         }.get(self.profile)
         if needs and needs not in self.model_fields_set:
-            raise ValueError(f'profile "{self.profile}" needs {needs}; remedy: add {needs}')
+            raise RuleError(f'profile "{self.profile}" needs {needs}', f"add {needs}")
         if self.spectrum == "table" and self.spectrum_table is None:
-            raise ValueError('spectrum "table" needs spectrum_table; remedy: add spectrum_table')
+            raise RuleError('spectrum "table" needs spectrum_table', "add spectrum_table")
         if self.intensity_table is not None:
             readable(intensity_table, self.intensity_table)
         if self.spectrum_table is not None:

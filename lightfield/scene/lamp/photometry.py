@@ -11,6 +11,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.lamp.luminaire_files import read_eulumdat, read_ies
+from lightfield.storage.inputs import LUMINAIRE, read_bytes
 from lightfield.storage.tables import read_columns
 
 
@@ -62,7 +63,7 @@ def _photometric(path: str) -> tuple[Array, Array]:
     """Vertical angles in degrees up to 90, and intensity averaged over the half planes."""
     is_ldt = path.lower().endswith(".ldt")
     try:
-        text = Path(path).read_bytes().decode("latin-1")
+        text = read_bytes(path, LUMINAIRE).decode("latin-1")
         theta, values = (read_eulumdat if is_ldt else read_ies)(text)
     except (ValueError, KeyError, IndexError) as error:
         raise SceneError(

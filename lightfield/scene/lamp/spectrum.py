@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
@@ -58,3 +59,21 @@ def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
         return np.asarray(lamp.power_w * np.interp(at, known, power, left=0.0, right=0.0) / total)
     scale = ILLUMINANT_A_NM if lamp.spectrum == "cie-a" else SECOND_RADIATION_NM_K / lamp.temperature_k
     return lamp.power_w * planck_fraction_per_nm(at, scale)
+
+
+def axial_intensity(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
+    """Radiant intensity on the beam's axis per nanometre, for which fields of unit intensity stand.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Spectrum and beam.
+    wavelength_nm : array, nm
+
+    Returns
+    -------
+    array, W/(sr nm)
+        Of a pencil beam, which has no solid angle, the power, W/nm.
+    """
+    beam_sr = 1.0 if lamp.profile == "pencil" else solid_angle_sr(lamp)
+    return np.asarray(spectral_power(lamp, wavelength_nm) / beam_sr)

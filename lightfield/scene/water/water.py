@@ -8,6 +8,7 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
 from lightfield.scene.water.library import list_presets
@@ -108,9 +109,9 @@ class Water(Part):
     @classmethod
     def _only_a_base_can_be_clearer(cls, value: float, info: ValidationInfo) -> float:
         if value < 0 and info.data.get("base") == "none":
-            raise ValueError(
-                f"found {value:g}, a number >= 0 (1/m) in water without a base; "
-                "remedy: write absorption_per_m = a value >= 0, or name a base"
+            raise RuleError(
+                f"found {value:g}, a number >= 0 (1/m) in water without a base",
+                "write absorption_per_m = a value >= 0, or name a base",
             )
         return value
 
@@ -118,19 +119,18 @@ class Water(Part):
     def _base_is_known(self) -> Water:
         wavelengths = [wavelength for wavelength, _ in self.absorption_at]
         if any(b <= a for a, b in pairwise(wavelengths)):
-            raise ValueError(
-                f"wavelengths of absorption_at must rise, found {wavelengths}; "
-                "remedy: sort them, drop doubles"
+            raise RuleError(
+                f"wavelengths of absorption_at must rise, found {wavelengths}", "sort them, drop doubles"
             )
         if self.base == "table" and self.table is None:
-            raise ValueError('base "table" needs table; remedy: add table = "file.csv"')
+            raise RuleError('base "table" needs table', 'add table = "file.csv"')
         if self.table is not None:
             readable(read_columns, self.table, ("wavelength_nm", "absorption_per_m", "scattering_per_m"))
         known = ["none", "pure", "table", *list_presets()]
         if self.base not in known:
             near = difflib.get_close_matches(self.base, known, n=1, cutoff=0.4)
-            raise ValueError(
-                f'base "{self.base}" is not one of {", ".join(known)}; '
-                f"remedy: {f'did you mean {near[0]}?' if near else 'choose one of them'}"
+            raise RuleError(
+                f'base "{self.base}" is not one of {", ".join(known)}',
+                f"did you mean {near[0]}?" if near else "choose one of them",
             )
         return self

@@ -6,7 +6,7 @@ The render is the reference, so every relative error is (formula - render) / ren
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,16 +16,18 @@ from scipy.ndimage import gaussian_filter
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
+from lightfield.formula.field import direct_field
+from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
+from lightfield.scene.lamp.spectrum import axial_intensity
 
 # (scene, x, y, z, wavelength_nm) -> absolute values in the unit of the maps, shape of x
 Formula = Callable[[Scene, Array, Array, Array, float], Array]
 LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
 BAND_SAMPLES = 5
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True)
@@ -210,7 +212,7 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
     quantity = dataset.attrs["quantity"]
     x, y = dataset.x_m.values.astype(float), dataset.y_m.values.astype(float)
     # Asked here too: maps of before planes were clipped to the tank have cells outside it.
-    outside = cells_inside(scene.tank, x, y, *(_pitch(c) or ROUNDING_M for c in (x, y))) < 1
+    outside = cells_inside(scene.tank, x, y, *(pitch_m(c) or ROUNDING_M for c in (x, y))) < 1
     planes = []
     for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
         over = [wavelength]
@@ -218,7 +220,7 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
             low, high = dataset["wavelength_bounds_nm"].values[index]
             over = list(low + (high - low) * (np.arange(BAND_SAMPLES) + 0.5) / BAND_SAMPLES)
         for number, z in enumerate(dataset.z_m.values.astype(float)):
-            expected = np.mean([cell_mean(formula, scene, x, y, z, w) for w in over], axis=0)
+            expected = on_cells(formula, scene, x, y, z, over)
             render, stderr = (
                 np.where(outside, np.nan, dataset[name].values[index, number])
                 for name in (quantity, f"{quantity}_stderr")
@@ -273,7 +275,7 @@ def radial_profile(
     Errors of different cells are taken as independent: a photon rarely meets a plane twice.
     """
     radius = np.hypot(*np.meshgrid(x_m - centre[0], y_m - centre[1]))
-    pitch = _pitch(x_m) or 1.0
+    pitch = pitch_m(x_m) or 1.0
     # Rounding, not flooring: with cells on a centred grid no cell then lies on the border of two rings.
     ring = np.round(radius / pitch).astype(int)
     reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
@@ -294,40 +296,31 @@ def radial_profile(
 
 def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array) -> Profile:
     """Mean of the cell, or the equally near cells, at x = y = 0."""
-    radius = np.hypot(*np.meshgrid(x_m, y_m))
-    near = radius <= radius.min() * (1 + 1e-6) + 1e-12
+    near = axis_cells(x_m, y_m)
     error = np.sqrt(np.sum(stderr[near] ** 2)) / near.sum()
     return Profile(
-        radius[near][:1],
+        np.hypot(*np.meshgrid(x_m, y_m))[near][:1],
         render[near].mean(keepdims=True),
         np.array([error]),
         formula[near].mean(keepdims=True),
     )
 
 
-def cell_mean(
-    formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, wavelength_nm: float
+def on_cells(
+    formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, wavelengths_nm: Sequence[float]
 ) -> Array:
-    """The formula averaged over every cell by 3 x 3 Gauss-Legendre points, shape (n_y, n_x)."""
-    half_x, half_y = (0.5 * _pitch(c) for c in (x_m, y_m))
-    total = np.zeros((y_m.size, x_m.size))
-    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
-        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
-            x, y = np.meshgrid(x_m + u * half_x, y_m + v * half_y)
-            total += 0.25 * wu * wv * formula(scene, x, y, np.full_like(x, z_m), wavelength_nm)
-    return total
+    """The formula averaged over every cell and over wavelengths, shape (n_y, n_x)."""
+
+    def field(x: Array, y: Array) -> Array:
+        z = np.full_like(x, z_m)
+        return np.asarray(np.mean([formula(scene, x, y, z, w) for w in wavelengths_nm], axis=0))
+
+    return cell_mean(field, x_m, y_m, pitch_m(x_m), pitch_m(y_m))
 
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, wavelength_nm: float) -> Array:
     """The closed-form model in absolute units, W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)."""
-    from lightfield.formula.field import direct_field
-    from lightfield.scene.lamp.profile import solid_angle_sr
-    from lightfield.scene.lamp.spectrum import spectral_power
-
-    power = float(np.ravel(spectral_power(scene.lamp, np.array([wavelength_nm])))[0])
-    intensity = power if scene.lamp.profile == "pencil" else power / float(solid_angle_sr(scene.lamp))
-    field = direct_field(scene, x_m.ravel(), y_m.ravel(), z_m.ravel(), wavelength_nm=wavelength_nm)
-    return intensity * np.asarray(field, float).reshape(x_m.shape)
+    return axial_intensity(scene.lamp, wavelength_nm) * direct_field(scene, x_m, y_m, z_m, wavelength_nm)
 
 
 def verdict(comparison: Comparison) -> str:
@@ -352,11 +345,6 @@ def verdict(comparison: Comparison) -> str:
     else:
         off = f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
     return f"{lost}; {where}; {off}."
-
-
-def _pitch(centres: Array) -> float:
-    """Size of evenly spaced cells, m; 0 for one alone."""
-    return float(np.median(np.diff(centres))) if centres.size > 1 else 0.0
 
 
 def _percent(part: float) -> str:

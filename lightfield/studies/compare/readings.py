@@ -17,13 +17,16 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
 from lightfield.diagnosis.search.preparation import bench, prepare
+from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.compose import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
+from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.diagnosis.verdict.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
-from lightfield.fitting.forward import DiffuseSource, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 
 #: Correlations below this are not printed.
@@ -264,7 +267,7 @@ def _fit_readings(
     tracing: Mapping[str, Any],
 ) -> FitReport:
     readings = readings.check_against(scene)
-    source, reason = source_of(scene, diffuse)
+    source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     source, dense = remembered(source), None
@@ -272,16 +275,19 @@ def _fit_readings(
         forward = SceneForward(scene, readings, source, dense_per_m=dense)
         problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
         explanation = _chosen(problem, with_effects, untestable)
+        if not any(c.effect.instead_of for c in explanation):
+            problem = by_shape(problem)
         rng = np.random.default_rng(seed)
         prepared = prepare(problem, quoted, budget, rng)
         made = bench(prepared, 0.0, rng)
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])
         fit = _best(problem, explanation, made.whiten, base.u)
-        dense = forward.to_trace([fit.values]) or prepared.to_trace_per_m
+        dense = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
         if dense is None:
             break
-    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in readings.warnings]
+    noted = [*hints(forward, problem, fit, budget.calibration), *readings.warnings]
+    notes = [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted]
     for _ in range(2 if solver == "render" else 0):
         from lightfield.render.at_readings import rendered_light  # loads the renderer
 
@@ -290,7 +296,7 @@ def _fit_readings(
         problem = replace(problem, forward=forward)
         fit = problem.fit(explanation, made.whiten, [fit.u], tolerance=1e-6)
     adequacy = made.test.on(problem)(fit)
-    sigma = np.sqrt(np.diag(prepared.noise.covariance(0.0, 1.0, 0.0)))
+    sigma = np.sqrt(prepared.noise.variance(1.0, 0.0))
     difference = problem.value - fit.prediction
     per_cent = 100 * difference / fit.prediction
     in_sigma = np.where(problem.keep > 0, difference / sigma, 0.0)

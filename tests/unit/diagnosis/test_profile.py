@@ -10,7 +10,7 @@ import pytest
 
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.profile import profiled, restarted
-from lightfield.fitting.least_squares import Parameter
+from lightfield.fitting.parameter import FitParameter
 
 SIGMA = 0.05
 OMEGA = 1.0
@@ -30,12 +30,13 @@ def problem(x: np.ndarray, seed: int = 0) -> tuple[Problem, Any]:
     forward = Wave(x)
     noise = SIGMA * np.random.default_rng(seed).standard_normal(len(x))
     value = forward.predict({"base": 1.0, "depth": 0.5, "omega": OMEGA}) + noise
-    depth = Parameter("depth", 0.0, 2.0, 0.0, 1e-4)
-    omega = Parameter("omega", 0.5, np.pi - 0.5, 2.0, 1e-4)
+    depth = FitParameter("depth", 0.0, 2.0, 0.0, 1e-4)
+    omega = FitParameter("omega", 0.5, np.pi - 0.5, 2.0, 1e-4)
     wave = SimpleNamespace(
-        amplitudes=(depth,), shapes=(omega,), parameters=(depth, omega), grid=((0.8,), (1.3,), (2.0,))
-    )
-    base = (Parameter("base", 0.0, 3.0, 1.0, 1e-4),)
+        amplitudes=(depth,), shapes=(omega,), parameters=(depth, omega), grid=((0.8,), (1.3,), (2.0,)),
+        effect=SimpleNamespace(instead_of=()),
+    )  # fmt: skip
+    base = (FitParameter("base", 0.0, 3.0, 1.0, 1e-4),)
     return Problem(cast(Any, forward), cast(Any, None), value, np.ones(len(x)), base, (wave,)), wave
 
 

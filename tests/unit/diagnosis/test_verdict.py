@@ -82,6 +82,9 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
         verdict = found.rendered().verdict
         assert verdict.ladder[-1].rendered_error_percent is not None
         assert any("does not confirm the fit" in w for w in verdict.warnings) == said
+        kind = ("unexplained", []) if said else ("identified", found.verdict.effects)
+        assert (verdict.verdict, verdict.effects) == kind
+        assert ("does not confirm the fit" in verdict.sentence) == said
     assert not any("does not confirm" in w for w in found.verdict.warnings)
 
 

@@ -41,14 +41,14 @@ def table() -> Readings:
     )  # fmt: skip
 
 
-def glowing(asked: list[dict[str, Any]] | None = None) -> SceneForward:
+def glowing(asked: list[dict[str, Any]] | None = None, **budget: Any) -> SceneForward:
     def source(scene: Scene, *places: np.ndarray, **options: Any) -> Glow:
         if asked is not None:
             asked.append(options)
         return Glow()
 
     scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1}})
-    return SceneForward(scene, table(), source)
+    return SceneForward(scene, table(), partial(source, **budget) if budget else source)
 
 
 def test_every_reading_has_the_light_and_the_error_of_its_own_colour() -> None:
@@ -71,7 +71,26 @@ def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:
     for share in (1.0, 0.25):
         glowing(asked).at(share, **there).predict({})
     assert asked == [{}, {"share": 0.25}]
-    forward = glowing(asked)
-    forward._source = partial(forward._source, photons=1000)
-    forward.at(0.25, **there).predict({})
+    glowing(asked, photons=1000).at(0.25, **there).predict({})
     assert asked[-1] == {"photons": 1000, "share": 0.25}
+
+
+def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_elsewhere() -> None:
+    """A second correction replaces the first; the forward model that it is made from stays as it was."""
+    forward, here, there = glowing(), {"water.absorption_per_m": 0.2}, {"water.absorption_per_m": 0.3}
+    plain = forward.predict(there)
+    render = np.linspace(0.5, 1.0, 6) * forward.predict(here)
+    first = forward.corrected(3 * render, np.zeros(6), here)
+    for corrected in (
+        forward.corrected(render, 0.01 * render, here),
+        first.corrected(render, 0.01 * render, here),
+    ):
+        assert corrected.predict(here) == pytest.approx(render)
+        factor = render / forward.predict(here)
+        assert corrected.predict(there) == pytest.approx(factor * plain)
+        modes, smooth = corrected.errors(here)
+        own, expected = forward.errors(here)
+        more = np.linalg.norm(modes, axis=1) ** 2 - (factor * np.linalg.norm(own, axis=1)) ** 2
+        assert np.sqrt(more) == pytest.approx(0.01 * render)
+        assert smooth == pytest.approx(factor * expected)
+    assert forward.predict(there) == pytest.approx(plain, rel=1e-15)

@@ -1,6 +1,7 @@
 """The data set of a rendering keeps numbers, units and provenance through NetCDF and EXR."""
 
 import json
+import time
 
 import netCDF4
 import numpy as np
@@ -45,6 +46,17 @@ def test_provenance_brings_the_scene_back(dataset):
 
 def test_netcdf_returns_the_same_data_set(dataset, tmp_path):
     xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)
+
+
+def test_equal_renderings_are_equal_files_whenever_they_are_written(make, tmp_path):
+    for name in ("one", "two"):
+        dataset = to_dataset(make(pixels=9))
+        write_netcdf(dataset, tmp_path / name / "maps.nc")
+        write_exr_planes(dataset, tmp_path / name)
+        time.sleep(1.1)  # times in files have a resolution of a second
+    files = sorted(file.name for file in (tmp_path / "one").iterdir())
+    assert len(files) == 4
+    assert all((tmp_path / "one" / f).read_bytes() == (tmp_path / "two" / f).read_bytes() for f in files)
 
 
 def test_netcdf_is_readable_without_xarray(dataset, tmp_path):

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightfield.errors import LightfieldError, MeasurementError
-from lightfield.readings import ErrorBudget, Readings
+from lightfield.readings import ErrorBudget, read_table, write_table
 from lightfield.readings.importing.importer import import_index
 from lightfield.readings.importing.index import read_index
 from lightfield.readings.importing.reduction import band_mean
@@ -38,8 +38,9 @@ def campaign(tmp_path: Path) -> Path:
 def test_the_whole_header_is_kept_through_the_written_table(campaign):
     oceanview(campaign / "more.txt", DARK, 0.05, more=["Comment: left over"])
     path = campaign / "readings.csv"
-    run(campaign, [*ROWS, "more.txt,6.5,0,99,signal"], budget=ErrorBudget(position_mm=2)).save(path)
-    again = Readings.load(path)
+    made = run(campaign, [*ROWS, "more.txt,6.5,0,99,signal"], budget=ErrorBudget(position_mm=2))
+    write_table(made, path)
+    again = read_table(path)
     instrument = again.metadata["instrument"]
     assert instrument["common"]["Spectrometer"] == "TEST1"
     assert instrument["files"]["more.txt"]["Comment"] == "left over"
@@ -57,7 +58,7 @@ def test_all_problems_of_index_and_files_come_at_once(campaign):
          "a.txt,4.5,0,0,signal", ",4.5,0,0,signal"],
     )  # fmt: skip
     expected = [
-        (2, "none.txt: cannot be read"),
+        (2, "none.txt: cannot read the spectrometer file"),
         (3, "bad.txt: not a spectrometer file"),
         (4, "x_m is not a number"),
         (4, "unknown role"),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lightfield.render.response import store
+from lightfield.render.response.response import Reference, TransportResponse
 
 KEY = {"kind": "test", "grid": [np.arange(3.0), 0.1], "seed": 1}
 ARRAYS = {"tally": np.arange(24, dtype=np.float32).reshape(2, 3, 4), "photons": np.array(7)}
@@ -80,3 +82,24 @@ def test_an_entry_under_a_wrong_name_is_not_read(entry: Path) -> None:
     other = KEY | {"seed": 2}
     entry.rename(entry.with_name(f"{store.digest_of(other)}.npz"))
     assert store.load(other) is None
+
+
+@pytest.mark.parametrize("merged", [None, np.array([[[0, 1], [1, 0]]])])
+def test_a_response_comes_back_whole(tmp_path: Path, merged: np.ndarray | None) -> None:
+    """In the cache and beside a sweep's store, by way of one list of its arrays."""
+    cells = 4 if merged is None else 2
+    reference = Reference(0.1, 0.2, 0.3)
+    response = TransportResponse(
+        np.arange(6.0 * cells).reshape(2, 3, cells),
+        np.arange(9).reshape(3, 3),
+        np.array([0.0, 0.5, 1.0]),
+        np.arange(1.0, 5.0).reshape(1, 2, 2),
+        reference,
+        640,
+        merged,
+    )
+    np.savez(tmp_path / "stored.npz", **response.packed())
+    with np.load(tmp_path / "stored.npz") as stored:
+        back = TransportResponse.unpacked(stored, reference)
+    for field in fields(TransportResponse):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(response, field.name))

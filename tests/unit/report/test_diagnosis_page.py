@@ -6,11 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict import aside_words, words
+from lightfield.diagnosis.verdict.verdict import SetAside
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+from lightfield.scene import Tank
 
-TANK = {"width_m": 3.66, "depth_m": 2.44, "length_m": 36.6, "behind_lamp_m": 0.5, "lamp_depth_m": 1.22}
+TANK = Tank(width_m=3.66, depth_m=2.44, length_m=36.6, behind_lamp_m=0.5, lamp_depth_m=1.22)
 
 
 def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_sided=False):
@@ -60,7 +62,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     found = kind in ("identified", "ambiguous")
     verdict = {
         "verdict": kind,
-        "sentence": sentences[kind],
+        **words.Said.of(sentences[kind]).fields,
         "effects": ["scattering"] if found else [],
         "explanations": {"identified": [explanation], "ambiguous": [explanation, skirt]}.get(kind, []),
         "nearest_rival": {"effects": ["beam_skirt"], "separation_sigma": 1.8} if found else None,
@@ -173,12 +175,35 @@ def test_groups_name_only_what_differs():
 
 def test_the_distance_of_rivals_stands_below_the_headline():
     view = example("ambiguous")
-    said = words.sentence(
+    said = words.said(
         "ambiguous",
         [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
         SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
         {}, None, "", "", True,
     )  # fmt: skip
-    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, "sentence": said}))
+    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **said.fields}))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
+
+
+def test_readings_set_aside_are_listed_and_stand_below_the_headline():
+    view = example("none")
+    one = {"row": 17, "reason": "outlier", "x_m": 0.3, "y_m": 0.0, "z_m": 4.5, "medium": "water"}
+    aside = [
+        one | {"wavelength_nm": 525.0, "off_sigma": -46.2},
+        one | {"row": 3, "reason": "saturated", "wavelength_nm": None, "off_sigma": None},
+    ]
+    out = aside_words.sentence([SetAside(**each) for each in aside], 245, False)
+    said = words.Said.of(view.verdict["sentence"]).then(out)
+    assert said.sentence.endswith(
+        "1 of 245 readings was set aside: x = 0.3, y = 0, z = 4.5 m, 46 sigma below the model. "
+        "1 saturated reading was left out."
+    )
+    html = diagnosis_page(
+        dataclasses.replace(view, verdict={**view.verdict, **said.fields, "set_aside": aside})
+    )
+    assert f">{view.verdict['sentence']}<" in html
+    assert ">1 of 245 readings was set aside: x = 0.3" in html
+    cells = "".join(f"<td>{c}</td>" for c in ("17", "0.3", "0", "4.5", "water", "525", "-46.2"))
+    assert cells in html and "<td>saturated</td>" in html
+    assert "Readings set aside" not in diagnosis_page(view)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.fitting.forward import has_diffuse_light
+from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import receiver, source, window_points
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor

@@ -13,7 +13,7 @@ from lightfield.errors import SceneError
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.photometry import intensity_table
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.spectrum import axial_intensity, spectral_power
 
 IES = """IESNA:LM-63-2002
 [TEST] hand-written
@@ -208,3 +208,13 @@ def test_profile_formula() -> None:
     oval = Lamp(hwhm_deg=4, ellipticity=2)
     assert relative_intensity(oval, 0.0, 2 * h) == pytest.approx(0.5)
     assert relative_intensity(Lamp(hwhm_deg=60), math.radians(91), 0.0) == 0.0
+
+
+def test_intensity_on_the_axis() -> None:
+    """Power over solid angle; all of the power for a pencil beam, which has none."""
+    at = np.array([[480.0, 520.0], [600.0, 640.0]])
+    for lamp in (Lamp(hwhm_deg=20.0, ellipticity=1.5), Lamp(profile="isotropic")):
+        whole = axial_intensity(lamp, at) * solid_angle_sr(lamp)
+        np.testing.assert_allclose(whole, spectral_power(lamp, at), rtol=1e-12)
+    pencil = Lamp(profile="pencil")
+    np.testing.assert_array_equal(axial_intensity(pencil, at), spectral_power(pencil, at))

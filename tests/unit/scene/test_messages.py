@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
-from lightfield.errors import SceneError
+from lightfield.errors import RuleError, SceneError
 from lightfield.scene import Scene
+from lightfield.scene.lamp.lamp import Lamp
 
 # What is wrong, the scene text, and words that the message has to contain.
 WRONG = {
@@ -129,6 +131,7 @@ def test_all_problems_at_once() -> None:
         ("angle_deg,intensity\n0,1\n5,x\n4,0.1\n", ["line 3: not numbers: 5,x"]),
         ("angle_deg,intensity\n0,1\n5,0.5\n5,0.1\n", ["line 4: angle_deg must rise, 5 after 5"]),
         ("angle_deg,intensity\n0,1\n5,-0.5\n", ["line 3: negative"]),
+        ("angle_deg,intensity\n0,1\n5,1e200\n", ["line 3: too large"]),
         ("angle_deg,intensity\n1,1\n5,0.5\n", ["starts on the axis", "1 to 5 deg"]),
         ("angle_deg,intensity\n0,0\n5,0.5\n", ["no light on the beam axis"]),
         ("angle_deg,intensity\n0,1\n", ["fewer than two rows"]),
@@ -153,3 +156,18 @@ def test_unreadable_files(tmp_path: Path) -> None:
         Scene.load(tmp_path / "binary.toml")
     with pytest.raises(SceneError, match="cannot read"):
         Scene.load(tmp_path)
+
+
+def test_a_rule_and_its_remedy_are_two_fields(tmp_path: Path) -> None:
+    """Validators tell them apart, whatever words they use; also those of a table that a scene names."""
+    assert str(RuleError("a; remedy: b", "c")) == "a; remedy: b; remedy: c" and str(RuleError("a")) == "a"
+    found = SceneError("bad", where="t.csv", rule="numbers", remedy="mend it", problems=["line 1", "line 2"])
+    assert RuleError.of(found).rule == "t.csv: bad; rule: numbers | line 1 | line 2"
+    assert RuleError.of(found).remedy == "mend it"
+    with pytest.raises(ValidationError) as caught:
+        Lamp(profile="two-component")
+    assert caught.value.errors()[0]["ctx"]["error"].remedy == "add skirt_fraction"
+    table = tmp_path / "; remedy: x"  # a name of a file is no part of the sentence
+    with pytest.raises(SceneError) as missing:
+        Scene.from_toml(f'[lamp]\nprofile = "table"\nintensity_table = "{table}"')
+    assert f"rule: no such file: {table}; remedy: give a path" in str(missing.value)

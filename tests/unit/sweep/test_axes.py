@@ -38,6 +38,7 @@ def test_linear_log_and_list_ranges_include_both_ends() -> None:
         ("p=0:1:3:log", "above 0"),
         ("p=0:1:3:cubic", "linear or log"),
         ("p=1,2,1", "stands twice"),
+        ("p=1,2,1.0", "stands twice"),
     ],
 )
 def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> None:
@@ -52,6 +53,7 @@ def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> N
         ([], "nothing is varied"),
         (["water.scatering_per_m=0,1"], "no such parameter.*scattering_per_m"),
         (["water.scattering_per_m=0,-1"], "impossible value.*0 to 100"),
+        (["detector.width_m=0:1:3"], "impossible value; found 0.0; rule: above 0 to 10000"),
         (["tank.wall_albedo=0,1.5"], "impossible value.*0 to 1"),
         (["water.scattering_per_m=0,1", "water.scattering_per_m=2,3"], "varied twice"),
         ([f"{ALBEDO}=0,2"], "impossible value.*0 to 1"),
@@ -114,6 +116,11 @@ def test_a_plan_file_holds_ranges_coupled_parameters_and_settings(tmp_path: Path
         ("[[vary]]\npath = 'a'\nstart = 0\nstop = 'b'\ncount = 2\n", "not a range"),
         ("[[vary]]\nname = 'n'\ntogether = { a = [1, 2], b = [1] }\n", "unequal length"),
         ("[[vary]]\npath = 'a'\nvalues = []\n", "unequal length, or none"),
+        ("[[vary]]\npath = 'a'\nvalues = [[[1]], [[2]], [[1]]]\n", "stands twice"),
+        ("[[vary]]\nname = '../n'\ntogether = { a = [1, 2] }\n", "not a name of a dimension"),
+        ("[[vary]]\npath = 1979-05-27\nvalues = [1]\n", "not a range.*path or a name, in quotes"),
+        ("vary = [1, 2]\n", "not a range.*path or a name, in quotes"),
+        ("settings = 3\n", "not a plan"),
     ],
 )
 def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says: str) -> None:
@@ -125,5 +132,5 @@ def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says:
 
 
 def test_a_missing_plan_file_is_an_error_of_one_line(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot read the plan"):
+    with pytest.raises(UsageError, match="cannot read the sweep plan"):
         read_plan(tmp_path / "none.toml")

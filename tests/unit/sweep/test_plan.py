@@ -8,8 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lightfield.errors import UsageError
+from lightfield.render.response.grid import band_wavelengths
+from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
-from lightfield.sweep.axes import parse_axis
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.sweep import plan as plan_module
+from lightfield.sweep.axes import Axis, parse_axis
 from lightfield.sweep.estimate import describe
 from lightfield.sweep.plan import MOST_SPREAD, Plan, SweepSettings, make_plan
 
@@ -107,6 +111,57 @@ def test_an_impossible_case_is_known_beforehand_and_costs_no_trace() -> None:
     assert len(plan.traces) == 2
     assert sorted(plan.problems) == [4, 5]
     assert "lamp_depth_m must be less than depth_m" in plan.problems[4]
+
+
+def test_every_reference_is_the_clearest_and_most_turbid_of_its_cases() -> None:
+    """Case by case, also where water, walls and both at once are varied, and wavelengths matter."""
+    pure = SCENE.with_values({"water.base": "pure", "detector.bands_nm": ((450.0, 460.0), (600.0, 650.0))})
+    for ranges in (
+        (
+            "water.attenuation_per_m=0.1:1:5",
+            "water.single_scattering_albedo=0,0.5,0.9",
+            "tank.wall_albedo=0,0.3",
+        ),
+        ("tank.surface_reflectance=0,1", "lamp.hwhm_deg=3,4", "water.scattering_per_m=0:2:9"),
+    ):
+        plan = planned(*ranges, scene=pure)
+        for trace in plan.traces:
+            scenes = [plan.cases.build(int(n)) for n in np.flatnonzero(plan.trace_of_case == trace.number)]
+            assert trace.cases == len(scenes)
+            wavelengths = band_wavelengths(pure).ravel()
+            a = min(absorption_per_m(scene.water, wavelengths).min() for scene in scenes)
+            b = max(scattering_per_m(scene.water, wavelengths).max() for scene in scenes)
+            albedo = max(scene.tank.wall_albedo for scene in scenes if scene.tank)
+            assert trace.reference == Reference(a, b, albedo)
+
+
+def test_a_plan_looks_at_few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """100,000 cases are planned in seconds: what costs a millisecond is not done for every step."""
+    looked = {"key": 0, "scene": 0}
+    key, replaced = plan_module._key, Scene._replaced
+
+    def counted_key(scene: Scene) -> str:
+        looked["key"] += 1
+        return key(scene)
+
+    def counted_scene(self: Scene, values: dict[str, object]) -> Scene:
+        looked["scene"] += 1
+        return replaced(self, values)
+
+    monkeypatch.setattr(plan_module, "_key", counted_key)
+    monkeypatch.setattr(Scene, "_replaced", counted_scene)
+    planned("water.absorption_per_m=0.01:1:1000")
+    assert looked["key"] <= 5 and looked["scene"] <= 1000 + 50
+    looked.update(key=0, scene=0)
+    planned("water.absorption_per_m=0.01:1:20", "tank.wall_albedo=0:0.5:50", "lamp.hwhm_deg=3,4")
+    assert looked["key"] <= 12 and looked["scene"] <= 20 + 50 + 100
+
+
+def test_whether_a_number_matters_is_seen_wherever_it_stands() -> None:
+    """The first steps of parameters that change together may be equal in the one that needs a trace."""
+    axis = Axis("both", {"lamp.power_w": (10.0, 20.0, 30.0), "lamp.hwhm_deg": (3.0, 3.0, 4.0)})
+    plan = make_plan(SCENE, [axis], SweepSettings())
+    assert [trace.cases for trace in plan.traces] == [2, 1]
 
 
 def test_maps_of_different_shapes_are_refused() -> None:

@@ -1,0 +1,113 @@
+"""The command line: find the sub-command, read its options, call it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import keyword
+import os
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NoReturn
+
+from lightfield import __version__
+from lightfield.commands._options import thread_count
+from lightfield.errors import UsageError
+
+# Name and help of every sub-command; one whose module is not there is not offered.
+COMMANDS = {
+    "render": "trace a scene and write its maps",
+    "scene": "check a scene file, read or change its values, convert it",
+    "picture": "a camera view of the lit tank",
+    "compare": "the closed-form model against the render, or against readings",
+    "regime": "where the closed-form model can be trusted",
+    "import": "turn instrument files into one reading table",
+    "hide": "make readings with an effect hidden in them, to test a diagnosis",
+    "diagnose": "find the physical effect that readings show and the model lacks",
+    "plan": "what a measurement layout can detect and tell apart, before measuring",
+    "sweep": "vary parameters of a scene over a grid",
+    "show": "figures of a sweep",
+    "export": "write cases of a sweep as spectral EXR",
+    "demo": "run the example experiments and write their reports",
+    "doctor": "check the installation against a known value",
+}
+
+
+def available() -> dict[str, str]:
+    """Sub-commands whose module exists, with their help."""
+    return {
+        name: text for name, text in COMMANDS.items() if importlib.util.find_spec(_module(name)) is not None
+    }
+
+
+def prepared(argv: list[str]) -> Callable[[], int]:
+    """What a command line asks for, ready to be called; the command's own modules are imported by then.
+
+    Raises
+    ------
+    UsageError
+        A wrong command or option.
+    """
+    for word in argv:
+        if re.fullmatch(r"-[^=]*=--", word):  # Python before 3.13 takes this for no value at all
+            raise UsageError("expected one argument", where=word.removesuffix("=--"), found="--")
+    commands = available()
+    general = _general_options(argparse.SUPPRESS)
+    chosen = next((word for word in general.parse_known_args(argv)[1] if word in commands), None)
+    parser = _Parser(
+        prog="lightfield",
+        description="The light field of an underwater lamp.",
+        parents=[_general_options(None)],
+    )
+    parser.add_argument("--version", action="version", version=f"lightfield {__version__}")
+    choices = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    run = None
+    for name, text in commands.items():
+        command = choices.add_parser(name, help=text, description=_sentence(text), parents=[general])
+        if name == chosen:
+            module = importlib.import_module(_module(name))
+            module.add_arguments(command)
+            run = module.run
+    args = parser.parse_args(argv)
+    if args.command is None or run is None:
+        parser.print_help()
+        return lambda: 2 if argv else 0
+    for option, variable in (("backend", "LIGHTFIELD_BACKEND"), ("threads", "LIGHTFIELD_THREADS")):
+        if getattr(args, option) is not None:
+            # The environment, not a global: worker processes must follow.
+            os.environ[variable] = str(getattr(args, option))
+    return partial(run, args)
+
+
+def _general_options(default: str | None) -> _Parser:
+    """Options allowed before and after the sub-command; SUPPRESS keeps the second from undoing the first."""
+    options = _Parser(prog="lightfield", add_help=False, argument_default=default)
+    group = options.add_argument_group("computing")
+    group.add_argument(
+        "--backend", choices=("auto", "llvm", "cuda"), help="what to compute on (default: auto)"
+    )
+    group.add_argument(
+        "--threads", type=thread_count, metavar="N", help="threads of the processor (default: all)"
+    )
+    return options
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong command line like any other error: one line."""
+
+    def __init__(self, **settings: Any) -> None:
+        settings.setdefault("allow_abbrev", False)
+        super().__init__(**settings)
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message, remedy=f"{self.prog} --help")
+
+
+def _module(name: str) -> str:
+    return f"lightfield.commands.{name}_" if keyword.iskeyword(name) else f"lightfield.commands.{name}"
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + "."

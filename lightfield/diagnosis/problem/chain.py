@@ -1,0 +1,164 @@
+"""Cholesky factor of a covariance along a chain: dense within blocks of readings, of low rank between them.
+
+Readings far apart share few errors: the gain of a stay, a smooth error of the model, the noise that is left
+of the last reading. What the blocks up to one have in common with all that follow is a state of s numbers,
+so that the factor takes n (b + 2 s) numbers for blocks of b readings, and n (b + s)^2 steps, in place of n^2
+and n^3 (the blocked form of Foreman-Mackey, Agol, Ambikasaran and Angus 2017, Astron. J. 154, 220). It is the
+Cholesky factor itself, not another root of the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf, dtrtri
+
+from lightfield.arrays import Array
+
+Rows = NDArray[np.int_]
+
+#: Rows among which the next columns of a factor of low rank are chosen.
+_CHOSEN_AMONG = 1500
+
+
+@dataclass(frozen=True)
+class Link:
+    """One block of readings; C_ij = out_i carry_i-1 ... carry_j+1 into_j^T is its covariance with another.
+
+    Parameters
+    ----------
+    own : array, shape (b, b)
+        C_ii.
+    out : array, shape (b, s)
+        What the readings take from the state before them.
+    into : array, shape (b, s')
+        What they add to the state after them.
+    source : array of int, shape (s',)
+        Where the numbers of the new state come from in the old one; -1: from nowhere.
+    decay : array, shape (s',)
+        Factor on each.
+    """
+
+    own: Array
+    out: Array
+    into: Array
+    source: Rows
+    decay: Array
+
+    @cached_property
+    def _unchanged(self) -> bool:
+        same = len(self.source) == self.out.shape[1] and (self.source == np.arange(len(self.source))).all()
+        return bool(same and (self.decay == 1).all())
+
+    @cached_property
+    def _taken(self) -> tuple[Rows, Array]:
+        there = self.source >= 0
+        return np.where(there, self.source, 0), np.where(there, self.decay, 0.0)[:, None]
+
+    def carry(self, state: Array) -> Array:
+        """The old state, shape (s, k), as part of the new one, shape (s', k)."""
+        if self._unchanged:
+            return state
+        source, factor = self._taken
+        return factor * state[source] if len(state) else np.zeros((len(source), state.shape[1]))
+
+
+def alone(covariance: Array) -> Link:
+    """A chain of one block."""
+    nothing = np.zeros((len(covariance), 0))
+    return Link(covariance, nothing, nothing, np.zeros(0, int), np.zeros(0))
+
+
+class ChainFactor:
+    """Multiplies columns by the Cholesky factor of a covariance, and by its inverse.
+
+    Parameters
+    ----------
+    links : iterable of Link
+        In order.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The covariance is not positive definite.
+    """
+
+    def __init__(self, links: Iterable[Link]) -> None:
+        self._links: list[tuple[Link, Array, Array, Array]] = []
+        #: Logarithm of the determinant of the covariance.
+        self.log_determinant = 0.0
+        known = np.zeros((0, 0))  # covariance of the state before a block, as the readings so far tell it
+        for link in links:
+            own, gain = link.own, link.into.T
+            if len(known):
+                taken = link.out @ known
+                own, gain = own - taken @ link.out.T, gain - link.carry(taken.T)
+            root: Array = np.linalg.cholesky(own)
+            inverse: Array = dtrtri(root, lower=1)[0]
+            self.log_determinant += 2 * float(np.log(np.diag(root)).sum())
+            gain = gain @ inverse.T
+            known = link.carry(link.carry(known).T) + gain @ gain.T
+            self._links.append((link, root, inverse, gain))
+
+    def white(self, columns: Array) -> Array:
+        """L^-1 times columns of shape (n, k)."""
+        if len(self._links) == 1:
+            return np.asarray(self._links[0][2] @ columns)
+        out, at, state = np.empty_like(columns), 0, np.zeros((0, columns.shape[1]))
+        for link, _, inverse, gain in self._links:
+            rows = slice(at, at := at + len(inverse))
+            rest = columns[rows] - link.out @ state if len(state) else columns[rows]
+            out[rows] = inverse @ rest
+            state = link.carry(state) + gain @ out[rows]
+        return out
+
+    def coloured(self, columns: Array) -> Array:
+        """L times columns of shape (n, k)."""
+        if len(self._links) == 1:
+            return np.asarray(self._links[0][1] @ columns)
+        out, at, state = np.empty_like(columns), 0, np.zeros((0, columns.shape[1]))
+        for link, root, _, gain in self._links:
+            rows = slice(at, at := at + len(root))
+            out[rows] = root @ columns[rows]
+            if len(state):
+                out[rows] += link.out @ state
+            state = link.carry(state) + gain @ columns[rows]
+        return out
+
+
+def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance: float) -> Array:
+    """Columns U with U U^T near a covariance: no variance differs by more than a tolerance, shape (n, rank).
+
+    Cholesky decomposition with pivots, which are looked for among some rows at a time, the more likely the
+    more is left of their variance (Chen, Epperly, Tropp and Webber 2025, Comm. Pure Appl. Math. 78, 995).
+
+    Parameters
+    ----------
+    between : callable
+        Covariance of two sets of rows, shape (len(a), len(b)).
+    variance : array, shape (n,)
+        Its diagonal.
+    tolerance : float
+    """
+    n, left, rng = len(variance), variance.copy(), np.random.default_rng(0)
+    every, columns = np.arange(n), np.zeros((n, 0))
+    while left.max(initial=0.0) > tolerance:
+        likely = np.flatnonzero(left > tolerance)
+        if len(likely) > _CHOSEN_AMONG:
+            part = left[likely] / left[likely].sum()
+            # A sum of independent exponentials' races: draws without replacement.
+            likely = likely[np.argsort(rng.exponential(size=len(likely)) / part)[:_CHOSEN_AMONG]]
+        rest = between(likely, likely) - columns[likely] @ columns[likely].T
+        # Further than asked for, so that rounding cannot leave a row that is asked for again.
+        root, order, rank, _ = dpstrf(rest, tol=0.5 * tolerance, lower=1)
+        pivots = likely[order[:rank] - 1]
+        new = between(every, pivots) - columns @ columns[pivots].T
+        new = solve_triangular(root[:rank, :rank], new.T, lower=True).T
+        columns = np.hstack([columns, new])
+        left = np.maximum(left - (new**2).sum(1), 0.0)
+    return columns

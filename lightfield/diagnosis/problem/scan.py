@@ -1,0 +1,64 @@
+"""The covariance of many readings as a chain along the scan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.chain import Link
+
+if TYPE_CHECKING:
+    from lightfield.diagnosis.problem.noise import Noise
+
+Rows = NDArray[np.int_]
+
+
+def links_of(
+    noise: Noise, rho: float, phi: float, tolerance: float, order: Rows, size: int
+) -> Iterator[Link]:
+    """Blocks of readings that follow each other in the scan.
+
+    The state between them holds smooth errors, of which nothing is forgotten; the own noise of the last
+    reading of each channel, of which rho is left with every step; and the gain of stays that are not over.
+
+    Parameters
+    ----------
+    order : array of int, shape (n,)
+        Readings by `layout.position`.
+    size : int
+        Readings per block.
+    """
+    lay, n = noise.layout, noise.layout.size
+    smooth, own = noise.smooth_columns(tolerance), np.sqrt(phi) * noise.sigma
+    channels = np.arange(int(lay.channel.max()) + 1 if rho > 0 else 0)
+    lasting = smooth.shape[1] + len(channels)
+    (stay, gain), block = noise.stays, np.empty(n, int)
+    block[order] = np.arange(n) // size
+    first, last = np.full(n, n), np.full(n, -1)
+    np.minimum.at(first, stay[stay >= 0], block[stay >= 0])
+    np.maximum.at(last, stay[stay >= 0], block[stay >= 0])
+
+    def columns(rows: Rows, lag: Array, open_stays: Rows) -> Array:
+        remembered = np.where(lay.channel[rows][:, None] == channels, rho ** lag[:, None], 0.0)
+        shared = gain[rows][:, None] * (stay[rows][:, None] == open_stays)
+        return np.hstack([smooth[rows], own[rows][:, None] * remembered, shared])
+
+    before, begin = np.zeros(0, int), lay.position[order[0]]
+    for i, at in enumerate(range(0, n, size)):
+        rows, place = order[at : at + size], lay.position[order[at : at + size]]
+        end = lay.position[order[min(at + size, n - 1)]]
+        after = np.flatnonzero((first <= i) & (last > i))
+        known = {label: lasting + k for k, label in enumerate(before.tolist())}
+        source = [*range(lasting), *(known.get(label, -1) for label in after.tolist())]
+        decay = np.ones(len(source))
+        decay[smooth.shape[1] : lasting] = rho ** (end - begin)
+        out = columns(rows, place - begin, before)
+        into = columns(rows, end - place, after)
+        if i == 0:
+            out, source = out[:, :0], [-1] * len(source)
+        yield Link(noise.covariance(rho, phi, tolerance, rows), out, into, np.array(source, int), decay)
+        before, begin = after, end

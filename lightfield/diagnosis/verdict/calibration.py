@@ -1,0 +1,157 @@
+"""On an absolute scale the gain is known to the error of the calibration: what is fitted says whether the
+lamp has the power that the scene states.
+
+A factor on all readings hides nothing that the readings show by their shape. So the search looks for that
+first, with the gain free as on a relative scale; then the gain of what it found is compared with 1. One that
+is more than three errors off calls for a lamp of another power, or readings in another unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.setup import GAIN_ROOM
+from lightfield.diagnosis.search.cascade import Finding, Level
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.refutation import Judged
+from lightfield.errors import MeasurementError
+from lightfield.fitting.forward import POWER
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import GAIN
+
+#: A gain this many standard errors from 1 is not the calibration's.
+AGREES_SIGMA = 3.0
+EFFECT = "lamp_power"
+
+
+def by_shape(problem: Problem) -> Problem:
+    """The problem with the gain free and the lamp's power held, as readings on a relative scale pose it."""
+    if _power(problem) is None:
+        return problem
+    base = tuple(
+        replace(p, low=p.start - GAIN_ROOM, high=p.start + GAIN_ROOM) if p.path == GAIN else p
+        for p in problem.base
+    )
+    return replace(problem, base=base, candidates=tuple(c for c in problem.candidates if c.name != EFFECT))
+
+
+def _power(problem: Problem) -> Candidate | None:
+    return next((c for c in problem.candidates if c.name == EFFECT), None)
+
+
+def sigmas(fit: Fit, scale: float, calibration: float) -> float:
+    """How many standard errors, of calibration and fit together, the logarithm of a gain lies from 0.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    calibration : float
+        Relative standard error.
+    """
+    i = fit.paths.index(GAIN)
+    variance = float(fit.covariance(scale)[i, i])
+    return float(fit.u[i] / np.hypot(calibration, np.sqrt(variance))) if np.isfinite(variance) else 0.0
+
+
+def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) -> tuple[Prepared, Finding]:
+    """What was found by shape, with another lamp power beside it where its gain cannot be the calibration's.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the gain in its range and the lamp's power among the candidates.
+    """
+    power, calibration = _power(problem), prepared.noise.budget.calibration
+    if power is None or calibration is None or finding.size is None:
+        return prepared, finding
+    phi = finding.level.phi
+    explanations = finding.accepted or [Tried((), finding.level.base, finding.level.base.chi2 / phi)]
+    far = [sigmas(t.fit, t.adequacy.phi if t.adequacy else phi, calibration) for t in explanations]
+    agreeing = [k for k, z in enumerate(far) if abs(z) <= AGREES_SIGMA]
+    if agreeing:
+        if len(agreeing) == len(far):
+            return prepared, finding
+        weights = np.array([finding.weights[k] for k in agreeing])
+        share = list(map(float, weights / (weights.sum() + 1 - sum(finding.weights))))
+        return prepared, replace(finding, accepted=[explanations[k] for k in agreeing], weights=share)
+    known = replace(prepared, problem=replace(problem, keep=prepared.problem.keep))
+
+    def more(tried: Tried) -> Tried:
+        return with_power(known, finding, tried, power)
+
+    off = min(map(abs, far))
+    levels = [_contradicted(known, level, off) for level in finding.levels]
+    level = levels[finding.levels.index(finding.level)]
+    weights = np.array(finding.weights) if finding.accepted else np.ones(1)
+    return known, replace(
+        finding, size=(finding.size or 0) + 1, level=level, levels=levels,
+        accepted=[more(t) for t in explanations], weights=list(map(float, weights / weights.sum())),
+        tried=[more(t) for t in finding.tried],
+    )  # fmt: skip
+
+
+def with_power(prepared: Prepared, finding: Finding, tried: Tried, power: Candidate) -> Tried:
+    """An explanation with its gain put down to the lamp; the same prediction."""
+    explanation = (*tried.explanation, power)
+    known = dict(zip(tried.fit.paths, tried.fit.u, strict=True))
+    known[POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
+    _check_power(known[POWER], power)
+    model = prepared.problem.model(explanation)
+    start = np.array([known[p.path] for p in model.parameters])
+    adequacy = tried.adequacy or finding.level.adequacy
+    test = tried.test or finding.level.bench.test
+    fit = prepared.problem.fit(explanation, test.whiten, [start])
+    calibration = prepared.noise.budget.calibration or 0.0
+    value, error = fit.values[POWER], fit.stderr(adequacy.phi)[POWER]
+    errors = {**tried.errors, POWER: float(np.hypot(calibration * value, error))}
+    bic = tried.bic + float(np.log(finding.n))
+    return replace(
+        tried, explanation=explanation, fit=fit, bic=bic, adequacy=adequacy, test=test, errors=errors
+    )
+
+
+def _check_power(power_w: float, power: Candidate) -> None:
+    """Refuse readings that no lamp makes."""
+    (allowed,) = power.amplitudes
+    if not allowed.low < power_w < allowed.high:
+        raise MeasurementError(
+            f"the readings are {power_w / allowed.start:.2g} times what the scene's lamp gives",
+            found=f"light of a lamp of {power_w:.2g} W",
+            rule=f"the scene's {allowed.start:g} W, or {allowed.high / allowed.start:g} times more or less",
+            remedy='check the units in the head of the readings, or write scale = "relative"',
+        )
+
+
+def _contradicted(known: Prepared, level: Level, sigma: float) -> Level:
+    """A level whose base model has a gain that the calibration allows, and fails by that.
+
+    Width and absorption stay as the shape of the readings has them: refitted they would bend to make light.
+    """
+    base = known.problem.fit((), level.bench.whiten, [level.base.u], max_steps=0)
+    p = min(level.adequacy.p, 2 * float(special.ndtr(-sigma)))
+    return replace(level, base=base, adequacy=replace(level.adequacy, p=p))
+
+
+def judged(prepared: Prepared, problem: Problem, finding: Finding) -> list[Judged]:
+    """What the readings say of the lamp's power: one entry on an absolute scale, none on a relative one."""
+    power, calibration = _power(problem), prepared.noise.budget.calibration
+    if power is None or calibration is None:
+        return []
+    best = finding.accepted[0] if finding.accepted else Tried((), finding.level.base, 0.0)
+    found = any(c.name == EFFECT for c in best.explanation)
+    phi = best.adequacy.phi if best.adequacy else finding.level.phi
+    if found:
+        value = best.fit.values[POWER]
+        far = float(np.log(value / power.amplitudes[0].start)) * value / best.errors[POWER]
+    else:
+        far = sigmas(best.fit, phi, calibration)
+        known = replace(prepared, problem=replace(problem, keep=prepared.problem.keep))
+        best = with_power(known, finding, best, power)
+    return [Judged(power, best.fit, abs(far), None, None, found, best.errors)]

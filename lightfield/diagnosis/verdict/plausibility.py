@@ -1,0 +1,112 @@
+"""What a fitted nuisance parameter far from the scene's means: a mistake in the table, more often than not.
+
+Width, absorption and gain are refitted because the scene's are guesses. So they also take up what is not
+physics: positions in another unit, air labelled water, values in another unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.fitting.forward import POWER, SceneForward
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import GAIN, has_diffuse_light
+from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m
+
+#: Factors from which on a fitted value is spoken of. Guesses of the width were off by up to 18 %, those of
+#: the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger: radius for
+#: diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
+WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
+#: An absorption that changes the light over all distances by a smaller optical depth is not spoken of.
+FELT = 0.1
+#: Errors of the calibration beyond which a gain is spoken of.
+GAIN_SIGMA = 3.0
+#: Exchanged columns leave this part of the misfit at most.
+EXCHANGED = 0.25
+
+
+def hints(forward: SceneForward, problem: Problem, fit: Fit, calibration: float | None = None) -> list[str]:
+    """Warnings of fitted values that no guess is so far off.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the best model.
+    calibration : float, optional
+        Relative standard error of the calibration; None on a relative scale.
+    """
+    scene, values = forward.scene, fit.values
+    found = [_width(scene, values), _absorption(forward, problem, values), _gain(scene, values, calibration)]
+    return [text for text in found if text]
+
+
+def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list[str]:
+    """A warning where the scene, which x and y are not alike for, meets the readings with the two exchanged.
+
+    Of direct light only: for scattered and reflected light another trace would be needed.
+    """
+    scene, readings = forward.scene, forward.readings
+    lamp, turned = scene.lamp, scene.detector.tilt_x_deg != 0
+    alike = (
+        lamp.ellipticity == 1 and lamp.offset_x_m == lamp.offset_y_m and lamp.tilt_x_deg == lamp.tilt_y_deg
+    )
+    if finding.size == 0 or (alike and not turned) or has_diffuse_light(scene):
+        return []
+    other = SceneForward(scene, replace(readings, x_m=readings.y_m, y_m=readings.x_m))
+    base, whiten = finding.level.base, finding.level.bench.whiten
+    swapped = replace(problem, forward=other).fit((), whiten, [base.u, problem.model().start])
+    if swapped.chi2 > EXCHANGED * base.chi2:
+        return []
+    return [
+        "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per reading "
+        f"{swapped.chi2 / finding.n:.2g} instead of {base.chi2 / finding.n:.2g}): check the columns"
+    ]
+
+
+def _width(scene: Scene, values: Mapping[str, float]) -> str:
+    path, guess = "lamp.hwhm_deg", float(scene.lamp.hwhm_deg)
+    ratio = values.get(path, guess) / guess
+    if 1 / WIDTH_FACTOR < ratio < WIDTH_FACTOR:
+        return ""
+    return (
+        f"the fitted width is {ratio:.2g} times the scene's ({path} = {values[path]:.3g}, not {guess:.3g}): "
+        "check the unit of x_m and y_m (metres from the axis, not a diameter), and that the scene's is a "
+        "half width at half maximum"
+    )
+
+
+def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, float]) -> str:
+    layout, wet = problem.layout, ~problem.layout.air
+    if not wet.any() or not any(path.startswith("water.absorption") for path in values):
+        return ""
+    band = np.mean(forward.scene.detector.bands_nm[0])
+    at = np.where(np.isnan(layout.wavelength_nm), band, layout.wavelength_nm)[wet]
+    guess = float(np.mean(absorption_per_m(forward.scene.water, at)))
+    fitted = float(np.mean(absorption_per_m(forward.scene_at(values, validate=False).water, at)))
+    felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
+    if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
+        return ""
+    cause = "the scene's is a natural, not a decadic, coefficient of absorption"
+    if fitted < guess:
+        cause = "these readings were taken in water (column medium)"
+    return (
+        f"the fitted absorption is {fitted / guess:.2g} times the scene's ({fitted:.3g} 1/m, not "
+        f"{guess:.3g}): check that {cause}, and the unit of z_m (metres from the lamp's window)"
+    )
+
+
+def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> str:
+    power = float(scene.lamp.power_w)
+    ratio = values.get(GAIN, 1.0) * values.get(POWER, power) / power
+    if calibration is None or abs(np.log(ratio)) < GAIN_SIGMA * calibration:
+        return ""
+    return (
+        f"the readings are {ratio:.3g} times what the scene's lamp of {power:g} W gives, and calibrated to "
+        f"{100 * calibration:g} %: check their unit, or lamp.power_w"
+    )

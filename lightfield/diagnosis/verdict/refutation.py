@@ -1,0 +1,240 @@
+"""The effects that the scene itself has are hypotheses too: are they in the readings, at the stated size?
+
+Each is asked beside the best explanation of the readings: are they worse without it (refitted with the
+effect switched off), and is another size better (refitted with its amplitudes free)? Shapes stay as stated.
+An effect whose stated size is contradicted and that can be left out is refuted: the readings bound it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from scipy import special
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
+from lightfield.diagnosis.verdict.verdict import Estimate, StatedEffect
+from lightfield.fitting import effects
+from lightfield.fitting.least_squares import Fit
+from lightfield.scene import Scene
+
+Judgement = Literal["supported", "undecided", "contradicted", "absent"]
+
+#: An effect can be left out when the readings are worse without it by less than this, in sigma.
+REMOVABLE_SIGMA = 3.0
+#: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two.
+_ONE_SIDE, _TWO_SIDES = float(special.chdtri(1, 0.10)), float(special.chdtri(1, 0.05))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the readings say of one effect that the scene has.
+
+    Parameters
+    ----------
+    free : Fit
+        With its amplitudes free, and its shapes too where the search freed them.
+    sigma_from_stated, sigma_to_remove : float
+        How much worse the readings are met with the stated values, and without the effect; None for what
+        cannot be switched off.
+    limit : float or None
+        Of its one amplitude's distance from the neutral value, 95 %.
+    errors : mapping
+        Smallest standard errors by path.
+    """
+
+    candidate: Candidate
+    free: Fit
+    sigma_from_stated: float
+    sigma_to_remove: float | None
+    limit: float | None
+    contradicted: bool
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def judgement(self) -> Judgement:
+        """What to call it; what is far off and yet not contradicted has a rival that explains as much."""
+        removable = self.sigma_to_remove is not None and self.sigma_to_remove < REMOVABLE_SIGMA
+        if self.contradicted:
+            return "absent" if removable else "contradicted"
+        far = self.sigma_from_stated > CONTRADICTED_SIGMA
+        return "undecided" if removable or far else "supported"
+
+
+def _removed(candidate: Candidate) -> Candidate:
+    """The effect switched off: held at its neutral values, where shapes mean nothing."""
+    off = tuple(p.held(n) for p, n in zip(candidate.amplitudes, candidate.neutral, strict=True))
+    return replace(candidate, amplitudes=off, shapes=(), grid=((),))
+
+
+def _as_stated(candidate: Candidate) -> Candidate:
+    """The effect with its amplitudes free, and its shapes as in the scene."""
+    return replace(candidate, shapes=(), grid=((),))
+
+
+def _start(problem: Problem, explanation: Explanation, like: Fit) -> Array:
+    """Coordinates of a fit, and the start of what it does not move."""
+    known = dict(zip(like.paths, like.u, strict=True))
+    return np.array([known.get(p.path, p.start) for p in problem.model(explanation).parameters])
+
+
+def _sigmas(worse: float, parameters: int) -> float:
+    """Growth of chi-square by holding some parameters, as standard deviations of a Gaussian."""
+    p = float(special.chdtrc(parameters, max(worse, 0.0)))
+    return float(-special.ndtri(p / 2)) if p > 1e-300 else float(np.sqrt(worse))
+
+
+def settled(prepared: Prepared, finding: Finding) -> Finding:
+    """The finding whose explanations leave out what the scene has and the readings do as well without."""
+    accepted = [_without(prepared.problem, one) for one in finding.accepted]
+    if all(one is other for one, other in zip(accepted, finding.accepted, strict=True)):
+        return finding
+    return replace(finding, accepted=accepted)
+
+
+def _without(problem: Problem, tried: Tried) -> Tried:
+    for candidate in tried.explanation:
+        if not (candidate.is_stated and tried.test and tried.adequacy):
+            continue
+        rest = tuple(_removed(c) if c is candidate else c for c in tried.explanation)
+        fit = problem.fit(rest, tried.test.whiten, [_start(problem, rest, tried.fit)])
+        worse = (fit.chi2 - tried.fit.chi2) / tried.adequacy.phi
+        adequacy = tried.test(fit)
+        if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(0.01):
+            tried = replace(tried, explanation=rest, fit=fit, adequacy=adequacy, bic=tried.bic + worse)
+    return tried
+
+
+def judged(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
+    """Every testable effect that the scene has, in the order of the table of effects.
+
+    Parameters
+    ----------
+    untestable : mapping
+        Effects that these readings cannot show, with reasons.
+    """
+    stated: dict[str, Candidate] = {}
+    for candidate in prepared.problem.candidates:
+        if candidate.is_stated and candidate.name not in untestable:
+            stated.setdefault(candidate.name, candidate)
+    return [_judged(prepared.problem, finding, candidate) for candidate in stated.values()]
+
+
+def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
+    whiten, best = finding.whiten, finding.accepted[0] if finding.accepted else None
+    explanation = best.explanation if best else ()
+    fit = best.fit if best else finding.level.base
+    mine = next((c for c in explanation if c.name == candidate.name), None)
+    others = tuple(c for c in explanation if c.name != candidate.name)
+    changed = _as_stated(candidate) if mine is None or not mine.shapes else mine
+
+    def fitted(*more: Candidate) -> Fit:
+        whole = (*others, *more)
+        begun = _start(problem, whole, fit)
+        return problem.fit(whole, whiten, [begun])
+
+    free, kept, gone = fitted(changed), fitted(), fitted(_removed(candidate))
+    phi = best.adequacy.phi if best and best.adequacy else finding.level.phi
+    if finding.size is None:  # what nothing explains must not decide
+        phi = max(phi, free.chi2 / max(finding.n - len(free.u), 1))
+    far = _sigmas((kept.chi2 - free.chi2) / phi, len(changed.parameters))
+    if finding.size is None:
+        contradicted = False
+    elif finding.identified and mine is not None:
+        contradicted = True
+    else:
+        everywhere = all(candidate.name in one.names for one in finding.accepted) or mine is None
+        contradicted = everywhere and far > CONTRADICTED_SIGMA
+    return Judged(
+        candidate,
+        free,
+        far,
+        _sigmas((gone.chi2 - free.chi2) / phi, len(changed.parameters)),
+        _limit(free, candidate, phi),
+        contradicted,
+    )
+
+
+def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
+    """95 % limit of one amplitude's distance from its neutral value, by the curvature at its best value.
+
+    The best value may lie at the bound, where the readings would rather have less than nothing: chi-square
+    then rises with a slope.
+    """
+    if len(candidate.amplitudes) != 1 or candidate.amplitudes[0].coordinate != "linear":
+        return None
+    (parameter,), (off,) = candidate.amplitudes, candidate.neutral
+    i = free.paths.index(parameter.path)
+    others = [k for k, at in enumerate(free.at_bound()) if k != i and not at]
+    along = beside(orthonormal(free.jacobian[:, others], 1e-9), free.jacobian[:, [i]])[:, 0]
+    curvature = float(along @ along)
+    if curvature == 0:
+        return None
+    one_sided = off <= parameter.low or off >= parameter.high
+    rise = phi * (_ONE_SIDE if one_sided else _TWO_SIDES)
+    ends = []
+    for side in (1.0, -1.0):
+        slope = min(side * float(along @ free.residual), 0.0)
+        u = free.u[i] + side * (slope + np.sqrt(slope**2 + curvature * rise)) / curvature
+        ends.append(float(np.clip(u, parameter.low, parameter.high)))
+    return max(abs(u - off) for u in ends)
+
+
+def entries(
+    scene: Scene,
+    judged: Iterable[Judged],
+    free: Iterable[str],
+    untestable: Mapping[str, str],
+    estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
+) -> list[StatedEffect]:
+    """Every effect that the scene has: first those that were tested, then what is held as stated.
+
+    Parameters
+    ----------
+    free : iterable of str
+        Paths that the base model fits.
+    estimate : callable
+        Values of a fit with their errors, which are given the smallest they may be.
+    """
+    known = scene.parameters()
+    out = []
+    for one in judged:
+        moved = [p.path for p in one.candidate.parameters if p.path in one.free.paths]
+        values = estimate(one.free, one.errors)
+        out.append(
+            StatedEffect(
+                effect=one.candidate.name,
+                judgement=one.judgement,
+                stated={path: float(known[path].value) for path in moved},
+                neutral={p: float(off) for p in moved if (off := known[p].neutral) is not None},
+                fitted={path: values[path] for path in moved},
+                limit=one.limit,
+                sigma_from_stated=one.sigma_from_stated,
+                sigma_to_remove=one.sigma_to_remove,
+            )
+        )
+    tested = {path for entry in out for path in entry.stated} | set(free)
+    owner = {f.path: e.name for e in effects.table().values() for form in e.forms for f in form.amplitudes}
+    for path, parameter in known.items():
+        if parameter.neutral is None or parameter.value == parameter.neutral or path in tested:
+            continue
+        name = owner.get(path)
+        reason = "no effect of the table sets it free" if name is None else untestable.get(name)
+        out.append(
+            StatedEffect(
+                effect=name,
+                judgement="held",
+                stated={path: float(parameter.value)},
+                reason=reason or "not among the effects that were considered",
+            )
+        )
+    return out

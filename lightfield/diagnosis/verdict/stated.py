@@ -1,0 +1,109 @@
+"""The effects that the scene itself has, in the words of the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, StatedEffect
+from lightfield.diagnosis.verdict.words import Said, join
+
+Say = Callable[[Sequence[Explanation], NearestRival | None], Said]
+#: Judgements that contradict the scene.
+REFUTED = ("absent", "contradicted")
+#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
+CONTRADICTED_SIGMA = 5.0
+
+
+def clause(entry: StatedEffect) -> str:
+    """How the readings contradict the scene, as part of a sentence."""
+    whose = f"your scene's {join([entry.effect or ''])}"
+    if entry.judgement == "absent":
+        path, value = next(iter(entry.stated.items()))
+        return f"{whose} is not in the readings ({_bound(entry, path)}, not {value:.4g})"
+    found = [f"{path} = {_value(entry.fitted[path])}, not {entry.stated[path]:.4g}" for path in entry.stated]
+    return f"{whose} is contradicted by the readings ({'; '.join(found)})"
+
+
+def _bound(entry: StatedEffect, path: str) -> str:
+    """The limit of an effect that is not there."""
+    if entry.limit is None:
+        return f"{path} = {_value(entry.fitted[path])}"
+    unit = entry.fitted[path].unit
+    limit = f"{entry.limit:.2g}" + ("" if unit == "1" else f" {unit}")
+    off = entry.neutral[path]
+    return f"{path} within {limit} of {off:g}" if off else f"{path} < {limit}"
+
+
+def _value(estimate: Estimate) -> str:
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    error = "" if estimate.stderr is None else f" +- {float(f'{estimate.stderr:.2g}'):g}"
+    return f"{estimate.value:.4g}{error}{unit}"
+
+
+def said(
+    kind: str,
+    explanations: Sequence[Explanation],
+    rival: NearestRival | None,
+    stated: Sequence[StatedEffect],
+    say: Say,
+) -> Said:
+    """The verdict in words, where an effect of the scene is not "missing" but there, or not as stated.
+
+    Parameters
+    ----------
+    say : callable
+        Words the verdict on effects that the scene does not have.
+    """
+    has = {entry.effect for entry in stated}
+    wrong = {entry.effect: clause(entry) for entry in stated if entry.judgement in REFUTED}
+
+    def spoken(names: Sequence[str]) -> list[str]:
+        return [f"{join([n])} unlike your scene's" if n in has else n for n in names]
+
+    next_one = rival and rival.model_copy(update={"effects": spoken(rival.effects)})
+    listed = "; ".join(wrong.values())
+    against = listed[:1].upper() + listed[1:]
+    if kind == "identified" and wrong:
+        first = explanations[0]
+        missing = [k for k, name in enumerate(first.effects) if name not in wrong]
+        if not missing:
+            if next_one is None:
+                return Said.of(f"{against}.")
+            far = f"{next_one.separation_sigma:.1f} sigma away"
+            return Said.of(f"{against}.", f"The next rival, {join(next_one.effects)}, is {far}.")
+        left = {
+            "effects": [first.effects[k] for k in missing],
+            "families": [first.families[k] for k in missing],
+        }
+        return say([first.model_copy(update=left)], next_one).after(f"{against}.")
+    named = [e.model_copy(update={"effects": spoken(e.effects)}) for e in explanations]
+    told = say(named, next_one)
+    return told.after(f"{against}.") if wrong else told
+
+
+def lines(stated: Sequence[StatedEffect]) -> list[str]:
+    """What the verdict says of each of them, a line each; those held fixed share one."""
+    out = []
+    for entry in stated:
+        if entry.judgement in REFUTED:
+            out.append(f"stated: {clause(entry)}")
+        elif entry.judgement != "held":
+            path, value = next(iter(entry.stated.items()))
+            out.append(
+                f"stated: your scene's {join([entry.effect or ''])} {_standing(entry)}; "
+                f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated"
+            )
+    held = [
+        f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
+    ]
+    return [*out, "held as stated: " + ", ".join(held)] if held else out
+
+
+def _standing(entry: StatedEffect) -> str:
+    """What the readings say of an effect that they do not contradict."""
+    if entry.judgement == "supported":
+        sure = entry.sigma_to_remove
+        return "agrees with the readings" if sure is None else f"is in the readings ({sure:.1f} sigma)"
+    if (entry.sigma_from_stated or 0.0) > CONTRADICTED_SIGMA:
+        return "is of another size, or a rival holds"
+    return "cannot be told from none, or from another size, with these readings"

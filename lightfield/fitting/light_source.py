@@ -1,0 +1,220 @@
+"""Light at the places of a table, for values of scene parameters: direct, scattered and reflected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.formula import field as analytic
+from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
+from lightfield.scene import Scene
+from lightfield.scene.acts import AFTERWARDS, DIFFUSE
+from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.water.coefficients import scattering_per_m
+
+GAIN = "gain"
+_AFTERWARDS = frozenset(paths_on(AFTERWARDS))
+_REMEMBERED = 120
+
+
+class Diffuse(Protocol):
+    """Scattered and reflected light at the readings' places."""
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
+
+    def errors(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: Any
+    ) -> tuple[Any, Any]: ...
+
+    def with_denser(self, other: Any) -> Diffuse: ...
+
+
+DiffuseSource = Callable[..., Diffuse]
+
+
+def has_diffuse_light(scene: Scene) -> bool:
+    """Does the scene scatter or reflect any light?"""
+    return not neutral(scene, DIFFUSE)
+
+
+def beam_width_deg(scene: Scene, readings: Any) -> float:
+    """Half width of the beam, roughly, from the readings alone; the scene's value where they do not show it.
+
+    Regression of ln(value r^2) on theta^2 over the brighter half of every plane, a level per plane, medium
+    and wavelength.
+    """
+    x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
+    value = np.asarray(readings.value, float)
+    theta2 = np.arctan2(np.hypot(x, y), z) ** 2
+    wavelength = np.nan_to_num(np.asarray(readings.wavelength_nm, float))
+    kinds = np.stack([np.round(z, 3), np.asarray(readings.medium) == "air", np.round(wavelength, 3)], axis=1)
+    _, group = np.unique(kinds, axis=0, return_inverse=True)
+    group = group.ravel()
+    top = np.full(int(group.max()) + 1, -np.inf)
+    np.maximum.at(top, group, value)
+    lit = (value > 0.4 * top[group]) & (value > 0)
+    left, right = 0.0, 0.0
+    for k in np.unique(group[lit]):
+        mine = lit & (group == k)
+        t = theta2[mine] - theta2[mine].mean()
+        left += float(t @ t)
+        right -= float(t @ np.log(value[mine] * (x[mine] ** 2 + y[mine] ** 2 + z[mine] ** 2)))
+    if left <= 0 or right <= 0:
+        return float(scene.lamp.hwhm_deg)
+    return float(np.clip(np.degrees(np.sqrt(np.log(2) * left / right)), 0.5, 60.0))
+
+
+@dataclass(frozen=True, eq=False)
+class LightSource:
+    """Light at the places of a table for unit on-axis intensity, traced when it is first needed.
+
+    Parameters
+    ----------
+    scene : Scene
+        Values that are not given are the scene's.
+    readings : Readings
+    trace : callable, optional
+        `response_for(scene, x_m, y_m, z_m, share=1.0, dense_per_m=None)`: traces once the scattered and
+        reflected light, with that part of its photons, in clear water or one that scatters so much.
+    width_deg : float
+        Half width of the beam as the readings show it. Photons are sent with it, not with the scene's guess:
+        every scene fitted to these readings shares one response, and a stored rung gives the same numbers
+        again.
+    dense_per_m : float, optional, m^-1
+        Also trace in this water.
+    correction, stderr : array, shape (n,)
+        Factor on the light, and error of what comes of it beside the trace's own.
+    """
+
+    scene: Scene
+    readings: Any
+    trace: DiffuseSource | None
+    width_deg: float
+    dense_per_m: float | None
+    correction: Array | float = 1.0
+    stderr: Array | float = 0.0
+
+    @classmethod
+    def of(
+        cls, scene: Scene, readings: Any, trace: DiffuseSource | None, dense_per_m: float | None
+    ) -> LightSource:
+        """With the width that the readings show, traced in dense water if the scene's own asks for it."""
+        out = cls(scene, readings, trace, beam_width_deg(scene, readings), dense_per_m)
+        own = out.dense_water({}) if dense_per_m is None else None
+        return replace(out, dense_per_m=trace_for(own)) if own is not None else out
+
+    def at(self, readings: Any, share: float) -> LightSource:
+        """The same at the places of other readings, with a part of the photons."""
+        trace = partial(self.trace, share=share) if self.trace and share != 1 else self.trace
+        return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m)
+
+    def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
+        """The same, scaled reading by reading, so that at `values` it is as given with an error."""
+        plain = replace(self, correction=1.0)
+        return replace(self, correction=light / np.maximum(plain.light(values), 1e-300), stderr=stderr)
+
+    @cached_property
+    def channels(self) -> tuple[Array, NDArray[np.int_]]:
+        """Wavelengths in nm, each once, NaN for the band; index of each reading's among them, shape (n,)."""
+        wavelength = np.asarray(self.readings.wavelength_nm, float)
+        return np.unique(np.round(wavelength, 3), return_inverse=True)
+
+    @property
+    def wavelengths_nm(self) -> Array:
+        """Wavelength of each channel, the middle of the band where the table has none."""
+        middle = float(np.mean(self.scene.detector.bands_nm[0]))
+        return np.where(np.isnan(self.channels[0]), middle, self.channels[0])
+
+    def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
+        """The scene with these values; gains are not part of a scene."""
+        return self.scene.with_values(
+            {k: v for k, v in values.items() if not k.startswith(GAIN)}, validate=validate
+        )
+
+    def light(self, values: Mapping[str, float]) -> Array:
+        """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
+        return self._remembered(tuple(sorted(_optical(values).items())))
+
+    def direct(self, scene: Scene, readings: Any) -> Array:
+        """Direct light of a scene alone at the places of some readings, shape (n,)."""
+        r = readings
+        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
+
+    def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Errors of the light by its scattered and reflected part.
+
+        Returns
+        -------
+        modes : array, shape (n, k)
+            Monte Carlo errors as independent contributions: covariance = modes @ modes.T; k = 0 without
+            scattered and reflected light.
+        smooth : array, shape (n,)
+            Size of an error that varies little between neighbours.
+        """
+        scene, n = self.scene.with_values(_optical(values), validate=False), len(self.channels[1])
+        modes, smooth = np.zeros((n, 0)), np.zeros(n)
+        if self.trace is not None and has_diffuse_light(scene):
+            modes, smooth = self._response.errors(scene, self._colours, self.channels[1])
+        factor = np.where(self._wet, self.correction, 0.0)
+        modes, smooth = factor[:, None] * modes, factor * smooth
+        if np.any(self.stderr):
+            modes = np.hstack([modes, np.diag(self.stderr * np.ones(n))])
+        return np.asarray(modes), np.asarray(smooth)
+
+    def dense_water(self, values: Mapping[str, float]) -> float | None:
+        """Scattering coefficient of the water if it is too dense for a trace in clear water, m^-1."""
+        return dense_water(scattering_per_m(self.scene_at(values, validate=False).water, self.wavelengths_nm))
+
+    def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
+        """The trace that is still missing for the first of what was found in dense water, m^-1."""
+        now = self.dense_per_m or CLEAR_PER_M
+        asked = [trace_for(b, now) for values in found if (b := self.dense_water(values)) is not None]
+        return asked[0] if asked and asked[0] != self.dense_per_m else None
+
+    def factor_to_traced(self, values: Mapping[str, float]) -> float:
+        """Factor by which dense water would have to scatter more to be the traced one; 1 in clear water."""
+        b = self.dense_water(values)
+        return self.dense_per_m / b if self.dense_per_m is not None and b is not None else 1.0
+
+    @cached_property
+    def _remembered(self) -> Callable[[tuple[tuple[str, float], ...]], Array]:
+        return lru_cache(_REMEMBERED)(self._made)
+
+    def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
+        scene = self.scene.with_values(dict(optical), validate=False)
+        light: Array = self.direct(scene, self.readings)
+        if self.trace is not None and has_diffuse_light(scene):
+            every = self._response.light(scene, self._colours)
+            channel = self.channels[1]
+            light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
+        return np.asarray(light * self.correction)
+
+    @cached_property
+    def _wet(self) -> NDArray[np.bool_]:
+        """Which readings are in water: nothing is scattered in air."""
+        return np.asarray(self.readings.medium) != "air"
+
+    @property
+    def _colours(self) -> list[float | None]:
+        return [None if np.isnan(w) else float(w) for w in self.channels[0]]
+
+    @cached_property
+    def _response(self) -> Diffuse:
+        assert self.trace is not None
+        r = self.readings
+        sent = self.scene.with_values({"lamp.hwhm_deg": self.width_deg}, validate=False)
+        response = self.trace(sent, r.x_m, r.y_m, r.z_m)
+        if self.dense_per_m is None:
+            return response
+        return response.with_denser(self.trace(sent, r.x_m, r.y_m, r.z_m, dense_per_m=self.dense_per_m))
+
+
+def _optical(values: Mapping[str, float]) -> dict[str, float]:
+    """The values that make the light field, without those that act on the readings afterwards."""
+    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}

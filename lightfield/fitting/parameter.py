@@ -1,0 +1,121 @@
+"""What a fit moves: parameters with bounds, and a forward model with some of its parameters free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from lightfield.arrays import Array
+
+
+class Forward(Protocol):
+    """Predicts readings from parameter values; paths that are not given keep the scene's values."""
+
+    def predict(self, values: Mapping[str, float]) -> Array: ...
+
+
+@dataclass(frozen=True)
+class FitParameter:
+    """One number that a fit moves.
+
+    Parameters
+    ----------
+    path : str
+        Scene parameter, or "gain" with its channel.
+    low, high, start : float
+        Bounds and start, in the fit's own coordinate.
+    step : float
+        Step of finite differences, in the fit's own coordinate.
+    coordinate : str
+        "linear", "log", or "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
+    """
+
+    path: str
+    low: float
+    high: float
+    start: float
+    step: float
+    coordinate: str = "linear"
+
+    @property
+    def is_held(self) -> bool:
+        """Do the bounds leave it no room?"""
+        return self.low == self.high
+
+    def held(self, u: float) -> FitParameter:
+        """The same, held at the coordinate `u`."""
+        return replace(self, low=u, high=u, start=u)
+
+    def value(self, u: float) -> float:
+        """Scene value at the fit's coordinate `u`."""
+        if self.coordinate == "log":
+            return float(np.exp(u))
+        if self.coordinate == "inverse-square":
+            return float(10.0 / np.sqrt(u)) if u > 0 else 0.0
+        return float(u)
+
+    def width(self, u: float) -> float:
+        """Width of the allowed range as a scene value, by the slope at `u`."""
+        return abs(self.high - self.low) * abs(self.slope(u))
+
+    def coordinate_of(self, value: float) -> float:
+        """Coordinate of the fit at the scene value."""
+        if self.coordinate == "log":
+            return float(np.log(value))
+        if self.coordinate == "inverse-square":
+            return float((10.0 / value) ** 2) if value > 0 else 0.0
+        return float(value)
+
+    def slope(self, u: float) -> float:
+        """Derivative of the scene value with respect to the fit's coordinate."""
+        if self.coordinate == "log":
+            return float(np.exp(u))
+        if self.coordinate == "inverse-square":
+            return float(-5.0 * u**-1.5) if u > 0 else 0.0
+        return 1.0
+
+
+@dataclass(frozen=True)
+class Model:
+    """A forward model with some of its parameters free."""
+
+    forward: Forward
+    parameters: tuple[FitParameter, ...]
+
+    @property
+    def low(self) -> Array:
+        return np.array([p.low for p in self.parameters])
+
+    @property
+    def high(self) -> Array:
+        return np.array([p.high for p in self.parameters])
+
+    @property
+    def start(self) -> Array:
+        return np.array([p.start for p in self.parameters])
+
+    def values(self, u: Array) -> dict[str, float]:
+        """Scene values at the coordinates `u`."""
+        return {p.path: p.value(x) for p, x in zip(self.parameters, u, strict=True)}
+
+    def predict(self, u: Array) -> Array:
+        """Readings at the coordinates `u`, shape (n_readings,)."""
+        return self.forward.predict(self.values(u))
+
+    def jacobian(self, u: Array, prediction: Array) -> Array:
+        """Forward differences that never leave the bounds, shape (n_readings, n_parameters).
+
+        Zero for a parameter whose bounds hold it.
+        """
+        columns = np.zeros((len(prediction), len(self.parameters)))
+        for i, parameter in enumerate(self.parameters):
+            if parameter.is_held:
+                continue
+            step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
+            moved = u.copy()
+            moved[i] += step
+            columns[:, i] = (self.predict(moved) - prediction) / step
+        return columns

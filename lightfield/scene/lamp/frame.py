@@ -1,0 +1,61 @@
+"""The frame of the beam: its axes in the tank, and angles about its axis."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lightfield.arrays import Array
+
+if TYPE_CHECKING:
+    from lightfield.scene.lamp.lamp import Lamp
+
+Axis = tuple[float, float, float]
+
+
+def is_tilted(lamp: Lamp) -> bool:
+    """Does the beam's axis differ from that of the tank?"""
+    return bool(lamp.tilt_x_deg or lamp.tilt_y_deg)
+
+
+def is_round(lamp: Lamp) -> bool:
+    """Is the beam the same all round the axis of the tank?"""
+    return not is_tilted(lamp) and lamp.ellipticity == 1
+
+
+def beam_axes(lamp: Lamp) -> tuple[Axis, Axis, Axis]:
+    """Unit vectors right, up and forward of the beam in the frame of the tank.
+
+    Forward is along (tan tilt_x, tan tilt_y, 1), right is level, and an untilted beam has the tank's axes.
+    """
+    ax, ay = math.tan(math.radians(lamp.tilt_x_deg)), math.tan(math.radians(lamp.tilt_y_deg))
+    flat, full = math.hypot(1.0, ax), math.sqrt(1.0 + ax * ax + ay * ay)
+    right = (1.0 / flat, 0.0, -ax / flat)
+    up = (-ax * ay / (flat * full), flat / full, -ay / (flat * full))
+    return right, up, (ax / full, ay / full, 1.0 / full)
+
+
+def beam_angles(lamp: Lamp, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """Angles about the beam's axis, see `angles_about_axis`, of directions given in the frame of the tank.
+
+    The tracer's own, on the processor or the graphics card, is `render.tracer.emission.Emission.angles`.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Tilt.
+    x, y, z : arrays
+        Components, of vectors of any length.
+    """
+    if is_tilted(lamp):
+        x, y, z = (u * x + v * y + w * z for u, v, w in beam_axes(lamp))
+    return angles_about_axis(x, y, z)
+
+
+def angles_about_axis(x: Array, y: Array, z: Array | float) -> tuple[Array, Array]:
+    """theta (cos phi, sin phi), rad, of vectors with these components in the frame of the beam."""
+    across = np.sqrt(x * x + y * y)
+    scale = np.arctan2(across, z) / np.maximum(across, 1e-300)
+    return x * scale, y * scale

@@ -1,0 +1,61 @@
+"""Absorption that changes along the tank: a gradient in z, and a slab across it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lightfield.arrays import Array
+
+if TYPE_CHECKING:
+    from lightfield.scene.water.water import Water
+
+
+def is_layered(water: Water) -> bool:
+    """Does the absorption change along the tank?"""
+    return bool(water.gradient_per_m2 or water.layer_absorption_per_m)
+
+
+def slab_m(water: Water) -> tuple[float, float]:
+    """First and last z of the slab."""
+    half = 0.5 * water.layer_width_m
+    return water.layer_centre_m - half, water.layer_centre_m + half
+
+
+def path_in_slab_m(water: Water, z_m: Array, path_m: Array) -> Array:
+    """Part of straight paths from the window plane to z that is inside the slab.
+
+    Parameters
+    ----------
+    water : Water
+    z_m, path_m : arrays, m
+        Where the paths end, z > 0, and their lengths.
+    """
+    low, high = slab_m(water)
+    start = max(low, 0.0)
+    return np.asarray(np.clip(z_m - start, 0.0, high - start) * (path_m / z_m))
+
+
+def path_up_gradient_m2(water: Water, z_m: Array, path_m: Array) -> Array:
+    """Integral of z - gradient_centre_m along straight paths from the window plane; as `path_in_slab_m`."""
+    return np.asarray((0.5 * z_m - water.gradient_centre_m) * path_m)
+
+
+def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
+    """Optical depth that gradient and slab add along straight paths from the window plane to z.
+
+    The tracer's own, for flights from anywhere to anywhere, is `render.tracer.walk.Absorption.depth`.
+
+    Parameters
+    ----------
+    water : Water
+    z_m, path_m : arrays, m
+        Where the paths end, z > 0, and their lengths.
+    """
+    depth: Array | float = 0.0
+    if water.gradient_per_m2:
+        depth = depth + water.gradient_per_m2 * path_up_gradient_m2(water, z_m, path_m)
+    if water.layer_absorption_per_m:
+        depth = depth + water.layer_absorption_per_m * path_in_slab_m(water, z_m, path_m)
+    return depth

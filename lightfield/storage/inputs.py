@@ -1,0 +1,112 @@
+"""Reading files that anybody may have written: regular ones or standard input, of bounded size."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from lightfield.errors import LightfieldError, MeasurementError, OutputError, SceneError, UsageError
+
+MEGABYTE = 1_000_000
+STANDARD_INPUT = ("-", "/dev/stdin")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a file is to be.
+
+    Parameters
+    ----------
+    name : str
+        As it stands in messages.
+    most_bytes : int
+        Ten times and more what such a file is, and little enough to be read within seconds.
+    error : type
+        Raised when it cannot be read.
+    """
+
+    name: str
+    most_bytes: int
+    error: type[LightfieldError]
+
+
+SCENE = Kind("scene", MEGABYTE, SceneError)
+PLAN = Kind("sweep plan", 10 * MEGABYTE, UsageError)
+TABLE = Kind("table of a scene", 10 * MEGABYTE, SceneError)
+LUMINAIRE = Kind("luminaire file", 10 * MEGABYTE, SceneError)
+READINGS = Kind("reading table", 50 * MEGABYTE, MeasurementError)
+INDEX = Kind("index", 10 * MEGABYTE, MeasurementError)
+SPECTRUM = Kind("spectrometer file", 10 * MEGABYTE, MeasurementError)
+MAPS = Kind("rendering", 1 << 40, OutputError)  # read piece by piece: the memory is the limit
+
+
+def read_bytes(path: str | os.PathLike[str], kind: Kind) -> bytes:
+    """All bytes of a file; "-" and /dev/stdin are standard input.
+
+    Raises
+    ------
+    LightfieldError
+        Of the `kind`: no such file, a folder, a device or a pipe, or too large.
+    """
+    where = os.fspath(path)
+    try:
+        if where in STANDARD_INPUT:
+            data = sys.stdin.buffer.read(kind.most_bytes + 1)
+        else:
+            with _opened(where) as file:
+                _check_regular(file, where, kind)
+                data = file.read(kind.most_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise _unreadable(where, kind, error) from error
+    if len(data) > kind.most_bytes:
+        raise kind.error(
+            f"too large for a {kind.name}",
+            where=where,
+            rule=f"at most {kind.most_bytes / MEGABYTE:g} MB",
+            remedy="is this the right file? if so, split it",
+        )
+    return data
+
+
+def check_regular(path: str | os.PathLike[str], kind: Kind) -> None:
+    """Make sure that a library may open a file: a device or a pipe could keep it for ever.
+
+    Raises
+    ------
+    LightfieldError
+        Of the `kind`: no such file, a folder, a device or a pipe.
+    """
+    where = os.fspath(path)
+    try:
+        with _opened(where) as file:
+            _check_regular(file, where, kind)
+    except (OSError, ValueError) as error:
+        raise _unreadable(where, kind, error) from error
+
+
+def _opened(where: str) -> BinaryIO:
+    # Opening a pipe waits for a writer, unless told not to.
+    return open(where, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0)))
+
+
+def _check_regular(file: BinaryIO, where: str, kind: Kind) -> None:
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        raise kind.error(
+            f"cannot read the {kind.name}",
+            where=where,
+            found="a device or a pipe",
+            rule="a regular file, or - for standard input",
+            remedy="save it to a file first",
+        )
+
+
+def _unreadable(where: str, kind: Kind, error: Exception) -> LightfieldError:
+    return kind.error(
+        f"cannot read the {kind.name}",
+        where=where,
+        found=getattr(error, "strerror", None) or str(error),
+        remedy="check the path and the permissions",
+    )

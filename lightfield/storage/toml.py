@@ -1,0 +1,93 @@
+"""TOML that anybody may have written: what is too deep or too long is refused before it is parsed.
+
+Python's parser recurses into nested values, and takes time like the square of the length of a dotted key.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import sys
+from typing import Any
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOST_NESTED = 8  # brackets and braces within each other
+MOST_NAMES = 16  # in a dotted key
+LONGEST_WORD = 1000  # a bare key, or a number
+
+_WHOLE = re.compile(r"[+-]?(?:\d[\d_]*|0[xob][\da-fA-F_]+)", re.ASCII)
+# Strings, closed or not, and comments hold no structure; every alternative takes at least one character, and
+# none can be taken in two ways, so that the time is proportional to the length.
+_TOKEN = re.compile(
+    r'''"""(?:[^\\"]|\\.|"(?!""))*(?:"{3,5}|\\?\Z)'''
+    r"""|'''(?:[^']|'(?!''))*(?:'{3,5}|\Z)"""
+    r"""|"(?:[^"\\\n]|\\.)*"?|'[^'\n]*'?|\#[^\n]*"""
+    r"""|(?P<mark>[\[\]{}=,.\n])|(?P<word>[^\s\[\]{}=,.\#"']+)""",
+    re.DOTALL,
+)
+
+
+def loads(text: str) -> dict[str, Any]:
+    """The values of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        Not TOML, or beyond the limits; the message ends with the line.
+    """
+    _check_limits(text)
+    return tomllib.loads(text)
+
+
+def value(text: str) -> Any:
+    """One value as TOML reads it, and as plain text where it is not TOML.
+
+    Raises
+    ------
+    ValueError
+        Beyond the limits.
+    """
+    _check_limits(text)
+    try:
+        return tomllib.loads(f"value = {text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def _check_limits(text: str) -> None:
+    depth = dots = 0
+    for token in _TOKEN.finditer(text):
+        mark = token["mark"]
+        if mark == ".":
+            dots += 1
+        elif mark:
+            dots = 0
+            depth += (mark in "[{") - (mark in "]}")
+        elif token["word"] and (problem := _problem_of(token, text)):
+            raise _beyond(problem, text, token)
+        if dots >= MOST_NAMES:
+            raise _beyond(f"more than {MOST_NAMES} names in a dotted key", text, token)
+        if depth > MOST_NESTED:
+            raise _beyond(f"more than {MOST_NESTED} values within each other", text, token)
+
+
+def _problem_of(token: re.Match[str], text: str) -> str | None:
+    word = token["word"]
+    if len(word) > LONGEST_WORD:
+        return f"a word of {len(word)} characters, at most {LONGEST_WORD}"
+    part_of_float = "." in (text[token.start() - 1 : token.start()], text[token.end() : token.end() + 1])
+    if len(word) > 18 and not part_of_float and _WHOLE.fullmatch(word):
+        digits = word.lstrip("+-").replace("_", "")
+        base = {"0x": 16, "0o": 8, "0b": 2}.get(digits[:2], 10)
+        with contextlib.suppress(ValueError):  # not a number: the parser says so
+            if int(digits, base) >= 1 << 63:
+                return "a whole number beyond 64 bits"
+    return None
+
+
+def _beyond(what: str, text: str, token: re.Match[str]) -> ValueError:
+    return ValueError(f"{what} (at line {text.count(chr(10), 0, token.start()) + 1})")

@@ -1,0 +1,108 @@
+"""One case: files in a folder, and a command line that reads them and does not trace."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+from fuzz.inputs import INDEX, MORE, NAMED_BY, PLAN, READINGS, SCENE, SPECTRA, TABLES
+from fuzz.mutate import NASTY, mutated
+from lightfield.scene import Scene
+
+ASKED = "import index.csv --quantity irradiance --units counts --band 500:550 -o out.csv"
+PATHS = list(Scene.from_toml(SCENE).parameters())
+WORDS = sorted({*re.findall(r"[A-Za-z_][\w-]{2,}", " ".join((SCENE, *MORE, READINGS, PLAN, INDEX))), *PATHS})
+#: Command lines that read the scene and, at most, readings and a plan.
+COMMANDS = (
+    "scene scene.toml",
+    "scene scene.toml --to-toml",
+    "scene scene.toml --to-xml out.xml",
+    "render scene.toml -o out",
+    "picture scene.toml -o out.png",
+    "compare data.csv --scene scene.toml",
+    "compare data.csv --scene scene.toml --with background,lamp_drift",
+    "plan data.csv --scene scene.toml --no-trace",
+    "sweep scene.toml --plan plan.toml --dry-run",
+    "sweep scene.toml --vary water.absorption_per_m=0:0.5:5 --dry-run",
+    "hide scene.toml --effect background -o out",
+    "diagnose data.csv --scene scene.toml --no-trace --no-render",
+)
+OPTIONS = (
+    "scene scene.toml --set {path}={nasty}",
+    "scene scene.toml --set {nasty}",
+    "scene scene.toml --get {path}",
+    "scene scene.toml --get {nasty}",
+    "sweep scene.toml --vary {path}={nasty} --dry-run",
+    "sweep scene.toml --vary {path}=0:1:{nasty} --dry-run",
+    "sweep scene.toml --vary {path}={nasty},1 --vary {path}=1,2 --dry-run",
+    "sweep scene.toml --vary {path}=0:1:3 --rel-error {nasty} --max-photons {nasty} --seed {nasty} --dry-run",
+    "sweep scene.toml --vary {path}=0:1:3 -o out.zarr --workers {nasty} --memory {nasty} --scheduler {nasty}",
+    "render scene.toml --wavelengths {nasty} --rel-error {nasty} --max-photons {nasty} --seed {nasty}",
+    "picture scene.toml --size {nasty} --samples {nasty} -o out.png",
+    "hide scene.toml --effect {nasty} --size {path}={nasty} --strength {nasty} --noise {nasty} -o out",
+    "hide scene.toml --layout {nasty} --plane-gain {nasty} --position {nasty} -o out",
+    "import index.csv --quantity {nasty} --units {nasty} --band {nasty} --saturation-level {nasty} -o o.csv",
+    "import index.csv --quantity irradiance --units counts --band {nasty}:{nasty} -o o.csv",
+    "import index.csv --quantity irradiance --units counts --band 500:550 --position-mm {nasty} -o o.csv",
+    "compare data.csv --scene scene.toml --with {nasty} --solver {nasty}",
+    "diagnose data.csv --scene scene.toml --effects {nasty} --alpha {nasty} --seed {nasty} --no-trace",
+    "{nasty} scene.toml --threads {nasty} --backend {nasty}",
+    "{command} {nasty} {nasty}",
+    "{command} {option}={nasty}",
+)
+KINDS = ("scene", "scene", "readings", "readings", "plan", "index", "spectrum", "table", "options")
+#: The file that is damaged in a case of that kind; of spectra and tables any.
+DAMAGED = {
+    "scene": "scene.toml",
+    "readings": "data.csv",
+    "plan": "plan.toml",
+    "index": "index.csv",
+    "options": "scene.toml",
+}
+OPTION_NAMES = re.findall(r"--[a-z-]+", " ".join((*COMMANDS, *OPTIONS)))
+
+
+def make_case(seed: int, number: int, folder: Path) -> list[str]:
+    """Write the files of one case, and give its command line."""
+    rng = random.Random(f"{seed}:{number}")
+    files = {"scene.toml": SCENE, "data.csv": READINGS, "plan.toml": PLAN, "index.csv": INDEX}
+    files |= {**SPECTRA, **TABLES}
+    kind = rng.choice(KINDS)
+    damaged = DAMAGED.get(kind) or rng.choice([*(SPECTRA if kind == "spectrum" else TABLES)])
+    if kind == "scene" and rng.random() < 0.5:
+        files["scene.toml"] = _joined(SCENE, rng.sample(MORE, rng.randint(1, 3)))
+    if kind == "table":
+        files["scene.toml"] = NAMED_BY[damaged] + "[detector]\nplanes_m = [4.5]\npixels = 5\n"
+    for name, text in files.items():
+        if kind != "options" and name == damaged:
+            (folder / name).write_bytes(mutated(text, WORDS, rng))
+        else:
+            (folder / name).write_text(text, encoding="utf-8")
+    if kind == "options":
+        return [_filled(word, rng) for word in rng.choice(OPTIONS).split()]
+    if kind in ("index", "spectrum"):
+        return ASKED.split()
+    return rng.choice([line for line in COMMANDS if damaged in line or kind == "table"]).split()
+
+
+def _filled(word: str, rng: random.Random) -> str:
+    """Every blank of a word filled in, each anew."""
+    while found := re.search(r"\{(path|nasty|option|command)\}", word):
+        choices = {"path": PATHS, "nasty": NASTY, "option": OPTION_NAMES, "command": _COMMAND_NAMES}[found[1]]
+        word = word[: found.start()] + rng.choice(choices).replace("{", "(") + word[found.end() :]
+    return word
+
+
+_COMMAND_NAMES = sorted({line.split()[0] for line in COMMANDS} | {"import", "show", "export", "diagnose"})
+
+
+def _joined(scene: str, parts: list[str]) -> str:
+    """A scene with what other parts say put into its tables."""
+    for part in parts:
+        head, *lines = part.split("\n")
+        for line in lines:
+            key = line.split(" = ")[0]
+            scene = re.sub(rf"(?m)^{key} = .*\n", "", scene)
+            scene = scene.replace(f"{head}\n", f"{head}\n{line}\n")
+    return scene

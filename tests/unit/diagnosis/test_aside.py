@@ -1,0 +1,142 @@
+"""Readings set aside: named always, a finding where they lie together or are too many."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import jsonschema
+import numpy as np
+import pytest
+from analytic_readings import readings
+from scipy import stats
+
+from lightfield.diagnosis.adequacy import aside
+from lightfield.diagnosis.adequacy.aside import LEVEL, structure
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
+
+RATE = 0.02
+
+
+def verdict_on(table, scene) -> Verdict:
+    return diagnose(table, scene, diffuse=None, advise=False).verdict
+
+
+def line():
+    """21 places across, five planes: 105 readings in random order, and how bright they are."""
+    layout = layout_of(readings(seed=1)[0])
+    return layout, np.exp(-100 * layout.angle_rad**2) / layout.z_m**2
+
+
+def found(rows, layout, light, sign=-1.0, rate=0.5):
+    """Structure of these rows, all on one side of the model unless said otherwise."""
+    struck = np.zeros(layout.size, bool)
+    struck[rows] = True
+    rng = np.random.default_rng(3)
+    return structure(
+        struck, sign * np.ones(layout.size), np.ones(layout.size, bool), layout, light, rate, rng
+    )
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_shadow_along_a_ray_is_a_structure_and_no_slip(stated: bool) -> None:
+    """A quarter of the light is missing where x/z is about 0.07: 14 of 245 readings, up to 50 sigma off."""
+
+    def shadow(table):
+        return np.where(np.abs(table.x_m / table.z_m - 0.069) < 0.006, 0.75, 1.0)
+
+    table, scene = readings(seed=1, layout="grid", factor=shadow)
+    if not stated:
+        table = replace(table, stderr=np.full(len(table), np.nan))
+    verdict = verdict_on(table, scene)
+    assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "x/z")
+    assert "x/z is 0.0667 to 0.0706" in verdict.sentence
+    assert f"{len(verdict.outliers)} of 245 readings were set aside" in verdict.sentence
+    assert all(one.off_sigma < -5 for one in verdict.set_aside)
+    assert {round(one.x_m / one.z_m, 2) for one in verdict.set_aside} == {0.07}
+    assert verdict.next_measurement is not None and verdict.next_measurement.readings[0].x_m > 0
+    jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
+
+
+def test_scattered_slips_are_slips_and_are_named() -> None:
+    table, scene = readings(seed=7)
+    value, struck = table.value.copy(), [3, 30, 61, 100]
+    value[struck] += np.array([20, -15, 12, 25]) * table.stderr[struck]
+    verdict = verdict_on(replace(table, value=value), scene)
+    assert verdict.verdict == "none" and verdict.doubt is None
+    assert verdict.outliers == struck
+    assert "4 of 105 readings were set aside" in verdict.sentence
+    far = verdict.set_aside[0]
+    assert (far.row, far.reason) == (100, "outlier")
+    assert far.off_sigma == pytest.approx(25, rel=0.3)
+    assert f"x = {table.x_m[100]:.3g}" in verdict.sentence
+    assert "and 1 more" in verdict.sentence
+
+
+def test_saturated_readings_are_counted_too() -> None:
+    table, scene = readings(seed=7)
+    saturated = table.value > np.sort(table.value)[-3]
+    verdict = verdict_on(replace(table, saturated=saturated), scene)
+    assert "2 saturated readings were left out" in verdict.sentence
+    assert [one.reason for one in verdict.set_aside] == ["saturated"] * 2
+    assert verdict.set_aside[0].off_sigma is None
+
+
+def test_neighbours_in_a_row_a_plane_or_in_time_are_a_structure() -> None:
+    layout, light = line()
+    row = np.flatnonzero(layout.z_m == 5.5)[np.argsort(layout.x_m[layout.z_m == 5.5])][8:12]
+    assert found(row, layout, light).coordinate == "place"
+    plane = np.flatnonzero(layout.z_m == 6.5)[[0, 3, 5, 8, 11, 13, 16, 18, 20]]
+    assert found(plane, layout, light).coordinate == "plane"
+    soon = np.argsort(layout.time_s)[40:45]
+    assert found(soon, layout, light).coordinate == "time"
+    brightest = np.argsort(light)[-5:]
+    assert found(brightest, layout, light) is not None
+
+
+def test_slips_of_all_colours_at_one_moment_are_one_slip() -> None:
+    """Five wavelengths are read at once: a bubble spoils five readings."""
+    table, _ = readings(seed=1)
+    many = table.subset(np.repeat(np.arange(len(table)), 5))
+    waves = np.tile([450.0, 500.0, 550.0, 600.0, 650.0], len(table))
+    layout = layout_of(replace(many, wavelength_nm=waves))
+    light = np.ones(layout.size)
+    assert found(np.r_[50:55, 300:305], layout, light, rate=RATE) is None
+    assert found(np.arange(2, 125, 5), layout, light).coordinate is not None
+
+
+def test_more_than_slips_explain_are_a_structure() -> None:
+    """Eleven scattered ones of 105, where 2 % are assumed or 20 % are stated."""
+    layout, light = line()
+    rng = np.random.default_rng(1)
+    rows = rng.permutation(layout.size)[:11]
+    sign = rng.choice([-1.0, 1.0], layout.size)
+    many = found(rows, layout, light, sign, rate=RATE)
+    assert many is not None and many.coordinate is None
+    assert many.chance == pytest.approx(stats.binom.sf(10, 105, RATE))
+    assert found(rows, layout, light, sign, rate=0.2) is None
+
+
+def _alarms(sets: int) -> int:
+    """How often so many readings at random places are called a structure."""
+    layout, light = line()
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for k in range(sets):
+        rows = rng.permutation(layout.size)[: 3 + k % 6]
+        alarms += found(rows, layout, light, rng.choice([-1.0, 1.0], layout.size)) is not None
+    return alarms
+
+
+def test_places_at_random_are_rarely_a_structure(monkeypatch) -> None:
+    """At a level of 5 %, so that a few dozen sets can tell; within the limits of 99.9 %."""
+    monkeypatch.setattr(aside, "LEVEL", 0.05)
+    monkeypatch.setattr(aside, "PERMUTATIONS", 199)
+    assert _alarms(100) <= stats.binom.isf(0.001, 100, 0.05)
+
+
+@pytest.mark.slow
+def test_places_at_random_are_called_a_structure_at_the_stated_level() -> None:
+    assert _alarms(3000) <= stats.binom.isf(0.001, 3000, LEVEL)

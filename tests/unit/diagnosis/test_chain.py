@@ -1,0 +1,154 @@
+"""Whitening of many readings: the factor along a chain of blocks is the Cholesky factor of the covariance."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lightfield.diagnosis.adequacy.robust import noise_scale
+from lightfield.diagnosis.adequacy.scale import scale_along
+from lightfield.diagnosis.problem import noise as noise_module
+from lightfield.diagnosis.problem.chain import low_rank
+from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+
+
+def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, ties: bool = False) -> Layout:
+    """Readings at random places in random order; with ties some share a moment."""
+    channel, time = rng.integers(0, channels, n), rng.permutation(n).astype(float)
+    time = np.unique(np.floor(0.7 * time) if ties else time, return_inverse=True)[1].astype(float)
+    return Layout(
+        *rng.normal(0, 1, (3, n)), time, np.where(channel, 500.0, 600.0), rng.random(n) < 0.3, channel,
+        rng.integers(0, 4, n), rng.integers(0, stays, n), np.lexsort((time, channel)), time,
+    )  # fmt: skip
+
+
+def noise_of(
+    n: int, seed: int, gain: float, stated: bool, stage_m: float, modes: int, smooth: float, ties: bool
+) -> Noise:
+    rng = np.random.default_rng(seed)
+    return Noise(
+        layout(n, rng, int(rng.integers(1, n + 1)), int(rng.integers(1, 4)), ties),
+        0.01 * (1 + rng.random(n)), rng.random(n), Budget(gain, stage_m, 0.0, stated), rng.random(n),
+        0.02 * rng.normal(size=(n, modes)), smooth * rng.random(n),
+    )  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    noise=st.builds(
+        noise_of,
+        n=st.integers(1, 60),
+        seed=st.integers(0, 10**6),
+        gain=st.sampled_from([0.0, 0.003, 0.05]),
+        stated=st.booleans(),
+        stage_m=st.sampled_from([0.0, 0.005]),
+        modes=st.integers(0, 4),
+        smooth=st.sampled_from([0.0, 0.01]),
+        ties=st.booleans(),
+    ),
+    rho=st.sampled_from([0.0, 0.3, 0.9]),
+    phi=st.floats(0.5, 4.0),
+    tolerance=st.sampled_from([0.0, 0.003]),
+    block=st.integers(1, 25),
+)
+def test_the_chain_is_the_dense_cholesky_factor(
+    noise: Noise, rho: float, phi: float, tolerance: float, block: int
+) -> None:
+    """Product, inverse and determinant, whatever of stays, channels, serial correlation and smooth errors
+    crosses the blocks. Nothing is left out here but rounding, which ties in time (correlation 1 - 1e-9) and
+    the decomposition of the smooth errors enlarge."""
+    n = noise.layout.size
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(noise_module, "_LEFT_OUT", 1e-11)
+        whiten = Whitener(noise, rho, phi, tolerance, block)
+    dense = noise.covariance(rho, phi, tolerance)
+    root = whiten.coloured(np.eye(n))
+    scale = np.sqrt(np.diag(dense))
+    np.testing.assert_allclose(
+        root @ root.T / np.outer(scale, scale), dense / np.outer(scale, scale), atol=1e-9
+    )
+    order = np.argsort(noise.layout.position, kind="stable") if n > block else np.arange(n)
+    lower = root[np.ix_(order, order)]
+    assert np.abs(np.triu(lower, 1)).max() == 0 and (np.diag(lower) > 0).all()
+    columns = np.random.default_rng(1).normal(size=(n, 3))
+    np.testing.assert_allclose(whiten.coloured(whiten(columns)), columns, atol=1e-9)
+    np.testing.assert_allclose(whiten(columns)[:, 0], whiten(columns[:, 0]), atol=1e-9)
+    white = whiten(columns)
+    solved = np.linalg.solve(dense, columns)
+    np.testing.assert_allclose(white.T @ white, columns.T @ solved, rtol=1e-4 if rho else 1e-6)
+    assert abs(whiten.log_determinant - np.linalg.slogdet(dense)[1]) < (1e-3 if rho else 1e-6) * n
+    np.testing.assert_allclose(noise.variance(phi, tolerance), np.diag(dense), rtol=1e-8)
+
+
+def test_what_is_left_out_between_blocks() -> None:
+    """Of the tolerated error of 800 readings, six times their own noise, as much is left out between blocks
+    as is stated: chi-square and determinant stay right to that part."""
+    rng = np.random.default_rng(3)
+    lay = layout(800, rng)
+    noise = Noise(lay, np.full(800, 0.01), np.ones(800), Budget(0.003, 0.0, 0.0), np.zeros(800))
+    dense, chain = (Whitener(noise, 0.3, 1.0, 0.06, block) for block in (800, 64))
+    residual = dense.coloured(rng.standard_normal(800))
+    assert dense(residual) @ dense(residual) == pytest.approx(chain(residual) @ chain(residual), rel=1e-4)
+    assert chain.log_determinant == pytest.approx(dense.log_determinant, rel=1e-4)
+
+
+def test_columns_of_low_rank() -> None:
+    """No variance differs by more than the tolerance, with far fewer columns than rows."""
+    x = np.sort(np.random.default_rng(0).uniform(-1, 1, 3000))
+
+    def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.exp(-0.5 * (np.subtract.outer(x[a], x[b]) / 0.25) ** 2)
+
+    for tolerance in (1e-2, 1e-6):
+        columns = low_rank(between, np.ones(len(x)), tolerance)
+        assert columns.shape[1] < 40
+        left = 1 - (columns**2).sum(1)
+        assert left.min() > -1e-9 and left.max() <= tolerance
+    assert low_rank(lambda a, b: np.zeros((len(a), len(b))), np.zeros(5), 1e-6).shape == (5, 0)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.4])
+@pytest.mark.parametrize("stage_m", [0.0, 0.01])
+def test_the_scale_of_the_noise_is_that_of_the_dense_covariance(rho: float, stage_m: float) -> None:
+    """Both are the same restricted likelihood; a minimum is looked for to 1e-5."""
+    rng = np.random.default_rng(5)
+    n = 240
+    noise = Noise(
+        layout(n, rng, stays=8), 0.01 * (1 + rng.random(n)), rng.random(n), Budget(0.01, stage_m, 0.0),
+        rng.random(n), 0.01 * rng.normal(size=(n, 3)), 0.01 * rng.random(n),
+    )  # fmt: skip
+    keep = np.ones(n)
+    if rho == 0:  # correlated readings that are left out are treated in another way
+        keep[[3, 77]] = 0.0
+    plain = Whitener(
+        replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None), rho
+    )
+    rich = np.linalg.qr(plain(keep[:, None] * plain.coloured(rng.normal(size=(n, 12)))))[0]
+    raw = Whitener(noise, rho, 1.7, 0.003).coloured(rng.standard_normal(n))
+    residual = plain(keep * raw)
+    few = noise_scale(residual, rich, plain, noise.extra(0.003), keep)
+    assert scale_along(residual, rich, plain, noise, 0.003, keep) == pytest.approx(few, rel=2e-4)
+
+
+def test_whitening_many_readings_takes_little_memory() -> None:
+    """Of 6000 readings with gains, serial correlation and a tolerance no matrix of 6000 x 6000 (288 MB) is
+    ever made."""
+    n, rng = 6000, np.random.default_rng(0)
+    z, x = np.repeat(np.linspace(4, 8, 6), n // 6), np.tile(np.linspace(-1, 1, n // 6), 6)
+    place = np.arange(n)
+    lay = Layout(
+        x, np.zeros(n), z, 20.0 * place, np.full(n, 525.0), np.zeros(n, bool), 0 * place, place // 1000,
+        place // 50, place, place.astype(float),
+    )  # fmt: skip
+    noise = Noise(lay, np.full(n, 0.01), np.ones(n), Budget(0.003, 0.0, 0.0), np.zeros(n))
+    tracemalloc.start()
+    white = Whitener(noise, 0.5, 1.0, 0.003)(rng.standard_normal((n, 2)))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert np.isfinite(white).all() and peak < 8 * n * n

@@ -1,0 +1,61 @@
+"""Mistakes of a table that width and absorption would take up are named."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from analytic_readings import readings, scene
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
+
+
+def warnings(table: Readings, believed: Scene) -> list[str]:
+    found = [w for w in diagnose(table, believed, diffuse=None, advise=False).verdict.warnings
+             if "times the scene's" in w or "exchanged" in w]  # fmt: skip
+    by_hand = [n for n in fit_readings(table, believed).notes if "times the scene's" in n]
+    assert len(by_hand) == len([w for w in found if "times" in w])
+    return found
+
+
+def test_guesses_that_are_off_as_guesses_are_need_no_word() -> None:
+    """The scene of these readings is 15 % off in the width and 13 % in the absorption."""
+    for seed in range(3):
+        assert warnings(*readings(seed=seed)) == []
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_x_in_another_unit_shows_in_the_width(factor: float) -> None:
+    """By nearly the factor: a wrong angle changes the cosine and the distance too."""
+    table, believed = readings(seed=1)
+    (told,) = warnings(replace(table, x_m=factor * table.x_m), believed)
+    assert "the fitted width is" in told and "check the unit of x_m" in told
+    (ratio,) = re.findall(r"width is ([\d.]+) times", told)
+    assert float(ratio) == pytest.approx(1.15 * factor, rel=0.05)
+
+
+def test_air_labelled_water_shows_in_the_absorption() -> None:
+    """Without absorption the light falls by the inverse square alone."""
+    table, believed = readings({"water.absorption_per_m": 0.0}, seed=2)
+    (told,) = warnings(table, believed)
+    assert "the fitted absorption is" in told and "taken in water" in told
+
+
+def test_a_decadic_coefficient_shows_in_the_absorption() -> None:
+    table, believed = readings({"water.absorption_per_m": 0.3}, seed=2)
+    (told,) = warnings(table, believed)
+    assert "2.5 times the scene's" in told and "decadic" in told
+
+
+def test_x_and_y_exchanged_show_where_the_lamp_tells_them_apart() -> None:
+    """A beam 1.3 times as wide in y as in x, as the scene says; a round one is the same either way."""
+    own: dict[str, Any] = {"lamp.ellipticity": 1.3}
+    table, _ = readings(own, seed=3, layout="grid")
+    assert warnings(table, scene(**own)) == []
+    (told, *_) = warnings(replace(table, x_m=table.y_m, y_m=table.x_m), scene(**own))
+    assert "with x_m and y_m exchanged" in told

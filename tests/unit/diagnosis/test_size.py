@@ -1,0 +1,66 @@
+"""Tables of many readings: diagnosed, with a word of what goes on, or refused with one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from analytic_readings import scene
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.setup import source_of
+from lightfield.errors import FitError
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+
+def scan(n: int, distances: int, **hidden: float) -> tuple[Readings, Scene]:
+    """Readings along lines across the beam, one line after the other, with an error of 0.5 %."""
+    believed, rng = scene(), np.random.default_rng(3)
+    z = np.repeat(np.linspace(4.5, 8.5, distances), n // distances)
+    x = np.tile(np.linspace(-0.9, 0.9, n // distances), distances)
+    light = direct_field(believed.with_values(hidden), x, 0 * x, z)
+    error = np.hypot(0.005 * light, 0.0008 * light.max())
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=light + error * rng.standard_normal(len(x)), stderr=error,
+        time_s=np.arange(len(x)), quantity="irradiance",
+    )  # fmt: skip
+    return table.check_against(believed), believed
+
+
+def test_many_readings_find_the_effect_and_say_what_goes_on() -> None:
+    """600 readings, whitened in blocks: a beam 2 cm off the axis is told from a tilted one."""
+    readings, believed = scan(600, 5, **{"lamp.offset_x_m": 0.02})
+    stages: list[str] = []
+    found = diagnose(
+        readings, believed, diffuse=None, only=["beam_offset", "beam_tilt", "background"], advise=False,
+        progress=stages.append,
+    )  # fmt: skip
+    assert found.verdict.effects == ["beam_offset"]
+    error = found.verdict.explanations[0].parameters["lamp.offset_x_m"]
+    assert error.stderr is not None and abs(error.value - 0.02) < 4 * error.stderr
+    assert stages[:3] == ["noise and outliers of 600 readings", "the base model", "one effect at a time"]
+
+
+@pytest.mark.parametrize(("n", "distances"), [(20_005, 5), (3000, 1000)])
+def test_too_many_readings_are_refused_with_a_word(n: int, distances: int) -> None:
+    readings, believed = scan(n, distances)
+    with pytest.raises(FitError, match="too many readings") as refused:
+        diagnose(readings, believed, diffuse=None)
+    assert str(n) in str(refused.value) and f"at {distances} distances" in str(refused.value)
+
+
+def test_light_is_not_traced_at_too_many_places() -> None:
+    """Without scattering in the scene the effects that need a trace are named as not tested; a scene that
+    scatters cannot be done without, and is refused."""
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("traced")
+
+    readings, believed = scan(3005, 5)
+    source, reason = source_of(believed, never, readings)
+    assert source is None and "no more than 3000 places" in str(reason)
+    with pytest.raises(FitError, match="too many places"):
+        diagnose(readings, believed.with_values({"water.scattering_per_m": 0.05}), diffuse=never)
+    few, believed = scan(600, 5)
+    assert source_of(believed, never, few) == (never, None)

@@ -1,0 +1,97 @@
+"""No effect is named, and none ruled out, in numbers that are no measurement of a beam."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from benchmarks.garbage.judge import page
+from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.verdict import Verdict
+
+#: Tables that were called "identified" or "none" before there was a doubt, one of each kind of number.
+MISTAKEN = (
+    ("uniform", "10 times too large", 0), ("lognormal", "none", 0), ("permuted", "none", 0),
+    ("constant", "as a spectrometer states them", 1), ("quantised", "3 times too small", 1),
+    ("two lamps mixed", "none", 0),
+)  # fmt: skip
+
+
+def verdict_on(table, scene, **options) -> Verdict:
+    return diagnose(table, scene, diffuse=None, advise=False, **options).verdict
+
+
+def unstated(table):
+    return replace(table, stderr=np.full(len(table), np.nan))
+
+
+@pytest.mark.parametrize("sort", MISTAKEN, ids=lambda sort: sort[0])
+def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
+    verdict = verdict_on(Table(*sort).readings(), believed())
+    assert (verdict.verdict, verdict.effects, verdict.explanations) == ("unexplained", [], [])
+    assert verdict.doubt is not None and verdict.doubt in verdict.sentence
+
+
+@pytest.mark.slow
+def test_no_effect_is_named_in_any_sort_of_garbage() -> None:
+    """Four of every sort; benchmarks/garbage has twelve."""
+    for table in tables(4 * len(KINDS) * len(ERRORS)):
+        assert verdict_on(table.readings(), believed()).verdict != "identified", table
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_noise_decides_whether_anything_can_be_said(stated: bool) -> None:
+    for noise, kind in ((0.03, "none"), (0.2, "unexplained")):
+        table, scene = readings(seed=1, noise=noise)
+        verdict = verdict_on(table if stated else unstated(table), scene)
+        assert verdict.verdict == kind
+        assert verdict.noise_percent == pytest.approx(100 * noise, rel=0.3)
+        assert (verdict.doubt is not None) == (kind == "unexplained")
+
+
+def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
+    """And names another effect where scattering and background are not asked for."""
+    table, scene = readings(seed=1, noise=0.01)
+    sentence = verdict_on(table, scene).sentence
+    assert "At a noise of 1.2 % of a bright reading (as stated), background above" in sentence
+    tilt = verdict_on(unstated(table), scene, only=["beam_tilt"]).sentence
+    assert "(estimated from the scatter), beam tilt above" in tilt
+    nothing = verdict_on(table, scene, only=["beam_ellipticity"]).sentence
+    assert "these readings say nothing of any" in nothing
+
+
+def test_readings_that_are_the_same_everywhere_show_no_lamp() -> None:
+    """Constant to 1 %: a detector that is stuck, though a saturated one would explain it too."""
+    table, scene = readings(seed=1)
+    value = 1 + 0.01 * np.random.default_rng(2).standard_normal(len(table))
+    verdict = verdict_on(replace(table, value=value, stderr=np.full(len(table), 0.01)), scene)
+    assert verdict.verdict == "unexplained"
+    assert "do not change from place to place" in verdict.sentence
+
+
+def test_water_that_amplifies_is_no_water() -> None:
+    """Light that grows by 0.5 % per metre: nothing is ruled out at an absorption that cannot be less."""
+    clear = {"water.absorption_per_m": 0.0}
+    table, scene = readings(clear, seed=1, factor=lambda t: np.exp(0.005 * (t.z_m - 4.5)))
+    verdict = verdict_on(table, scene, only=["beam_tilt"])
+    assert verdict.verdict == "unexplained"
+    assert "water.absorption_per_m = 0" in verdict.sentence
+
+
+@pytest.mark.parametrize("seed", [0, 4, 5])
+def test_clear_water_is_water(seed: int) -> None:
+    """No absorption: half of the fits end at the bound, and nothing is wrong with that."""
+    verdict = verdict_on(*readings({"water.absorption_per_m": 0.0}, seed=seed))
+    assert verdict.verdict == "none"
+    assert verdict.ladder[0].parameters["water.absorption_per_m"].reason == "at boundary"
+
+
+def test_the_page_of_the_benchmark_counts_what_was_said() -> None:
+    row = {"kind": "uniform", "errors": "none", "draw": 0, "verdict": "identified", "sentence": "A beam."}
+    text = page([row, row | {"verdict": "unexplained", "draw": 1}], "0")
+    assert "**2 tables: 1 identified, 0 ambiguous, 0 none, 1 unexplained, 0 error.**" in text
+    assert "| uniform, errors none, 0 | A beam. |" in text
