@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+from scipy.sparse import csr_array, diags_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
@@ -113,9 +113,9 @@ class DiffuseResponse:
         From cells to positions.
     images : array of 0 and 1, shape (n_cells, n_sets)
         Which cells are mirror images of each other and share their photons.
-    wall_smoother : array, shape (n_cells, n_cells)
+    wall_smoother : sparse array, shape (n_cells, n_cells)
         By which the tallies of light from walls were smoothed.
-    ratio_smoother : array, shape (n_cells, n_cells)
+    ratio_smoother : sparse array, shape (n_cells, n_cells)
         For ratios of the light at one g and another.
     under_surface : DiffuseResponse, optional
         The same tank with a water surface in place of its lid; for light that was reflected.
@@ -132,8 +132,8 @@ class DiffuseResponse:
     g_nodes: tuple[float, ...]
     shift: Shift
     images: Array
-    wall_smoother: Array
-    ratio_smoother: Array
+    wall_smoother: csr_array
+    ratio_smoother: csr_array
     under_surface: DiffuseResponse | None = None
     reflected: ReflectedLight | None = None
     denser: DiffuseResponse | None = None
@@ -264,9 +264,9 @@ class DiffuseResponse:
                 found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
                 for water in np.unique(channel):
                     mine = channel == water
-                    spread = self.shift.shares[mine] @ sparse.diags_array(per_light[water])
+                    spread = self.shift.shares[mine] @ diags_array(per_light[water])
                     if kind in FROM_WALLS:
-                        spread = spread @ sparse.csr_array(walls)
+                        spread = spread @ walls
                     passed_on = (spread @ noise.passed_on[water]).tocsr()
                     each = [passed_on @ (root[:, None] * noise.images) for root in noise.roots[water]]
                     found[mine] = np.hstack(each)
@@ -355,7 +355,7 @@ class DiffuseResponse:
             asked for.
         """
         if len(found) < 2:
-            return found[0], [[sparse.diags_array(light) for light in found[0]]] if errors else []
+            return found[0], [[diags_array(light) for light in found[0]]] if errors else []
         flat = found.reshape(len(found), -1)
         mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (part, shares))
         lit = mean > 0
@@ -366,15 +366,11 @@ class DiffuseResponse:
         ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
         common = part[:, None, None] * ratios
         apart = shares[:, None, None] * ratios - common * ratio
-        smoother, waters = sparse.csr_array(self.ratio_smoother), range(len(mean))
-        return value, [
-            [
-                sparse.diags_array(common[i, w] * value[w])
-                + sparse.diags_array(mean[w]) @ smoother @ sparse.diags_array(apart[i, w])
-                for w in waters
-            ]
-            for i in range(len(found))
+        passed_on = [
+            [diags_array(m) @ self.ratio_smoother @ diags_array(n) + diags_array(c) for m, n, c in each]
+            for each in (zip(mean, apart[i], common[i] * value, strict=True) for i in range(len(found)))
         ]
+        return value, passed_on
 
     def _g_shares(self, scene: Scene) -> Array:
         """Lagrange interpolation in log(1 - g) over the traced nodes, shape (n_nodes,)."""

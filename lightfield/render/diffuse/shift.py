@@ -85,7 +85,7 @@ class Shift:
         return np.asarray(field[self.cell])
 
 
-def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) -> np.ndarray:
+def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) -> sparse.csr_array:
     """Weights that replace every cell by a local quadratic through its neighbours on the plane, (n, n).
 
     Parameters
@@ -96,11 +96,11 @@ def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) 
         And none farther away, as seen from the lamp.
     """
     cx, cy, cz = (v.ravel() for v in grid.centres())
-    weights = np.zeros((len(cx), len(cx)))
+    weights = sparse.lil_array((len(cx), len(cx)))
     for i in range(len(cx)):
         near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d, reach_rad * cz[i])
         weights[i, near] = rows[0]
-    return weights
+    return weights.tocsr()
 
 
 def _expansion(

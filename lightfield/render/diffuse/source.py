@@ -170,7 +170,9 @@ def _response(
         tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
         from_walls = np.isin(light_classes(histories), FROM_WALLS)
         if from_walls.any():
-            tallies[:, :, from_walls] = tallies[:, :, from_walls] @ smooth.T.astype(np.float32)
+            some = tallies[:, :, from_walls]
+            smoothed = some.reshape(-1, some.shape[-1]) @ smooth.T.astype(np.float32)
+            tallies[:, :, from_walls] = smoothed.reshape(some.shape)
         sent = Sent(np.asarray(stored["density"], float), traced.lamp)
         beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
         return Traced(beams, stored["relative_stderr"] * images.error, rows, sent_to / sent_to.sum())

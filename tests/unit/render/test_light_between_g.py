@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, smoother
@@ -21,12 +22,12 @@ NOISE, DRAWS = 0.03, 600
 
 
 @pytest.fixture(scope="module")
-def smooth() -> np.ndarray:
+def smooth() -> sparse.csr_array:
     return smoother(positions_grid(X, 0 * X, 0 * X + 4.5), *SMOOTH_RATIOS)
 
 
 @pytest.fixture(scope="module")
-def response(smooth: np.ndarray) -> DiffuseResponse:
+def response(smooth: sparse.csr_array) -> DiffuseResponse:
     unused: dict = dict.fromkeys(("trace", "kinds", "reference", "straight_m", "shift", "images"))
     return DiffuseResponse(**unused, g_nodes=(), wall_smoother=smooth, ratio_smoother=smooth)
 
