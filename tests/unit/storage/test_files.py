@@ -70,8 +70,9 @@ def test_a_file_system_without_locks_is_no_obstacle(tmp_path: Path, monkeypatch:
 
 
 @pytest.fixture
-def no_file_beyond_8_kilobytes() -> Iterator[None]:
+def no_file_beyond_8_kilobytes(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What a quota or a full disk does to a writer, by the system's limit of file sizes."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # else modules imported now are compiled by half
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
     try:
