@@ -6,6 +6,7 @@ traceback: so this module imports next to nothing, and `main` imports everything
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -39,6 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     _on_signals(_leave if program else _raise)
     if program:
         sys.unraisablehook = _not_swallowed
+        # Called last: while Python takes itself apart, the work is done and its code stands.
+        atexit.register(_on_signals, signal.SIG_IGN)
     try:
         from lightfield.commands._terminal import plain_output
 
@@ -101,7 +104,7 @@ def _ended_by(number: int) -> int:
     return code
 
 
-def _on_signals(handler: Callable[[int, FrameType | None], Any]) -> None:
+def _on_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
     """Answer Ctrl-C and SIGTERM; outside the main thread that is left to the embedding program."""
     try:
         signal.signal(signal.SIGINT, handler)
