@@ -6,6 +6,7 @@ traceback: so this module imports next to nothing, and `main` imports everything
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -35,17 +36,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 done; 1 a check failed or a defect of the program; 2 an error the user can act on; 130 interrupted.
     """
     program = argv is None
+    _stops.clear()
     _on_signals(_leave if program else _raise)
     if program:
         sys.unraisablehook = _not_swallowed
+        # Called last: while Python takes itself apart, the work is done and its code stands.
+        atexit.register(_on_signals, signal.SIG_IGN)
     try:
         from lightfield.commands._terminal import plain_output
 
         with plain_output():
             return _run(list(sys.argv[1:] if argv is None else argv))
     except KeyboardInterrupt:
-        print("lightfield: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+        return _ended_by(signal.SIGINT)
+    except SystemExit:
+        if not _stops:
+            raise  # --help, --version
+        return _ended_by(_stops[0])
     finally:
         if program:
             _on_signals(_leave)
@@ -53,7 +60,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: list[str]) -> int:
     from lightfield.commands._line import prepared
-    from lightfield.errors import LightfieldError
 
     try:
         command = prepared(argv)
@@ -61,31 +67,44 @@ def _run(argv: list[str]) -> int:
         code = int(command() or EXIT_OK)
         sys.stdout.flush()
         return code
-    except LightfieldError as error:
-        return _fail(error, str(error))
-    except BrokenPipeError:
+    except Exception as error:
+        if _stops:  # modules in C and C++ make errors of their own of what a signal raises within them
+            return _ended_by(_stops[0])
+        return _code_of(error)
+
+
+def _code_of(error: Exception) -> int:
+    """Say in one line what went wrong; the exit code for it."""
+    from lightfield.errors import LightfieldError
+
+    if isinstance(error, BrokenPipeError):
         # The reader of our output has gone (`lightfield ... | head`): nothing to report.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_OK
-    except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
-        return _fail(error, f"{place}{error.strerror or error}")
-    except MemoryError as error:
-        return _fail(error, "out of memory; remedy: fewer pixels, planes or photons")
-    except Exception as error:
-        text = f"unexpected {type(error).__name__}: {error}; a defect of the program, not of your input"
-        _fail(error, f"{text}; set {TRACEBACK_VARIABLE}=1 to see where")
-        return EXIT_DEFECT
-
-
-def _fail(error: BaseException, text: str) -> int:
     if os.environ.get(TRACEBACK_VARIABLE):
         raise error
+    code = EXIT_ERROR
+    if isinstance(error, LightfieldError):
+        text = str(error)
+    elif isinstance(error, OSError):
+        text = f"{error.filename}: " if error.filename else ""
+        text += f"{error.strerror or error}"
+    elif isinstance(error, MemoryError):
+        text = "out of memory; remedy: fewer pixels, planes or photons"
+    else:
+        text = f"unexpected {type(error).__name__}: {error}; a defect of the program, not of your input"
+        text, code = f"{text}; set {TRACEBACK_VARIABLE}=1 to see where", EXIT_DEFECT
     print(f"lightfield: {text}", file=sys.stderr)
-    return EXIT_ERROR
+    return code
 
 
-def _on_signals(handler: Callable[[int, FrameType | None], Any]) -> None:
+def _ended_by(number: int) -> int:
+    word, code = _ENDS[number]
+    print(f"lightfield: {word}", file=sys.stderr)
+    return code
+
+
+def _on_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
     """Answer Ctrl-C and SIGTERM; outside the main thread that is left to the embedding program."""
     try:
         signal.signal(signal.SIGINT, handler)
@@ -107,11 +126,8 @@ def _raise(number: int, frame: FrameType | None) -> None:
         # A module in C++ would make an ImportError of it, and importlib may swallow it.
         _again_soon(number)
         return
-    if number == signal.SIGINT:
-        raise KeyboardInterrupt
-    word, code = _ENDS[number]
-    print(f"lightfield: {word}", file=sys.stderr)
-    raise SystemExit(code)
+    _stops.append(number)
+    raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(_ENDS[number][1])
 
 
 def _importing(frame: FrameType | None) -> bool:
@@ -130,12 +146,13 @@ def _again_soon(number: int) -> None:
 
 def _not_swallowed(ignored: Any) -> None:
     """A stop that was raised where Python ignores exceptions, such as in `__del__`, comes again."""
-    if issubclass(ignored.exc_type, KeyboardInterrupt | SystemExit):
-        _again_soon(signal.SIGINT if ignored.exc_type is KeyboardInterrupt else signal.SIGTERM)
+    if _stops and issubclass(ignored.exc_type, KeyboardInterrupt | SystemExit):
+        _again_soon(_stops[0])
     else:
         sys.__unraisablehook__(ignored)
 
 
+_stops: list[int] = []  # signals that have been raised as exceptions
 _ENDS: dict[int, tuple[str, int]] = {
     signal.SIGINT: ("interrupted", EXIT_INTERRUPTED),
     signal.SIGTERM: ("terminated", EXIT_TERMINATED),

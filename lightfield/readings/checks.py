@@ -26,6 +26,8 @@ LARGEST = 1e30
 _LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 #: Instruments tell apart a millionth of full scale at best; one value so far beyond all others is a slip.
 LARGEST_STEP = 1e9
+#: And the least of a reading's error, of the largest reading: below it squares come to nothing.
+SMALLEST_ERROR = 1e-12
 #: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
 EARLIEST_S, LATEST_S = -1e5, 1e11
 
@@ -230,6 +232,15 @@ def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> N
             found=readings.value[k].item(),
             rule=f"at most {LARGEST_STEP:g} times the next largest",
             remedy="correct it, or remove the row",
+        )
+    sure = (readings.stderr > 0) & (readings.stderr < SMALLEST_ERROR * np.max(size, initial=0.0))
+    for k in np.flatnonzero(sure).tolist():
+        noted.add(
+            "stderr is smaller than any instrument's",
+            place=lines[k],
+            found=readings.stderr[k].item(),
+            rule=f"at least {SMALLEST_ERROR:g} of the largest reading",
+            remedy="leave it blank when it is not known",
         )
 
 

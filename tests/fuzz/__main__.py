@@ -70,8 +70,8 @@ def main() -> int:
     os.environ.update(LIGHTFIELD_BACKEND="llvm", LIGHTFIELD_LIBLLVM="/nonexistent", MPLBACKEND="Agg")
     os.environ.pop(cli.TRACEBACK_VARIABLE, None)
     # `compare` with readings fits direct light alone.
-    traced = compared.source_of
-    compared.source_of = lambda scene, diffuse: traced(scene, None)
+    fit = compared.fit_readings
+    compared.fit_readings = lambda *given, **named: fit(*given, **{**named, "diffuse": None})
     if args.case is not None:
         folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
         words = make_case(args.seed, args.case, folder)

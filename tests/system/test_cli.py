@@ -141,6 +141,21 @@ def test_what_a_command_raises_becomes_one_line(monkeypatch, capsys, error, code
     assert "Traceback" not in message
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_error_that_a_module_makes_of_a_stop_is_the_stop(monkeypatch, capsys, number, code):
+    """Modules in C++ turn the exception of a signal into an ImportError or a SystemError."""
+
+    def run(args):
+        try:
+            os.kill(os.getpid(), number)
+        except BaseException as stop:
+            raise ImportError("initialization failed") from stop
+
+    monkeypatch.setattr(doctor, "run", run)
+    assert cli.main(["doctor"]) == code
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_a_traceback_can_be_had(monkeypatch):
     def run(args):
         raise SceneError("wrong")

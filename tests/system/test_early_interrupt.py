@@ -13,14 +13,25 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import psutil
 import pytest
 
 MOMENTS = 200
-# Tells when the program's first line runs.
-PROGRAM = "import os, sys\nfrom lightfield import cli\nos.write(1, b'.')\nsys.exit(cli.main())"
+# Tells when the program has begun to listen for signals: from the first line of `main` on.
+PROGRAM = """
+import os, sys
+from lightfield import cli
+listen = cli._on_signals
+def told(handler):
+    listen(handler)
+    cli._on_signals = listen
+    os.write(1, b".")
+cli._on_signals = told
+sys.exit(cli.main())
+"""
 SCENE = "[water]\nabsorption_per_m = 0.1\n[detector]\nplanes_m = [2.0]\npixels = 5\n"
 # Command, and the time in which it imports, or starts its workers, on a slow machine.
 COMMANDS = {
@@ -73,7 +84,7 @@ def stopped_at(
         except subprocess.TimeoutExpired:
             os.killpg(child.pid, number)
         _, message = child.communicate(timeout=60)
-        left = [process for process in psutil.process_iter() if group_of(process) == child.pid]
+        left = still_there(child.pid)
         assert not left, f"left after {moment:.3f} s: {left}"
     finally:
         if child.poll() is None:
@@ -81,8 +92,18 @@ def stopped_at(
     return subprocess.CompletedProcess(words, child.returncode, "", message)
 
 
-def group_of(process: psutil.Process) -> int:
+def still_there(group: int) -> list[str]:
+    """The group's processes that go on after the program's end, for longer than it takes to end."""
+    deadline = time.monotonic() + 20
+    while found := [process for process in psutil.process_iter() if belongs(process, group)]:
+        if time.monotonic() > deadline:
+            return [str(process) for process in found]
+        time.sleep(0.05)
+    return []
+
+
+def belongs(process: psutil.Process, group: int) -> bool:
     try:
-        return os.getpgid(process.pid)
-    except ProcessLookupError:
-        return 0
+        return os.getpgid(process.pid) == group and process.status() != psutil.STATUS_ZOMBIE
+    except (ProcessLookupError, psutil.NoSuchProcess):
+        return False

@@ -65,6 +65,13 @@ def test_one_value_beyond_all_others_is_a_slip(slip):
     readings(z_m=[4.5, 5.5, 6.5], value=[1e8, 0.5, 0.3]).check_against(scene())
 
 
+def test_an_error_of_next_to_nothing_is_none():
+    """Its square is zero, and the weight of its reading infinite."""
+    with pytest.raises(MeasurementError, match="reading 2: stderr is smaller than any instrument's"):
+        readings(stderr=[0.01, 1e-320]).check_against(scene())
+    readings(stderr=[1e-9, 1e-9]).check_against(scene())
+
+
 def test_corners_of_the_tank_belong_to_it():
     readings(x_m=[1.83, -1.83], y_m=[1.0, -1.44], z_m=[11.5, 0.1]).check_against(scene())
 
