@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.storage.tables import LARGEST
 
 
 def read_ies(text: str) -> tuple[Array, Array]:
@@ -32,8 +33,7 @@ def read_ies(text: str) -> tuple[Array, Array]:
     start = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("TILT=")), None)
     if start is None:
         raise ValueError("no TILT= line")
-    numbers = [float(word) for line in lines[start + 1 :] for word in line.replace(",", " ").split()]
-    take = _Taker(numbers)
+    take = _Taker([word for line in lines[start + 1 :] for word in line.replace(",", " ").split()])
     if lines[start].strip().upper() == "TILT=INCLUDE":
         take(1)
         take(2 * int(take(1)[0]))
@@ -71,7 +71,7 @@ def read_eulumdat(text: str) -> tuple[Array, Array]:
         raise ValueError(f"{len(lines)} lines, the head alone has 26")
     symmetry, planes, angles = int(lines[2]), int(lines[3]), int(lines[5])
     sets = int(lines[25])
-    take = _Taker([float(word) for line in lines[26 + 6 * sets :] for word in line.split()])
+    take = _Taker([word for line in lines[26 + 6 * sets :] for word in line.split()])
     take(10)
     c, gamma = np.array(take(planes)), take(angles)
     first, stored = {
@@ -91,8 +91,11 @@ def read_eulumdat(text: str) -> tuple[Array, Array]:
 class _Taker:
     """Hands out numbers in the order of the file, and notices its end."""
 
-    def __init__(self, numbers: list[float]) -> None:
-        self.numbers, self.at = numbers, 0
+    def __init__(self, words: list[str]) -> None:
+        self.numbers, self.at = [float(word) for word in words], 0
+        for word, value in zip(words, self.numbers, strict=True):
+            if not abs(value) <= LARGEST:
+                raise ValueError(f"{word} is no number that a lamp can have")
 
     def __call__(self, count: int) -> list[float]:
         part = self.numbers[self.at : self.at + count]

@@ -135,6 +135,15 @@ def test_cut_ies_file(tmp_path: Path) -> None:
         intensity_table(file)
 
 
+@pytest.mark.parametrize("word", ["nan", "inf", "1e308"])
+def test_what_is_no_number_of_a_lamp_is_named(tmp_path: Path, word: str) -> None:
+    """Two of 1e308 in one mean are infinite, and an infinite lamp is dark on its axis."""
+    values = f"{word} 800 300 10 0\n{word} 600 100 10 0"
+    file = write(tmp_path / "bright.ies", IES.format(planes=2, angles="0 90", values=values))
+    with pytest.raises(SceneError, match=f"{word} is no number that a lamp can have"):
+        intensity_table(file)
+
+
 @pytest.mark.parametrize("suffix", [".ies", ".ldt"])
 @pytest.mark.parametrize("content", ["", "IESNA:LM-63-2002\nTILT=NONE\n1 2 3\n", "a\nb\nc\n"])
 def test_broken_photometric_files(tmp_path: Path, suffix: str, content: str) -> None:
