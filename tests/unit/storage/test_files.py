@@ -69,22 +69,26 @@ def test_a_file_system_without_locks_is_no_obstacle(tmp_path: Path, monkeypatch:
         assert folder == tmp_path
 
 
-@pytest.fixture
-def no_file_beyond_8_kilobytes(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What a quota or a full disk does to a writer, by the system's limit of file sizes."""
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # else modules imported now are compiled by half
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+@contextmanager
+def no_file_beyond_8_kilobytes() -> Iterator[None]:
+    """What a quota or a full disk does to a writer, by the system's limit of file sizes.
+
+    Around the writing alone: the limit holds for the whole process, and so for the report of the tests too,
+    and for modules that Python compiles when they are first imported.
+    """
+    before, compiles = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        sys.dont_write_bytecode = compiles
 
 
 NOISE = np.random.default_rng(1).random((1, 2, 64, 64))  # nothing that could be compressed
 
 
-@pytest.mark.usefixtures("no_file_beyond_8_kilobytes")
 def test_no_room_is_called_by_its_name_whatever_the_library_says(tmp_path: Path) -> None:
     """HDF5 says "Permission denied" or "HDF error", OpenEXR a sentence of its own."""
     maps = xr.Dataset({"irradiance": (("wavelength_nm", "z_m", "y_m", "x_m"), NOISE)})
@@ -94,9 +98,8 @@ def test_no_room_is_called_by_its_name_whatever_the_library_says(tmp_path: Path)
         lambda: write_netcdf(maps, tmp_path / "maps.nc"),
         lambda: write_spectral_exr(tmp_path / "map.exr", image),
     ):
-        with pytest.raises(
-            OutputError, match="cannot write the file; found 'File too large'; remedy: make room"
-        ):
+        too_large = "cannot write the file; found 'File too large'; remedy: make room"
+        with pytest.raises(OutputError, match=too_large), no_file_beyond_8_kilobytes():
             write()
     assert list(tmp_path.iterdir()) == []
 
