@@ -41,6 +41,8 @@ def wrong_with(words: list[str], folder: Path) -> str:
         return f"escaped: {traceback.format_exc()}"
     finally:
         faulthandler.cancel_dump_traceback_later()
+    if code in (cli.EXIT_INTERRUPTED, cli.EXIT_TERMINATED):
+        sys.exit(code)  # somebody stopped us
     message = err.getvalue()
     if code not in (0, 2):
         return f"exit code {code}: {message}"

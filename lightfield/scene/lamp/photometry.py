@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.lamp.luminaire_files import read_eulumdat, read_ies
 from lightfield.storage.inputs import LUMINAIRE, read_bytes
-from lightfield.storage.tables import read_columns
+from lightfield.storage.tables import LARGEST, read_columns
 
 
 def intensity_table(path: str) -> tuple[Array, Array]:
@@ -51,7 +51,7 @@ def _load(path: str, _modified: int, _size: int) -> tuple[Array, Array]:
             "a beam table starts on the axis", where=path, found=f"{angle[0]:g} to {angle[-1]:g} deg",
             rule="angle_deg from 0, at most 180", remedy="add the value at 0 deg",
         )  # fmt: skip
-    if not intensity[0] > 0.0:
+    if not intensity[0] > intensity.max() / LARGEST:
         raise SceneError(
             "no light on the beam axis", where=path, found=float(intensity[0]), rule="above 0 at 0 deg",
             remedy="turn the lamp's axis to 0 deg in the table",

@@ -134,6 +134,7 @@ def test_all_problems_at_once() -> None:
         ("angle_deg,intensity\n0,1\n5,1e200\n", ["line 3: too large"]),
         ("angle_deg,intensity\n1,1\n5,0.5\n", ["starts on the axis", "1 to 5 deg"]),
         ("angle_deg,intensity\n0,0\n5,0.5\n", ["no light on the beam axis"]),
+        ("angle_deg,intensity\n0,1e-310\n5,0.5\n", ["no light on the beam axis"]),
         ("angle_deg,intensity\n0,1\n", ["fewer than two rows"]),
         ("", ["column angle_deg, intensity missing"]),
     ],
