@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -11,14 +12,14 @@ import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError
 from lightfield.render.maps import transport_key
-from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.response.grid import Grid, band_wavelengths, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, TRACED, Acts
-from lightfield.scene.all_parameters import only, without
+from lightfield.scene.all_parameters import acts_on, only, without
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.sweep.axes import Axis, checked_axes
+from lightfield.sweep.axes import Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
@@ -28,6 +29,8 @@ MOST_CASES = 2_000_000
 # variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
 # Beyond 1.5 single photons show as bright cells that the stated error does not cover: another trace then.
 MOST_SPREAD = 1.5
+
+Told = tuple[tuple[str, Any], ...]  # values by path
 
 
 @dataclass(frozen=True)
@@ -53,23 +56,42 @@ class SweepSettings:
 
 @dataclass(frozen=True)
 class Trace:
-    """One trace: a scene in its reference water, and the seed.
+    """One trace: which scene, its reference water, and the seed.
 
     Parameters
     ----------
     number : int
-    scene : Scene
+    first : int
+        Number of the first case that is evaluated from it; all of them have its beam and geometry.
     reference : Reference
+    surface_reflectance : float
+        The largest of its cases.
     seed : int
     cases : int
         How many cases are evaluated from it.
     """
 
     number: int
-    scene: Scene
+    first: int
     reference: Reference
+    surface_reflectance: float
     seed: int
     cases: int
+
+    def scene(self, cases: Cases) -> Scene:
+        """What is traced: beam and geometry of its cases in the reference water."""
+        scene = without(cases.build(self.first, validate=False), ATTENUATION)
+        plain: dict[str, Any] = {
+            "water.absorption_per_m": self.reference.absorption_per_m,
+            "water.scattering_per_m": self.reference.scattering_per_m,
+        }
+        if scene.tank is not None:
+            plain |= {
+                "tank.wall_albedo": self.reference.wall_albedo,
+                "tank.surface_reflectance": self.surface_reflectance,
+                "tank.surface": "flat" if self.surface_reflectance > 0 else "none",
+            }
+        return scene.with_values(plain, validate=False)
 
 
 @dataclass(frozen=True)
@@ -112,7 +134,7 @@ class Plan:
     grids : list of Grid
         Detector grid of every combination of `grid_axes`, the last running fastest.
     grid_axes : tuple of int
-        Axes along which the trace changes.
+        Axes along which detector or tank change.
     """
 
     cases: Cases
@@ -163,7 +185,8 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
             found="detector.positions_m",
             remedy="give detector.planes_m instead; single positions: `lightfield render`, case by case",
         )
-    transport, keys, grids = _transport_axes(cases)
+    grid_axes = _axes_on(cases, Acts.PLACES | Acts.BOX)
+    grids = [detector_grid(scene) for _, scene in cases.subset(grid_axes)]
     if len({grid.shape for grid in grids}) > 1:
         raise UsageError(
             "maps of different shapes cannot share a store",
@@ -171,47 +194,51 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
             rule="planes, rows and columns",
             remedy="one sweep for each",
         )
-    waters, problems = _waters(cases, transport)
-    traces, trace_of_case = _traces(cases, settings, transport, keys, grids, waters, problems)
+    transport = _transport(cases)
+    waters, problems = _waters(cases, list(transport))
+    far = np.array([grid.z_m.max() for grid in grids])[_combination(cases, grid_axes)]
+    traces, trace_of_case = _traces(cases, settings, transport, far, waters, problems)
     bands = len(scene.detector.bands_nm)
     limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
-    chunks = _chunks(cases.shape, transport, limit)
+    chunks = _chunks(cases.shape, list(transport), limit)
     blocks = _blocks(cases.shape, chunks, trace_of_case)
-    return Plan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, tuple(transport))
+    return Plan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, tuple(grid_axes))
 
 
-def _transport_axes(cases: Cases) -> tuple[list[int], list[str], list[Grid]]:
-    """Axes along which light must be traced anew, and key and grid of every combination of their steps."""
-    transport = []
-    for i, axis in enumerate(cases.axes):
-        at = [0] * len(cases.axes)
-        keys = set()
-        for at[i] in _telling_steps(axis):
-            keys.add(_key(cases.at(at)))
-            if len(keys) > 1:
-                transport.append(i)
-                break
-    keys_of, grids = [], []
-    for _, scene in cases.subset(transport):
-        keys_of.append(_key(scene))
-        grids.append(scene_grid(scene))
-    return transport, keys_of, grids
+def _axes_on(cases: Cases, what: Acts) -> list[int]:
+    """Axes that set something which acts on any of these stages."""
+    return [i for i, axis in enumerate(cases.axes) if any(acts_on(path) & what for path in axis.values)]
 
 
-def _telling_steps(axis: Axis) -> list[int]:
-    """Steps that tell whether a trace depends on what an axis sets.
+def _combination(cases: Cases, axes: Sequence[int]) -> np.ndarray:
+    """Which combination of the steps of some axes each case has, the last running fastest; (n_cases,)."""
+    of_case = np.zeros(cases.shape, int)
+    for i in axes:
+        size = cases.axes[i].size
+        steps = np.arange(size).reshape([size if k == i else 1 for k in range(len(cases.shape))])
+        of_case = of_case * size + steps
+    return of_case.ravel()
 
-    It depends on a number or it does not, whatever the number is, but zero may switch a thing off; two texts
-    may name the same table.
-    """
-    steps = {0}
-    for values in axis.values.values():
-        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
-            return list(range(axis.size))
-        others = [n for n, value in enumerate(values) if value != values[0]]
-        zeros = [n for n in others if values[n] == 0]
-        steps.update(others[:1], others[-1:], zeros[:1])
-    return sorted(steps)
+
+def _transport(cases: Cases) -> dict[int, list[Told]]:
+    """Axes along which light must be traced anew, and in what every step of them differs from the scene."""
+    told = {i: _told(cases, cases.axes[i]) for i in _axes_on(cases, TRACED | Acts.PLACES)}
+    return {i: steps for i, steps in told.items() if len(set(steps)) > 1}
+
+
+def _told(cases: Cases, axis: Axis) -> list[Told]:
+    """In what a trace of every step differs from one of the scene as it is."""
+    values = {path: v for path, v in axis.values.items() if acts_on(path) & (TRACED | Acts.PLACES)}
+    if all(isinstance(v, int | float) and not isinstance(v, bool) for vs in values.values() for v in vs):
+        now = {path: cases.scene.get(path) for path in values}
+        return [
+            tuple((path, v[n]) for path, v in sorted(values.items()) if v[n] != now[path])
+            for n in range(axis.size)
+        ]
+    # A text may name the same table as another does, or the same thing as a number of another path.
+    as_it_is, name = _key(cases.scene), min(values)
+    keys = [_key(apply(cases.scene, axis.at(n), validate=False)) for n in range(axis.size)]
+    return [() if key == as_it_is else ((name, key),) for key in keys]
 
 
 def _key(scene: Scene) -> str:
@@ -228,7 +255,7 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
     numbers = np.arange(cases.count).reshape(cases.shape)
     problems: dict[int, str] = {}
     # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
-    for steps, _ in cases.subset(transport):
+    for steps in np.ndindex(*(cases.axes[i].size for i in transport)):
         alike = numbers[_where(cases, transport, steps)].ravel()
         if problem_of(cases, int(alike[0])):
             problems |= {int(n): problem for n in alike if (problem := problem_of(cases, int(n)))}
@@ -280,64 +307,58 @@ def problem_of(cases: Cases, number: int) -> str:
 def _traces(
     cases: Cases,
     settings: SweepSettings,
-    transport: list[int],
-    keys: list[str],
-    grids: list[Grid],
+    transport: dict[int, list[Told]],
+    far_m: np.ndarray,
     waters: np.ndarray,
     problems: dict[int, str],
 ) -> tuple[tuple[Trace, ...], np.ndarray]:
     """Traces, and the number of the trace that each case is evaluated from."""
-    steps = np.array(np.unravel_index(np.arange(cases.count), cases.shape))
-    sizes = [cases.axes[i].size for i in transport]
-    combination = (
-        np.ravel_multi_index(tuple(steps[transport]), sizes) if transport else np.zeros(cases.count, int)
-    )
-    unique = {key: n for n, key in enumerate(dict.fromkeys(keys))}
-    key_of_case = np.array([unique[key] for key in keys])[combination]
+    alike = _alike(cases, transport)
     usable = np.ones(cases.count, bool)
     usable[list(problems)] = False
+    ordered = np.flatnonzero(usable)[np.argsort(alike[usable], kind="stable")]
+    starts = np.flatnonzero(np.diff(alike[ordered], prepend=-1))
     trace_of_case = np.full(cases.count, -1)
     traces: list[Trace] = []
-    grid_of = dict(zip(reversed(keys), reversed(grids), strict=True))  # the first one of every key
-    # Cases of a key, ascending, for all keys in one go.
-    ordered = np.argsort(np.where(usable, key_of_case, len(unique)), kind="stable")
-    ends = np.searchsorted(key_of_case[ordered[: usable.sum()]], np.arange(len(unique)), side="right")
-    for key, left in zip(unique, np.split(ordered, ends)[:-1], strict=True):
-        far = float(grid_of[key].z_m.max())
+    as_it_is = _key(cases.scene)
+    steps_of = np.array(np.unravel_index(ordered[starts], cases.shape)).T.tolist()
+    for steps, left in zip(steps_of, np.split(ordered, starts[1:]), strict=False):
+        key = f"{as_it_is} {sorted(pair for i, told in transport.items() for pair in told[steps[i]])}"
         while len(left):
-            near = _spread(waters[left], far) <= MOST_SPREAD
+            near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
             members, left = left[near], left[~near]
             trace_of_case[members] = len(traces)
-            traces.append(_trace(cases, settings, key, members, waters[members], len(traces)))
+            traces.append(_trace(settings, key, members, waters[members], len(traces)))
     return tuple(traces), trace_of_case
+
+
+def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
+    """Equal numbers for cases that one reference water serves, ascending from the first case; (n_cases,)."""
+    of_case = np.zeros(cases.shape, int)
+    for i, told in transport.items():
+        kinds = {step: n for n, step in enumerate(dict.fromkeys(told))}
+        along = np.array([kinds[step] for step in told])
+        of_case = of_case * len(kinds) + along.reshape([-1 if k == i else 1 for k in range(len(cases.shape))])
+    return of_case.ravel()
 
 
 def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
     """Spread of the weights of waters about the most turbid of them, shape (n,)."""
-    b, most = waters[:, 1], waters[:, 1].max()
-    if most == 0:
+    b = waters[:, 1]
+    if len(b) == 1 or not b.any():
         return np.zeros_like(b)
+    most = b.max()
     # Direct light is an expected value: without reflection, clear water has no weights to spread.
     direct_alone = (b == 0) & (waters[:, 2:] == 0).all(axis=1)
     return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
 
 
-def _trace(
-    cases: Cases, settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int
-) -> Trace:
-    a, b, rho, surface = waters[:, 0].min(), *(float(column.max()) for column in waters[:, 1:].T)
-    reference = Reference(float(a), b, rho)
-    scene = without(cases.build(int(members[0]), validate=False), ATTENUATION)
-    plain: dict[str, Any] = {
-        "water.absorption_per_m": reference.absorption_per_m,
-        "water.scattering_per_m": b,
-    }
-    if scene.tank is not None:
-        plain |= {"tank.wall_albedo": rho, "tank.surface_reflectance": surface}
-        plain["tank.surface"] = "flat" if surface > 0 else "none"
+def _trace(settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int) -> Trace:
+    low, (_, b, rho, surface) = waters.min(axis=0).tolist(), waters.max(axis=0).tolist()
+    reference = Reference(low[0], b, rho)
     text = f"{settings.seed} {key} {reference} {surface > 0}"
     seed = int(hashlib.sha256(text.encode()).hexdigest()[:12], 16) % 4_000_000
-    return Trace(number, scene.with_values(plain, validate=False), reference, seed, len(members))
+    return Trace(number, int(members[0]), reference, surface, seed, len(members))
 
 
 def _chunks(shape: tuple[int, ...], transport: list[int], limit: int) -> tuple[int, ...]:

@@ -240,7 +240,8 @@ class _Dispatch:
         most = max(1, len(self.client.scheduler_info()["workers"])) + 1
         while self.queue and (len(self.users) - len(self.queue) < most or not self.running):
             trace = self.plan.traces[self.queue.pop(0)]
-            self._submit(True, trace.number, do_trace, trace, self.plan.settings, self.store.path)
+            scene = trace.scene(self.plan.cases)
+            self._submit(True, trace.number, do_trace, trace, scene, self.plan.settings, self.store.path)
 
     def _submit_block(self, number: int) -> None:
         block = self.plan.blocks[number]

@@ -31,7 +31,7 @@ from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.plan import Plan
 from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, layout
 
-FORMAT = 2  # of the store; raised whenever the same plan would give other numbers
+FORMAT = 3  # of the store; raised whenever the same plan would give other numbers
 
 
 class SweepStore:

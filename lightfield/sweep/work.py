@@ -83,9 +83,9 @@ class Target:
 
 
 def do_trace(
-    trace: Trace, settings: SweepSettings, path: Path, progress: Progress | None = None
+    trace: Trace, scene: Scene, settings: SweepSettings, path: Path, progress: Progress | None = None
 ) -> TraceDone:
-    """Trace, and leave the response beside the store; one that is there already is not traced again.
+    """Trace a scene, and leave the response beside the store; one that is there already is not traced again.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def do_trace(
             # One thread, or sums would be taken in another order each time and repeat to six digits only.
             with limited_threads(int(os.environ.get(THREADS_VARIABLE) or 1)):
                 rendering = render_scene(
-                    trace.scene,
+                    scene,
                     rel_error=settings.rel_error,
                     max_photons=settings.max_photons,
                     seed=trace.seed,

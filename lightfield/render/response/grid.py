@@ -145,14 +145,19 @@ def cell_centres(width_m: float, cells: int) -> np.ndarray:
 
 
 def scene_grid(scene: Scene) -> Grid:
-    """The grid that the scene's [detector] asks for; listed positions get cells of at most 0.1 m."""
+    """The grid that the scene's [detector] asks for, knowing which part of its cells is in the tank."""
+    return in_tank(detector_grid(scene), scene)
+
+
+def detector_grid(scene: Scene) -> Grid:
+    """Cells of the scene's [detector]; listed positions get cells of at most 0.1 m."""
     detector = scene.detector
     if detector.positions_m is not None:
-        return in_tank(positions_grid(*np.asarray(detector.positions_m, float).T), scene)
+        return positions_grid(*np.asarray(detector.positions_m, float).T)
     width, height = scene.plane_size_m
     columns, rows = detector.pixels, rows_of(detector, scene.tank)
     x, y = cell_centres(width, columns), cell_centres(height, rows)
-    return in_tank(Grid(np.array(detector.planes_m, float), x, y, width / columns, height / rows), scene)
+    return Grid(np.array(detector.planes_m, float), x, y, width / columns, height / rows)
 
 
 def in_tank(grid: Grid, scene: Scene) -> Grid:

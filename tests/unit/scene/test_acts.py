@@ -18,7 +18,7 @@ from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
-from lightfield.render.response.grid import band_wavelengths, scene_grid
+from lightfield.render.response.grid import band_wavelengths, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
 from lightfield.scene import Lamp, Scene, Tank
@@ -201,6 +201,9 @@ def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[
             assert key(other) == key(scene)
         elif other != scene and kinds & (TRACED | Acts.PLACES) and path != "detector.planes_m":
             assert key(other) != key(scene)
+        if not kinds & (Acts.PLACES | Acts.BOX):
+            one, two = detector_grid(scene), detector_grid(other)
+            assert all(np.array_equal(getattr(one, v), getattr(two, v)) for v in ("z_m", "x_m", "y_m"))
         assert (BEAM(other.lamp) == BEAM(scene.lamp)) == (other == scene or not kinds & Acts.BEAM)
         assert without(other, kinds) == without(scene, kinds)
         assert only(other, ~kinds & ~Acts(0)).get(path) == only(scene, ~kinds).get(path)

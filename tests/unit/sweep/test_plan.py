@@ -155,6 +155,44 @@ def test_a_plan_looks_at_few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     looked.update(key=0, scene=0)
     planned("water.absorption_per_m=0.01:1:20", "tank.wall_albedo=0:0.5:50", "lamp.hwhm_deg=3,4")
     assert looked["key"] <= 12 and looked["scene"] <= 20 + 50 + 100
+    looked.update(key=0, scene=0)
+    plan = planned("lamp.hwhm_deg=2:10:1000")
+    assert len({trace.seed for trace in plan.traces}) == 1000
+    assert looked["key"] <= 5 and looked["scene"] <= 50
+
+
+@pytest.mark.parametrize(
+    "ranges",
+    [
+        ("lamp.hwhm_deg=3,4,5", "lamp.power_w=10,20", "water.phase.g=0.8,0.9"),
+        ("tank.width_m=1.5,3,4", "tank.depth_m=1,2.44", "tank.wall_albedo=0,0.1"),
+        ("detector.quantity=irradiance,radiance", "lamp.profile=gaussian,isotropic", "lamp.hwhm_deg=3,4"),
+        ("tank.surface=none,flat", "tank.lamp_depth_m=0.5,1", "detector.width_m=0.4,0.8"),
+    ],
+)
+def test_cases_share_a_trace_where_its_key_is_the_same(ranges: tuple[str, ...]) -> None:
+    """The plan compares values of axes; the key of a trace is made of the whole scene."""
+    plan = planned(*ranges)
+    assert not plan.problems
+    keys = [plan_module._key(plan.cases.build(n)) for n in range(plan.cases.count)]
+    pairs = set(zip(keys, plan.trace_of_case.tolist(), strict=True))
+    assert len(pairs) == len(set(keys)) == len(plan.traces)
+    for trace in plan.traces:
+        assert plan_module._key(trace.scene(plan.cases)) == keys[trace.first]
+
+
+def test_a_trace_has_the_same_seed_whatever_else_is_varied() -> None:
+    alone = planned("lamp.hwhm_deg=3,4")
+    plan = planned("lamp.hwhm_deg=3,4", f"tank.width_m={SCENE.get('tank.width_m')},3")
+    assert {trace.seed for trace in alone.traces} < {trace.seed for trace in plan.traces}
+
+
+def test_the_far_end_of_a_trace_is_that_of_its_own_planes() -> None:
+    """Scattering that one trace serves near the lamp needs two far from it."""
+    axis = Axis("planes", {"detector.planes_m": ((2.0, 3.0), (2.0, 30.0))})
+    scattering = parse_axis("water.scattering_per_m=0.05,0.4")
+    plan = make_plan(SCENE, [axis, scattering], SweepSettings())
+    assert [trace.cases for trace in plan.traces] == [2, 1, 1]
 
 
 def test_whether_a_number_matters_is_seen_wherever_it_stands() -> None:
