@@ -226,6 +226,16 @@ class Scene(Part):
         """Width and height of the detector planes; where nothing is said, clipped to the tank."""
         return plane_size_m(self.detector, self.tank)
 
+    @property
+    def reflectances(self) -> tuple[float, float]:
+        """Of walls and of the water surface; 0 in open water."""
+        return (self.tank.wall_albedo, self.tank.surface_reflectance) if self.tank else (0.0, 0.0)
+
+    @property
+    def surface_reflects(self) -> bool:
+        """Is there a water surface, and does it send light back?"""
+        return self.reflectances[1] > 0
+
     def get(self, path: str) -> Any:
         """Value at a dotted path.
 
