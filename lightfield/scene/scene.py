@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -303,7 +301,7 @@ class Scene(Part):
             for key in parents:
                 owner = owner[key]
             if owner.get(leaf):
-                owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
+                owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
         if not data["water"]["absorption_at"]:
             del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
         data["detector"]["width_m"] = self.plane_size_m[0]
@@ -389,13 +387,3 @@ def _without_minus_zero(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_minus_zero(inner) for inner in value]
     return value + 0.0 if isinstance(value, float) else value
-
-
-def _stamp(path: str) -> tuple[int, int]:
-    state = os.stat(path)
-    return state.st_mtime_ns, state.st_size
-
-
-@lru_cache(maxsize=64)
-def _content_hash(path: str, _modified: int, _size: int) -> str:
-    return "sha256:" + hashlib.sha256(inputs.read_bytes(path, inputs.TABLE)).hexdigest()
