@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.layers import is_layered, layers_depth
 
@@ -51,7 +52,7 @@ def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
     dx, dy, z0 = x_m - lamp.offset_x_m, y_m - lamp.offset_y_m, lamp.apparent_distance_m
     dz = z_m + z0
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
-    water = r * (z_m / dz) if z0 else r
+    water = beyond_window(r, z_m, z0) if z0 else r
     return Ray(dx, dy, dz, r, water)
 
 

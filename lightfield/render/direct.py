@@ -7,6 +7,7 @@ import numpy as np
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import positions_grid, reference_of
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import beyond_window
 
 RINGS, SPOKES = 8, 8  # points on the window: rings of equal area, with no bias to any side
 
@@ -60,7 +61,7 @@ def direct_at(
     distance = dr.norm(ray)
     direction = mi.Vector3f(ray / distance)
     # In the water the ray runs from the window plane to the receiver.
-    in_water = distance * target.z / (target.z + lamp.apparent_distance_m)
+    in_water = beyond_window(distance, target.z, lamp.apparent_distance_m)
     start = mi.Point3f(target - direction * in_water)
     theta_x, theta_y = emission.angles(direction)
     n_window = lamp.window_index if in_air else 1.0

@@ -92,10 +92,11 @@ class Rendering:
         NaN in cells that are not all in the tank; of cells around single positions the mean over their part
         in it.
         """
-        water, tank = self.scene.water, self.scene.tank
+        water = self.scene.water
         a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
-        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
-        found = self.response.evaluate(a, b, rho, surface, hardening=water.hardening_per_m, part=part)
+        found = self.response.evaluate(
+            a, b, *self.scene.reflectances, hardening=water.hardening_per_m, part=part
+        )
         mean, stderr = map(self.grid.in_water, found)
         if intensity is None:
             return mean, stderr
@@ -170,7 +171,7 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
     """All that a tally depends on, as plain values: geometry, beam, phase function, reference, software."""
     return {
         "scene": only(scene, TRACED).digest(),
-        "reflects": bool(scene.tank and scene.tank.surface_reflectance > 0),
+        "reflects": scene.surface_reflects,
         "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
         "reference": asdict(reference),
         "software": software(),

@@ -63,7 +63,7 @@ def take_picture(
     use_backend()
     import mitsuba as mi
 
-    albedo = scene.tank.wall_albedo if scene.tank else 0.0
+    albedo = scene.reflectances[0]
     scattering = scattering_per_m(scene.water, RGB_NM)
     notes = []
     if lend and scene.tank and albedo < LENT_ALBEDO:
@@ -104,7 +104,7 @@ def picture_dict(
         "phase": phase_dict(scene),
     }
     inside = {"type": "ref", "id": "water"}
-    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    reflects = scene.surface_reflects
     box = surfaces(scene, albedo, reflects)
     if reflects:
         box["surface"]["interior"] = inside

@@ -70,14 +70,12 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         }
         for number, z in enumerate(grid.z_m)
     }
-    tank = scene.tank
-    reflects = bool(tank and tank.surface_reflectance > 0)
     return {
         "type": "scene",
         "integrator": {"type": "photon_tracer", "photons": 1_000_000},
         "water": medium,
         "lamp": lamp,
-        **surfaces(scene, tank.wall_albedo if tank else 0.0, reflects),
+        **surfaces(scene, scene.reflectances[0], scene.surface_reflects),
         **planes,
     }
 

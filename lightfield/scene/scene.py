@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -226,6 +225,16 @@ class Scene(Part):
         """Width and height of the detector planes; where nothing is said, clipped to the tank."""
         return plane_size_m(self.detector, self.tank)
 
+    @property
+    def reflectances(self) -> tuple[float, float]:
+        """Of walls and of the water surface; 0 in open water."""
+        return (self.tank.wall_albedo, self.tank.surface_reflectance) if self.tank else (0.0, 0.0)
+
+    @property
+    def surface_reflects(self) -> bool:
+        """Is there a water surface, and does it send light back?"""
+        return self.reflectances[1] > 0
+
     def get(self, path: str) -> Any:
         """Value at a dotted path.
 
@@ -293,7 +302,7 @@ class Scene(Part):
             for key in parents:
                 owner = owner[key]
             if owner.get(leaf):
-                owner[leaf] = _content_hash(owner[leaf], *_stamp(owner[leaf]))
+                owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
         if not data["water"]["absorption_at"]:
             del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
         data["detector"]["width_m"] = self.plane_size_m[0]
@@ -379,13 +388,3 @@ def _without_minus_zero(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_minus_zero(inner) for inner in value]
     return value + 0.0 if isinstance(value, float) else value
-
-
-def _stamp(path: str) -> tuple[int, int]:
-    state = os.stat(path)
-    return state.st_mtime_ns, state.st_size
-
-
-@lru_cache(maxsize=64)
-def _content_hash(path: str, _modified: int, _size: int) -> str:
-    return "sha256:" + hashlib.sha256(inputs.read_bytes(path, inputs.TABLE)).hexdigest()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 import sys
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import BinaryIO
 
 from lightfield.errors import LightfieldError, MeasurementError, OutputError, SceneError, UsageError
@@ -110,3 +112,14 @@ def _unreadable(where: str, kind: Kind, error: Exception) -> LightfieldError:
         found=getattr(error, "strerror", None) or str(error),
         remedy="check the path and the permissions",
     )
+
+
+def content_digest(path: str, kind: Kind) -> str:
+    """SHA-256 of a file, "sha256:" and hex; a file that has not changed since is not read again."""
+    state = os.stat(path)
+    return _digest(path, kind, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=64)
+def _digest(path: str, kind: Kind, _modified: int, _size: int) -> str:
+    return "sha256:" + hashlib.sha256(read_bytes(path, kind)).hexdigest()

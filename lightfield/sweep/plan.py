@@ -263,7 +263,7 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
     # Water and walls apart: where both vary, each has far fewer values than there are cases.
     for columns, parts, values_of in (
         (slice(0, 2), ("water.", "detector."), _coefficients),
-        (slice(2, 4), ("tank.",), _reflectances),
+        (slice(2, 4), ("tank.",), lambda scene: scene.reflectances),
     ):
         axes = [i for i, a in enumerate(cases.axes) if any(path.startswith(parts) for path in a.values)]
         for steps, scene in cases.subset(axes):
@@ -289,10 +289,6 @@ def _coefficients(scene: Scene) -> tuple[float, float]:
     wavelengths = band_wavelengths(scene).ravel()
     a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
     return float(a.min()), float(b.max())
-
-
-def _reflectances(scene: Scene) -> tuple[float, float]:
-    return (scene.tank.wall_albedo, scene.tank.surface_reflectance) if scene.tank else (0.0, 0.0)
 
 
 def problem_of(cases: Cases, number: int) -> str:

@@ -204,8 +204,7 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
     """Maps of cases alike in hardening and wavelengths, shape (n, n_bands, n_planes, n_y, n_x)."""
     columns, weights = [], []
     for scene in scenes:
-        at, tank = _nodes(scene), scene.tank
-        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        at, (rho, surface) = _nodes(scene), scene.reflectances
         a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
         intensity = axial_intensity(scene.lamp, band_wavelengths(scene))

@@ -240,7 +240,7 @@ class DiffuseResponse:
 
     def _light(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, tuple[Array, list[Noise]]]:
         """Light of every class in every cell, and its errors, in uniform waters; see `_classes`."""
-        if self.under_surface is None or scene.tank is None or scene.tank.surface_reflectance == 0:
+        if self.under_surface is None or not scene.surface_reflects:
             return self._classes(scene, a, b, range(CLASSES), errors)
         # Light that was only scattered is the same under either top, and known for every g here.
         scattered = self._classes(scene, a, b, range(1), errors)
@@ -256,7 +256,7 @@ class DiffuseResponse:
             return np.zeros((len(channel), 0))
         total = sum((v for v, _ in parts.values()), np.zeros((len(a), len(self.straight_m))))
         per_light = 1 / np.maximum(total, DARK * total.max(axis=1, keepdims=True, initial=1e-290))
-        open_top = self.under_surface is not None and scene.tank and scene.tank.surface_reflectance > 0
+        open_top = self.under_surface is not None and scene.surface_reflects
         walls = (self.under_surface if open_top and self.under_surface else self).wall_smoother
         modes = []
         for kind, (_, noises) in parts.items():
@@ -276,8 +276,8 @@ class DiffuseResponse:
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
-        light, tank = np.zeros((len(attenuation), len(self.shift.cell))), scene.tank
-        if self.reflected is None or tank is None or tank.wall_albedo == tank.surface_reflectance == 0:
+        light = np.zeros((len(attenuation), len(self.shift.cell)))
+        if self.reflected is None or not any(scene.reflectances):
             return light
         nodes, shares = self._spread(scene)
         for one, c in zip(light, attenuation, strict=True):
@@ -301,8 +301,7 @@ class DiffuseResponse:
 
         The light of shape (n_waters, n_cells); a noise for every node of g, if asked for.
         """
-        tank = scene.tank
-        rho, surface = (tank.wall_albedo, tank.surface_reflectance) if tank else (0.0, 0.0)
+        rho, surface = scene.reflectances
         within, average = self._spread(scene)
         spread, b = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
         out: dict[int, tuple[Array, list[Noise]]] = {}

@@ -103,7 +103,7 @@ def response_for(
     places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
     has_g = scene.water.phase.type == "henyey-greenstein"
     nodes = tuple(sorted(g_nodes)) if has_g else ()
-    open_top = bool(scene.tank and scene.tank.surface_reflectance > 0)
+    open_top = scene.surface_reflects
     reflected = ReflectedLight(scene, *places) if applies(scene) else None
     known = NEVER_SCATTERED if reflected is not None else ()
     needed = [kind for kind in range(CLASSES) if kind not in known]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.frame import beyond_window
 
 
 def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array, straight_m: Array) -> Array:
@@ -24,6 +25,5 @@ def from_behind(apparent_distance_m: float, attenuation_per_m: Array, z_m: Array
         return np.ones((len(attenuation_per_m), len(z_m)))
     behind = z_m + apparent_distance_m
     radius = np.sqrt(np.maximum(straight_m**2 - z_m**2, 0))
-    return np.asarray(
-        np.exp(-attenuation_per_m[:, None] * (np.hypot(radius, behind) * z_m / behind - straight_m))
-    )
+    in_water = beyond_window(np.hypot(radius, behind), z_m, apparent_distance_m)
+    return np.asarray(np.exp(-attenuation_per_m[:, None] * (in_water - straight_m)))

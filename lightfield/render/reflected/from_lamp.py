@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.render.reflected.patches import Patches
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.frame import beam_angles, is_round
+from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_round
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.tank import WATER_INDEX
 
@@ -93,7 +93,7 @@ def _before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
 def _in_water(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
     """The part of a path of length r from the apparent source that lies beyond the window."""
     behind = lamp.apparent_distance_m
-    return r_m if behind == 0 else r_m * z_m / (z_m + behind)
+    return r_m if behind == 0 else np.asarray(beyond_window(r_m, z_m, behind))
 
 
 def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:

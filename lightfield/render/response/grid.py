@@ -10,6 +10,7 @@ import numpy as np
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import cells_inside, rows_of
+from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
@@ -264,7 +265,7 @@ def reference_of(scene: Scene) -> Reference:
     return Reference(
         float(np.min(absorption_per_m(scene.water, wavelengths))),
         float(np.max(scattering_per_m(scene.water, wavelengths))),
-        scene.tank.wall_albedo if scene.tank else 0.0,
+        scene.reflectances[0],
     )
 
 
@@ -274,4 +275,4 @@ def straight_path(scene: Scene, grid: Grid) -> np.ndarray:
     lamp = scene.lamp
     behind = lamp.apparent_distance_m
     full = np.sqrt((x - lamp.offset_x_m) ** 2 + (y - lamp.offset_y_m) ** 2 + (z + behind) ** 2)
-    return np.asarray(full * z / (z + behind))
+    return np.asarray(beyond_window(full, z, behind))

@@ -115,12 +115,10 @@ def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -
 def worst_error(scene: Scene, response: TransportResponse) -> float:
     """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
     wavelength = band_wavelengths(scene).mean()
-    tank = scene.tank
     mean, stderr = response.evaluate(
         float(absorption_per_m(scene.water, np.array([wavelength]))[0]),
         float(scattering_per_m(scene.water, np.array([wavelength]))[0]),
-        tank.wall_albedo if tank else 0.0,
-        tank.surface_reflectance if tank else 0.0,
+        *scene.reflectances,
     )
     lit = mean > 1e-4 * mean.max(axis=tuple(range(1, mean.ndim)), keepdims=True)
     if not lit.any():

@@ -80,7 +80,7 @@ def prepare(
     wide_share: float | None = None,
 ) -> Setup:
     """Assemble a trace of `scene` on `grid`; `surface` forces the water surface on or off."""
-    reflects = bool(scene.tank and scene.tank.surface_reflectance > 0) if surface is None else surface
+    reflects = scene.surface_reflects if surface is None else surface
     if reflects and scene.tank is None:
         raise RenderError(
             "there is no water surface in open water",

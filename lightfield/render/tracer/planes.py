@@ -11,6 +11,7 @@ import numpy as np
 
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Detector
+from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import looks_aside, tilted_axis
 
 OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest cell's distance
@@ -97,7 +98,7 @@ class Planes:
         z = crossing.z
         to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
         full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
-        return self._response(direction, to_lamp) * self.per_area, full * z / (z + self.apparent)
+        return self._response(direction, to_lamp) * self.per_area, beyond_window(full, z, self.apparent)
 
     def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
         ny, nx = mi.Float(self._n_y), mi.Float(self._n_x)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,20 @@ def is_tilted(lamp: Lamp) -> bool:
 def is_round(lamp: Lamp) -> bool:
     """Is the beam the same all round the axis of the tank?"""
     return not is_tilted(lamp) and lamp.ellipticity == 1
+
+
+def beyond_window(length_m: Any, z_m: Any, apparent_distance_m: Any) -> Any:
+    """The part of a path from the apparent source to a point that lies beyond the window, where water is, m.
+
+    Parameters
+    ----------
+    length_m : array of NumPy or Dr.Jit, m
+        From the source, `apparent_distance_m` behind the window, to the point.
+    z_m : the same, m
+        Of the point, not zero where the source is in the window.
+    apparent_distance_m : float, or Dr.Jit's, m
+    """
+    return length_m * (z_m / (z_m + apparent_distance_m))
 
 
 def beam_axes(lamp: Lamp) -> tuple[Axis, Axis, Axis]:
