@@ -18,10 +18,12 @@ from threadpoolctl import threadpool_limits
 from lightfield.errors import LightfieldError, OutputError
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
-from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
+from lightfield.render.response.grid import band_wavelengths, scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Progress
 from lightfield.scene import Scene
+from lightfield.scene.acts import TRACED, Acts
+from lightfield.scene.all_parameters import only
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.files import atomic_path
@@ -151,7 +153,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
                 grid = scene_grid(scene)
                 mean, stderr = grid.in_water(mean), grid.in_water(stderr)
-                formula = _formula(scene, grid)
+                formula = _formula(only(scene, TRACED | Acts.PLACES))
                 found = derive(
                     mean, stderr, None if formula is None else formula.bands(scene), grid, response.merged
                 )
@@ -240,17 +242,10 @@ def _is_result(name: str, target: Target) -> bool:
     return name in derived or name in (target.quantity, f"{target.quantity}_stderr")
 
 
-_formulas: dict[str, Formula | None] = {}
-
-
-def _formula(scene: Scene, grid: Grid) -> Formula | None:
-    """Geometry of the formula for a scene's lamp and detector, remembered for the next case."""
-    key = f"{scene.lamp!r}{scene.detector!r}{scene.plane_size_m}"
-    if key not in _formulas:
-        if len(_formulas) > 4:
-            _formulas.clear()
-        _formulas[key] = Formula.of(scene, grid)
-    return _formulas[key]
+@lru_cache(maxsize=4)
+def _formula(scene: Scene) -> Formula | None:
+    """Geometry of the formula in a scene of lamp, tank and detector alone, remembered for the next case."""
+    return Formula.of(scene, scene_grid(scene))
 
 
 # -- responses on disk -------------------------------------------------------------------------------

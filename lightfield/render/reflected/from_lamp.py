@@ -57,6 +57,13 @@ class Ways(NamedTuple):
         return light
 
 
+def alike_in_place(lamp: Lamp) -> Lamp:
+    """A lamp from whose place light goes the same ways."""
+    profile = "isotropic" if lamp.profile == "isotropic" else "gaussian"
+    x, y, behind = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m
+    return Lamp(profile=profile, offset_x_m=x, offset_y_m=y, apparent_distance_m=behind)
+
+
 def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Light by way of the surface y = top, without attenuation.
 

@@ -13,15 +13,15 @@ response.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import floor, prod, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lightfield.render.reflected.from_lamp import Ways, fresnel, image_of_lamp
+from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
 from lightfield.render.reflected.patches import Patches, Transfer, transfer, walls
 from lightfield.scene import Lamp, Scene, receiver
 
@@ -51,7 +51,8 @@ class ReflectedLight:
         every = np.stack([x_m, y_m, z_m], axis=1).astype(float)
         self.places, which = np.unique(every, axis=0, return_inverse=True)
         self._which = which.ravel()
-        self._rooms: dict[bool, Room] = {}
+        #: The walls, with a lid or with an open top.
+        self.room = cache(lambda lid: Room(scene, self.places, lid))
 
     def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
         """Light for unit on-axis intensity, shape (n,), m^-2.
@@ -71,12 +72,6 @@ class ReflectedLight:
             room = self.room(tank.surface_reflectance == 0)
             light += room.light(scene.lamp, attenuation_per_m, tank.wall_albedo, tank.surface_reflectance)
         return np.asarray(light[self._which])
-
-    def room(self, lid: bool) -> Room:
-        """The walls, with a lid or with an open top."""
-        if lid not in self._rooms:
-            self._rooms[lid] = Room(self.scene, self.places, lid)
-        return self._rooms[lid]
 
     def _image(self, lamp: Lamp, attenuation_per_m: float) -> np.ndarray:
         """Light mirrored by the water surface alone, for unit reflectance multiplier."""
@@ -193,11 +188,14 @@ class Room:
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
         self._terms = terms_of_light(self.parts)
-        self._operators: dict[tuple[float, float], Operators] = {}
-        self._ways: dict[tuple[Any, ...], Ways] = {}
-        self._last: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._last_image: tuple[Lamp, np.ndarray, np.ndarray] | None = None
-        self._answers: dict[Lamp, dict[tuple[float, float], Orders]] = {}
+        size = 4 * len(places) * (self._terms.shape[1] + REFLECTIONS) * len(self.patches.centre)
+        self._operator = lru_cache(int(max(KEPT, KEPT_BYTES / size)))(self._operator_in)
+        self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
+        self._direct = lru_cache(1)(self._direct_of)
+        self._mirrored = lru_cache(1)(self._mirrored_of)
+        #: Light of a lamp at the readings, by attenuation and surface reflectance.
+        self._known: Callable[[Lamp], dict[tuple[float, float], Orders]]
+        self._known = lru_cache(KEPT_LAMPS)(lambda lamp: {})
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -217,14 +215,6 @@ class Room:
         along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return np.asarray(lagrange(mirrors, surface) @ along_c)
 
-    def _known(self, lamp: Lamp) -> dict[tuple[float, float], Orders]:
-        """What is known of a lamp: its light at the readings by attenuation and surface reflectance."""
-        if lamp not in self._answers:
-            while len(self._answers) >= KEPT_LAMPS:
-                self._answers.pop(next(iter(self._answers)))
-            self._answers[lamp] = {}
-        return self._answers[lamp]
-
     def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[Orders]:
         """Light at the readings in each of some waters."""
         if not attenuation_per_m:
@@ -242,45 +232,31 @@ class Room:
         In each of m waters, shape (m, k).
         """
         rate = np.array(attenuation_per_m, np.float32)[:, None]
-        unattenuated, in_water = self._remember(lamp)
+        unattenuated, in_water = self._direct(lamp)
         lit = unattenuated * np.exp(-rate * in_water)
         if surface:
-            mirrored, in_water = self._remember_image(lamp)
+            mirrored, in_water = self._mirrored(lamp)
             lit += np.float32(surface) * mirrored * np.exp(-rate * in_water)
         return np.asarray(lit)
 
-    def _remember(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+    def _direct_of(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
         """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,)."""
-        if self._last is None or self._last[0] != lamp:
-            place = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m, lamp.profile
-            if place not in self._ways:
-                while len(self._ways) >= KEPT:
-                    self._ways.pop(next(iter(self._ways)))
-                self._ways[place] = Ways.of(lamp, self.fine)
-            ways = self._ways[place]
-            self._last = (lamp, ways.lit(lamp), ways.in_water)
-        return self._last[1:]
+        ways = self._ways(alike_in_place(lamp))
+        return ways.lit(lamp), ways.in_water
 
-    def _remember_image(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+    def _mirrored_of(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
         """The same by way of the water surface, for unit reflectance multiplier."""
-        if self._last_image is None or self._last_image[0] != lamp:
-            arriving, light, in_water = image_of_lamp(lamp, self.top, self.fine.centre)
-            light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
-            self._last_image = lamp, light.astype(np.float32), in_water.astype(np.float32)
-        return self._last_image[1:]
+        arriving, light, in_water = image_of_lamp(lamp, self.top, self.fine.centre)
+        light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
+        return light.astype(np.float32), in_water.astype(np.float32)
 
-    def _operator(self, attenuation_per_m: float, surface: float) -> Operators:
-        key = (attenuation_per_m, surface)
-        if key not in self._operators:
-            size = 4 * len(self.places) * (self._terms.shape[1] + REFLECTIONS) * len(self.patches.centre)
-            while len(self._operators) >= max(KEPT, KEPT_BYTES / size):
-                self._operators.pop(next(iter(self._operators)))
-            among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
-            if surface:
-                among += np.float32(surface) * self.among_image.through(attenuation_per_m)
-                reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
-            self._operators[key] = Operators.of(among, reading, self.before, self._terms)
-        return self._operators[key]
+    def _operator_in(self, attenuation_per_m: float, surface: float) -> Operators:
+        """What walls and readings exchange in one water, under one surface."""
+        among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
+        if surface:
+            among += np.float32(surface) * self.among_image.through(attenuation_per_m)
+            reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
+        return Operators.of(among, reading, self.before, self._terms)
 
     @cached_property
     def among(self) -> Transfer:
