@@ -90,11 +90,11 @@ def radial_figure(planes: Sequence[PlaneComparison]) -> Figure:
         axes = fig.subplots(2, len(planes), squeeze=False, sharex=True, sharey="row", height_ratios=(1.35, 1))
         for column, plane in enumerate(planes):
             upper, lower, profile = axes[0, column], axes[1, column], plane.profile
-            scale = float(np.nanmax(profile.render))
+            scale = float(np.nanmax(profile.render)) or np.nan  # an empty panel where no light was rendered
             band = SIGMAS * np.where(np.isfinite(profile.stderr), profile.stderr, 0)
             upper.fill_between(
                 profile.r_m,
-                np.maximum(profile.render - band, 1e-30) / scale,
+                np.maximum(profile.render - band, 1e-30 * scale) / scale,
                 (profile.render + band) / scale,
                 color=RENDER,
                 alpha=0.3,
@@ -172,11 +172,12 @@ def axial_figure(planes: Sequence[PlaneComparison]) -> Figure:
         lost.errorbar(z, share, noise, fmt="none", ecolor=INK, capsize=3)
         lost.axhline(0, color=MUTED, linewidth=0.8)
         percent_axis(lost.yaxis)
-        lost.set_ylim(min(1.15 * share.min(), 0), max(1.15 * share.max(), 0.05))
+        known = share[np.isfinite(share)]
+        lost.set_ylim(1.15 * known.min(initial=0), max(1.15 * known.max(initial=0), 0.05))
         for at, value in zip(z, share, strict=True):
             lost.annotate(
-                f"{100 * value:.1f} %",
-                (at, value),
+                f"{100 * value:.1f} %" if np.isfinite(value) else "no light",
+                (at, value if np.isfinite(value) else 0.0),
                 (0, 5),
                 textcoords="offset points",
                 ha="center",

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -177,34 +177,46 @@ def energy_rows(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:
     return table
 
 
+class Rounded(NamedTuple):
+    """A value and its standard error in units of a power of ten, both to so many decimals."""
+
+    value: float
+    stderr: float
+    decimals: int
+    power: int
+
+    @classmethod
+    def of(cls, value: float, stderr: float) -> Rounded | None:
+        """Both to the first digit of the error; None where no error is known."""
+        if not (math.isfinite(value) and math.isfinite(stderr) and stderr > 0):
+            return None
+        larger = max(abs(value), stderr)
+        power = math.floor(math.log10(larger)) if value and larger < 0.01 else 0
+        decimals = max(power - math.floor(math.log10(stderr)), 0)
+        return cls(value / 10**power, stderr / 10**power, decimals, power)
+
+
 def plus_minus(value: float, stderr: float, unit: str = "", sign: bool = False) -> str:
     """Value ± standard error, both to the first digit of the error; three digits when no error is known."""
     if not math.isfinite(value):
         return "–"
-    plus = "+" if sign else ""
-    if not (math.isfinite(stderr) and stderr > 0):
-        text = f"{value:{plus}.3g}{unit}"
-    elif 0 < abs(value) < 0.01:
-        power = math.floor(math.log10(abs(value)))
-        digits = max(power - math.floor(math.log10(stderr)), 0)
-        text = f"({value / 10**power:{plus}.{digits}f} ± {stderr / 10**power:.{digits}f})e{power}{unit}"
+    plus, both = "+" if sign else "", Rounded.of(value, stderr)
+    if both is None:
+        text = f"{value:{plus}.3g}"
     else:
-        digits = max(-math.floor(math.log10(stderr)), 0)
-        text = f"{value:{plus}.{digits}f} ± {stderr:.{digits}f}{unit}"
-    return text.replace("-", "\N{MINUS SIGN}")
+        text = f"{both.value:{plus}.{both.decimals}f} ± {both.stderr:.{both.decimals}f}"
+        text = f"({text})e{both.power}" if both.power else text
+    return f"{text}{unit}".replace("-", "\N{MINUS SIGN}")
 
 
 def concise(value: float, stderr: float) -> str:
     """Value with its standard error in the last digit, 1.234(5)."""
-    text = plus_minus(value, stderr)
-    inner, found, rest = text.partition(" ± ")
-    if not found:
-        return text
-    error, _, power = rest.partition(")")
-    digit = error.replace(".", "").lstrip("0") or "0"
-    if "." in inner or "." not in error:
-        return f"{inner.lstrip('(')}({digit}){power}"
-    return text
+    both = Rounded.of(value, stderr)
+    if both is None:
+        return plus_minus(value, stderr)
+    digits = round(both.stderr * 10**both.decimals)
+    power = f"e{both.power}" if both.power else ""
+    return f"{both.value:.{both.decimals}f}({digits}){power}".replace("-", "\N{MINUS SIGN}")
 
 
 def number(value: float) -> str:
@@ -214,6 +226,8 @@ def number(value: float) -> str:
 
 def _radius(plane: PlaneComparison, level: float) -> str:
     radius = plane.radius_within(level)
+    if math.isnan(radius):
+        return "–"
     return f"> {plane.profile.r_m[-1]:.2f}" if math.isinf(radius) else f"{radius:.2f}"
 
 

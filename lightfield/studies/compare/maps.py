@@ -83,6 +83,12 @@ class PlaneComparison:
             return np.where(self.render > 0, self.formula / self.render, np.nan)
 
     @property
+    def is_lit(self) -> bool:
+        """Was light rendered on the plane, beyond Monte Carlo error? Else nothing can be compared."""
+        total = float(np.nansum(self.render))
+        return total > SIGMAS * float(np.sqrt(np.sum(_finite(self.stderr) ** 2))) and total > 0
+
+    @property
     def axis_error(self) -> float:
         """Relative error of the formula on the axis."""
         render, formula = self.axis.render[0], self.axis.formula[0]
@@ -116,7 +122,12 @@ class PlaneComparison:
         return float(self.smooth_excess()[np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))])
 
     def radius_within(self, level: float) -> float:
-        """Largest radius, m, up to which every ring is within a relative error; infinite when all are."""
+        """Largest radius, m, up to which every ring is within a relative error; infinite when all are.
+
+        NaN where no light was rendered.
+        """
+        if not self.is_lit:
+            return float("nan")
         beyond = np.flatnonzero(self.profile.excess > level)
         if beyond.size == 0:
             return float("inf")
@@ -326,15 +337,21 @@ def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, wavelength_nm:
 def verdict(comparison: Comparison) -> str:
     """One plain sentence: how much light the formula loses, and up to where it can be trusted."""
     planes = comparison.at(comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2])
-    first, last = planes[0], planes[-1]
+    lit = [plane for plane in planes if plane.is_lit]
+    if not lit:
+        return "No light was rendered on any plane: nothing can be compared. More photons, or planes nearer."
+    dark = ", ".join(f"{plane.z_m:g}" for plane in planes if not plane.is_lit)
+    unknown = f" No light was rendered at {dark} m: nothing can be compared there." if dark else ""
+    first, last = lit[0], lit[-1]
     lost = f"Of the light on the plane the formula loses {_percent(first.lost)} at {first.z_m:g} m"
     if last is not first:
         lost += f" and {_percent(last.lost)} at {last.z_m:g} m"
-    good = [p for p in planes if p.excess_on_axis() <= LEVELS[0]]
-    if len(good) == len(planes):
-        where = "on the axis it is within 5 % on every plane"
+    good = [p for p in lit if p.excess_on_axis() <= LEVELS[0]]
+    every = "every lit plane" if dark else "every plane"
+    if len(good) == len(lit):
+        where = f"on the axis it is within 5 % on {every}"
     elif not good:
-        where = "on the axis it is more than 5 % off on every plane"
+        where = f"on the axis it is more than 5 % off on {every}"
     else:
         where = "on the axis it is within 5 % at " + ", ".join(f"{p.z_m:g}" for p in good) + " m only"
     radius = last.radius_within(LEVELS[1])
@@ -344,11 +361,11 @@ def verdict(comparison: Comparison) -> str:
         off = f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
     else:
         off = f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
-    return f"{lost}; {where}; {off}."
+    return f"{lost}; {where}; {off}.{unknown}"
 
 
 def _percent(part: float) -> str:
-    percent = 100 * part
+    percent = round(100 * part, 1) + 0.0  # no minus before nothing
     return f"{percent:.1f} %" if abs(percent) < 10 else f"{percent:.0f} %"
 
 

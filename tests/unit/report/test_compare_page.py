@@ -119,6 +119,7 @@ def test_terminal_table_has_a_row_per_plane(case):
         (-4.83, 0.9, "−4.8(9)"),
         (9.03e-3, 9e-5, "9.03(9)e−3"),
         (123.4, 20.0, "123(20)"),
+        (2e-5, 3e-4, "0(3)e−4"),
         (0.5, float("nan"), "0.5"),
     ],
 )
@@ -135,7 +136,7 @@ def test_concise_errors(value, stderr, text):
         (123.4, 20.0, "123 ± 20"),
         (0.5, float("nan"), "0.5"),
         (float("nan"), 1.0, "–"),
-        (2e-5, 3e-4, "(2 ± 30)e−5"),
+        (2e-5, 3e-4, "(0 ± 3)e−4"),
     ],
 )
 def test_errors_decide_the_digits(value, stderr, text):

@@ -1,11 +1,13 @@
 """The comparison finds differences that were put in, and only those."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from lightfield.maps.dataset import to_dataset
+from lightfield.report.compare.page import write_comparison
 from lightfield.studies.compare.maps import compare, compare_plane, excess, radial_profile, verdict
 
 
@@ -23,6 +25,35 @@ def test_without_a_difference_nothing_is_reported(make, formula):
         # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
         assert (plane.excess() > 0.05).sum() == 0
     assert "within 5 % on every plane" in verdict(comparison)
+
+
+def dark(rendering, *planes):
+    """The data set with planes that no light reached, though the formula expects some."""
+    dataset = to_dataset(rendering)
+    for plane in planes:
+        dataset["irradiance"][:, plane] = 0.0
+        dataset["irradiance_stderr"][:, plane] = np.inf
+    return dataset
+
+
+def test_a_plane_without_light_is_not_judged(make, formula, tmp_path):
+    rendering = make(glow=0.02, noise=0.002)
+    whole, comparison = (compare(d, formula) for d in (to_dataset(rendering), dark(rendering, 1)))
+    assert [plane.is_lit for plane in comparison.planes] == [True, False, True]
+    assert verdict(comparison).endswith(" No light was rendered at 6.5 m: nothing can be compared there.")
+    alone = compare(to_dataset(rendering).isel(z_m=[0, 2]), formula)
+    assert verdict(comparison).startswith(verdict(alone).replace("every plane", "every lit plane"))
+    assert comparison.planes[0].summary() == whole.planes[0].summary()
+    told = comparison.planes[1].summary()
+    assert told["lost"] is told["axis_error"] is told["radius_within_5_percent_m"] is None
+    page, *_ = write_comparison(comparison, {}, tmp_path)
+    assert not re.search(r"\bnan\b", page.read_text(), re.IGNORECASE)
+
+
+def test_without_any_light_there_is_no_verdict(make, formula, tmp_path):
+    comparison = compare(dark(make(), 0, 1, 2), formula)
+    assert verdict(comparison).startswith("No light was rendered on any plane: nothing can be compared.")
+    write_comparison(comparison, {}, tmp_path)
 
 
 def test_lost_light_is_the_glow_that_was_added(make, formula):
