@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lightfield.commands._options import seed_number
 from lightfield.commands._terminal import console
-from lightfield.render.maps import Rendering, render_scene
+from lightfield.render.maps import Rendering
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
+
+Made = TypeVar("Made")
 
 
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,10 +38,10 @@ def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
-def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
+def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) -> Made:
     """Trace a scene as the options say, with a progress bar on a terminal."""
     with progress_bar(scene.name or "scene") as report:
-        return render_scene(
+        return render(
             scene,
             **given(args),
             cache=not args.no_cache,

@@ -10,6 +10,7 @@ from lightfield.commands import _compare_readings
 from lightfield.commands._terminal import console
 from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
 from lightfield.errors import UsageError
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder
 
@@ -59,7 +60,7 @@ def _scene(args: argparse.Namespace) -> int:
     from lightfield.maps.dataset import to_dataset
 
     with locked_folder(args.output or Path("compare")) as folder:
-        rendering = traced(scene, args)
+        rendering = traced(scene, args, render_scene)
         print(balance(rendering))
         return _report(to_dataset(rendering), folder)
 

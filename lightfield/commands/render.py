@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 
@@ -45,10 +46,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: argparse.Namespace) -> int:
-    rendering = traced(scene, args)
     from lightfield.maps.dataset import to_dataset, write_exr_planes, write_netcdf
+    from lightfield.render.at_readings import render_positions
 
-    dataset = to_dataset(rendering, wavelengths)
+    if scene.detector.positions_m is None:
+        rendering = traced(scene, args, render_scene)
+        dataset = to_dataset(rendering, wavelengths)
+    else:
+        places = traced(scene, args, render_positions)
+        rendering, dataset = places.rendering, to_dataset(places, wavelengths)
     written = [write_netcdf(dataset, folder / "maps.nc")]
     planes = scene.detector.positions_m is None
     if not args.no_exr and planes:

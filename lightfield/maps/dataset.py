@@ -29,17 +29,6 @@ QUANTITIES = {
 }
 
 
-class Places(Protocol):
-    """Where a rendering has values: cell centres, m."""
-
-    @property
-    def x_m(self) -> Array: ...
-    @property
-    def y_m(self) -> Array: ...
-    @property
-    def z_m(self) -> Array: ...
-
-
 class Rendered(Protocol):
     """What this module needs of a rendering; `lightfield.render.maps.Rendering` is one."""
 
@@ -51,7 +40,24 @@ class Rendered(Protocol):
     def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
 
 
-def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.Dataset:
+class RenderedAtPlaces(Protocol):
+    """The same for single places; `lightfield.render.at_readings.AtPlaces` is one."""
+
+    @property
+    def scene(self) -> Any: ...
+    @property
+    def rendering(self) -> Rendered: ...
+    @property
+    def x_m(self) -> Array: ...
+    @property
+    def y_m(self) -> Array: ...
+    @property
+    def z_m(self) -> Array: ...
+
+    def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
+
+
+def to_dataset(rendering: Rendered | RenderedAtPlaces, wavelengths_nm: Array | None = None) -> xr.Dataset:
     """Maps of a rendering with everything needed to understand them later.
 
     Parameters
@@ -71,21 +77,20 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
     units, meaning = QUANTITIES[quantity]
     bands = np.asarray(rendering.scene.detector.bands_nm, float)
     centres = bands.mean(axis=1) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)
-    dims, coords = _places(rendering.grid)
+    traced: Any = getattr(rendering, "rendering", rendering)
+    dims, coords = _places(rendering)
     coords["wavelength_nm"] = (
         "wavelength_nm",
         centres,
         {"units": "nm", "standard_name": "radiation_wavelength"},
     )
     data: dict[str, Any] = {}
-    inside = getattr(rendering.grid, "inside", None)
+    inside = getattr(traced.grid, "inside", None)
     cut = dims == DIMS and inside is not None and bool(np.any(inside < 1))
     outside = {"comment": "NaN: cells that are not all in the tank"} if cut else {}
     for part in ("all", *PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
-        if dims != DIMS:  # one value per position, whatever shape the grid gives them
-            mean, stderr = mean.reshape(centres.size, -1), stderr.reshape(centres.size, -1)
         about = meaning if part == "all" else f"{meaning}, {part} part"
         data[name] = (
             dims,
@@ -97,7 +102,7 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
             stderr,
             {"units": units, "long_name": f"Monte Carlo standard error of {name}; infinite: no photon came"},
         )
-    dataset = xr.Dataset(data, coords=coords, attrs={"quantity": quantity, **provenance(rendering)})
+    dataset = xr.Dataset(data, coords=coords, attrs={"quantity": quantity, **provenance(traced)})
     if wavelengths_nm is None:
         dataset["wavelength_nm"].attrs["bounds"] = "wavelength_bounds_nm"
         dataset["wavelength_bounds_nm"] = (("wavelength_nm", "bound"), bands)
@@ -106,19 +111,20 @@ def to_dataset(rendering: Rendered, wavelengths_nm: Array | None = None) -> xr.D
     return dataset
 
 
-def _places(grid: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
-    """Dimensions and coordinates of the maps: planes, or single positions where the grid is not full."""
+def _places(rendering: Rendered | RenderedAtPlaces) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Dimensions and coordinates of the maps: planes, or single positions."""
     about = {
         "z_m": _length("distance of the plane from the lamp", "Z"),
         "y_m": _length("height above the lamp", "Y"),
         "x_m": _length("horizontal distance from the axis", "X"),
     }
-    occupied = getattr(grid, "occupied", None)
-    if occupied is None:
-        return DIMS, {name: (name, np.asarray(getattr(grid, name), float), about[name]) for name in about}
-    z, y, x = np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij")
-    places = {"z_m": z[occupied], "y_m": y[occupied], "x_m": x[occupied]}
-    return (DIMS[0], "position"), {name: ("position", places[name], about[name]) for name in about}
+    where: Any = getattr(rendering, "grid", rendering)
+    single = where is rendering
+    coords = {
+        name: ("position" if single else name, np.asarray(getattr(where, name), float), about[name])
+        for name in about
+    }
+    return (DIMS[0], "position") if single else DIMS, coords
 
 
 def provenance(rendering: Rendered) -> dict[str, Attribute]:

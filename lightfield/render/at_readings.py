@@ -1,7 +1,11 @@
-"""The full render at the places of readings: the proof of a fitted scene, the maker of hidden effects."""
+"""The full render at single places: those that a scene lists, or those of readings.
+
+There it is the proof of a fitted scene, and the maker of hidden effects.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +17,9 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import store
-from lightfield.render.response.grid import positions_grid
+from lightfield.render.response.grid import band_wavelengths, positions_grid
 from lightfield.scene import Scene
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 PHOTONS = 3e6
@@ -79,20 +84,86 @@ def _render(
     wet = ~dry & (z > 0)
     if not wet.any():
         return light, error
-    grid = positions_grid(x[wet], y[wet], z[wet], CELL_M, scene.lamp.hwhm_deg, scene.tank)
-    rendering = render_scene(scene, grid=surrounded(grid, scene.tank), **settings)
+    rendering = _traced(scene, x[wet], y[wet], z[wet], **settings)
     for channel in np.unique(channels[wet]):
         mine = wet & (channels == channel)
-        light[mine], error[mine] = _wet_light(rendering, float(channel), x[mine], y[mine], z[mine])
+        read = AtPlaces(rendering, x[mine], y[mine], z[mine]).relative(np.array([channel]))
+        light[mine], error[mine] = (v[0] for v in read)
     return light, error
 
 
-def _wet_light(rendering: Rendering, wavelength: float, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    scene, one = rendering.scene, np.array([wavelength])
-    attenuation = float(absorption_per_m(scene.water, one)[0] + scattering_per_m(scene.water, one)[0])
-    direct = direct_at(scene, x, y, z, attenuation)
-    diffuse, error = (field[0].ravel() for field in rendering.relative_maps(one, "diffuse"))
-    shift = Shift(rendering.grid, x, y, z)
-    relative = np.divide(error, diffuse, out=np.zeros_like(error), where=np.isfinite(error) & (diffuse > 0))
-    moved = shift.apply(diffuse)
-    return direct + moved, moved * np.sqrt(shift.shares.power(2) @ relative**2)
+def render_positions(scene: Scene, **settings: Any) -> AtPlaces:
+    """Render the light at the single positions that a scene's detector lists.
+
+    Parameters
+    ----------
+    scene : Scene
+        With `detector.positions_m`.
+    **settings
+        Of `render_scene`.
+    """
+    x, y, z = np.asarray(scene.detector.positions_m, float).T
+    return AtPlaces(_traced(scene, x, y, z, **settings), x, y, z)
+
+
+@dataclass(frozen=True)
+class AtPlaces:
+    """A rendering read at single places in the water, in the order in which they are given.
+
+    The direct light of each place itself; scattered and reflected light from the cells around it, with the
+    bending between their middles and the place.
+
+    Parameters
+    ----------
+    rendering : Rendering
+        Of cells around the places.
+    x_m, y_m, z_m : arrays, shape (n_places,), m
+    """
+
+    rendering: Rendering
+    x_m: Array
+    y_m: Array
+    z_m: Array
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that was rendered."""
+        return self.rendering.scene
+
+    def maps(self, wavelengths_nm: Array | None = None, part: str = "all") -> tuple[Array, Array]:
+        """Spectral light in absolute units, as `Rendering.maps` gives it.
+
+        Returns
+        -------
+        mean, stderr : arrays, shape (n, n_places), W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)
+        """
+        at = band_wavelengths(self.scene) if wavelengths_nm is None else np.asarray(wavelengths_nm)[:, None]
+        intensity = axial_intensity(self.scene.lamp, at)[..., None]
+        relative = (v.reshape(*at.shape, -1) for v in self.relative(at.ravel(), part))
+        # Wavelengths of a band share their photons: errors add up, they do not average out.
+        mean, stderr = ((v * intensity).mean(axis=1) for v in relative)
+        return mean, stderr
+
+    def relative(self, wavelengths_nm: Array, part: str = "all") -> tuple[Array, Array]:
+        """Light for unit on-axis intensity and its error, shape (n, n_places), 1/m^2."""
+        scene, at = self.scene, np.asarray(wavelengths_nm, float)
+        light, error = np.zeros((2, len(at), len(self.x_m)))
+        if part != "diffuse":
+            attenuation = absorption_per_m(scene.water, at) + scattering_per_m(scene.water, at)
+            light += [direct_at(scene, self.x_m, self.y_m, self.z_m, float(c)) for c in attenuation]
+        if part != "direct":
+            found = self.rendering.relative_maps(at, "diffuse")
+            shift = Shift(self.rendering.grid, self.x_m, self.y_m, self.z_m)
+            for n, (mean, stderr) in enumerate(zip(*(v.reshape(len(at), -1) for v in found), strict=True)):
+                known = np.isfinite(stderr) & (mean > 0)
+                relative = np.divide(stderr, mean, out=np.zeros_like(stderr), where=known)
+                moved = shift.apply(mean)
+                light[n] += moved
+                error[n] = moved * np.sqrt(shift.shares.power(2) @ relative**2)
+        return light, error
+
+
+def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Any) -> Rendering:
+    """A rendering of cells around places in the water."""
+    grid = positions_grid(x, y, z, CELL_M, scene.lamp.hwhm_deg, scene.tank)
+    return render_scene(scene, grid=surrounded(grid, scene.tank), **settings)

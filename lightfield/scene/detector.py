@@ -52,7 +52,7 @@ class Detector(Part):
         low=1,
         high=4096,
     )
-    positions_m: tuple[tuple[Metres, Metres, Metres], ...] | None = declare(
+    positions_m: tuple[tuple[Metres, Metres, PositiveMetres], ...] | None = declare(
         None, "single positions [x, y, z] instead of planes", Acts.PLACES, unit="m"
     )
     bands_nm: tuple[tuple[Nanometres, Nanometres], ...] = declare(

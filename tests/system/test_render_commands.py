@@ -55,23 +55,65 @@ def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
     assert spent - dataset.attrs["energy_roulette"] == pytest.approx(emitted, rel=1e-5)
 
 
-def test_single_positions_are_rendered_to_a_table_of_values(tmp_path):
+PLACES = [
+    [0.0, 0.0, 4.5],
+    [1.0, 0.0, 4.5],
+    [0.99, -0.003, 4.5],
+    [0.2, 0.1, 4.5],
+    [0.0, 0.0, 8.5],
+    [0.0, 0.0, 4.5],
+]
+
+
+def test_single_positions_are_rendered_where_they_are_and_in_their_order(tmp_path):
+    """Among them two closer than a cell, one on a wall, and one twice."""
     path, out = tmp_path / "points.toml", tmp_path / "out"
-    path.write_text("[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.2, 0.0, 4.5], [0.0, 0.0, 8.5]]\n")
+    path.write_text(
+        f"[water]\nabsorption_per_m = 0.1\n[tank]\nwidth_m = 2.0\n[detector]\npositions_m = {PLACES}\n"
+    )
     assert main(["render", str(path), "-o", str(out), *FAST]) == 0
     dataset = read_netcdf(out / "maps.nc")
     assert dataset.irradiance.dims == ("wavelength_nm", "position")
-    np.testing.assert_allclose(dataset.z_m, [4.5, 4.5, 8.5])
-    # Clear water: inverse square, and on 10 cm cells the mean of exp(-ln2 (r / hwhm)^2), to second order
-    # 1 - ln2 <r^2> / (z tan 3.81 deg)^2 with <r^2> = 0.1^2 / 6.
-    z = np.array([4.5, 8.5])
-    rounded = 1 - np.log(2) * 0.1**2 / 6 / (z * np.tan(np.radians(3.81))) ** 2
-    light, stderr = dataset.irradiance.values[0, [0, 2]], dataset.irradiance_stderr.values[0, [0, 2]]
-    error = np.hypot(*(stderr / light))
-    assert (light[1] / light[0]) / ((4.5 / 8.5) ** 2 * rounded[1] / rounded[0]) == pytest.approx(
-        1, abs=4 * error
+    x, y, z = np.array(PLACES).T
+    for name, given in (("x_m", x), ("y_m", y), ("z_m", z)):
+        np.testing.assert_array_equal(dataset[name], given)
+    # Clear water and black walls: the closed form, which shares no code with the render.
+    off = np.degrees(np.arctan(np.hypot(x, y) / z))
+    r2 = x**2 + y**2 + z**2
+    expected = 2 ** -((off / 3.81) ** 2) * z / r2**1.5 * np.exp(-0.1 * np.sqrt(r2))
+    light = dataset.irradiance.values[0]
+    np.testing.assert_allclose(light / light[0], expected / expected[0], rtol=1e-4)
+
+
+def test_scattered_light_at_single_positions_is_that_of_fine_maps(tmp_path):
+    water = "[water]\nabsorption_per_m = 0.1\nscattering_per_m = 0.2\n"
+    places = [[0.0, 0.0, 2.0], [0.31, 0.0, 2.0], [0.31, 0.17, 2.0]]
+    (tmp_path / "points.toml").write_text(f"{water}[detector]\npositions_m = {places}\n")
+    (tmp_path / "planes.toml").write_text(
+        f"{water}[detector]\nplanes_m = [2.0]\nwidth_m = 1.0\npixels = 101\n"
     )
-    assert error < 0.01
+    for name in ("points", "planes"):
+        args = [
+            "render",
+            str(tmp_path / f"{name}.toml"),
+            "-o",
+            str(tmp_path / name),
+            "--no-exr",
+            "--no-figures",
+        ]
+        assert main([*args, "--max-photons", "2e6", "--rel-error", "0.002"]) == 0
+    points, planes = (read_netcdf(tmp_path / name / "maps.nc") for name in ("points", "planes"))
+    for i, (x, y, _) in enumerate(places):
+        cells = planes.isel(wavelength_nm=0, z_m=0).sel(
+            x_m=slice(x - 0.036, x + 0.036), y_m=slice(y - 0.036, y + 0.036)
+        )
+        near, error = (
+            float(cells.irradiance_diffuse.mean()),
+            float(np.sqrt((cells.irradiance_diffuse_stderr**2).mean() / cells.irradiance_diffuse.size)),
+        )
+        found, its = float(points.irradiance_diffuse[0, i]), float(points.irradiance_diffuse_stderr[0, i])
+        assert found == pytest.approx(near, abs=4 * np.hypot(error, its) + 0.01 * near)
+        assert its < 0.03 * found
 
 
 def test_wavelengths_of_the_command_line(scene, tmp_path):

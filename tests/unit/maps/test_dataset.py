@@ -107,21 +107,19 @@ def test_a_failed_write_leaves_nothing(dataset, tmp_path):
 
 
 def test_single_positions_keep_their_coordinates(make, tmp_path):
-    """Maps of listed positions come as one value per occupied cell, in the order of the grid."""
-    rendering = make(pixels=3)
-    occupied = np.zeros((3, 3, 3), bool)
-    occupied[0, 1, 1] = occupied[2, 1, 2] = True
-    rendering.grid.occupied = occupied
-    full = rendering.maps
+    """One value per place, in the order of the places."""
+    of_cells = make(pixels=3)
 
-    class AtPositions:
-        scene, grid = rendering.scene, rendering.grid
+    class AtPlaces:
+        scene, rendering = of_cells.scene, of_cells
+        x_m, y_m, z_m = np.array([0.3, 0.0]), np.array([0.0, 0.1]), np.array([8.5, 4.5])
 
         def maps(self, wavelengths_nm=None, part="all"):
-            return tuple(values[:, occupied] for values in full(wavelengths_nm, part))
+            return tuple(values[:, [2, 0], 1, 1] for values in of_cells.maps(wavelengths_nm, part))
 
-    dataset = to_dataset(AtPositions())
+    dataset = to_dataset(AtPlaces())
     assert dataset.irradiance.dims == ("wavelength_nm", "position")
-    np.testing.assert_allclose(dataset.z_m, [4.5, 8.5])
-    np.testing.assert_allclose(dataset.x_m, [0, 2 / 3], atol=1e-12)
+    for name in ("x_m", "y_m", "z_m"):
+        np.testing.assert_array_equal(dataset[name], getattr(AtPlaces, name))
+    assert dataset.irradiance[0, 1] > dataset.irradiance[0, 0]
     xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)
