@@ -11,7 +11,7 @@ import xarray as xr
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import write_exr_planes
 from lightfield.storage.files import locked_folder
-from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, label, open_store
+from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, decoded, label, open_store
 
 MOST = 64
 
@@ -29,6 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write a folder for every case that was computed; 1 when some had failed."""
+    with decoded(args.store):
+        return _chosen(args)
+
+
+def _chosen(args: argparse.Namespace) -> int:
     data = choose(open_store(args.store), args.case)
     axes = axes_of(data)
     shape = tuple(data.sizes[name] for name in axes)

@@ -11,7 +11,7 @@ import xarray as xr
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.estimate import size
-from lightfield.sweep.results import axes_of, choose, open_store
+from lightfield.sweep.results import axes_of, choose, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
 
 
@@ -33,6 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say what the store holds and draw it."""
+    with decoded(args.store):
+        return _show(args)
+
+
+def _show(args: argparse.Namespace) -> int:
     data = open_store(args.store)
     print("\n".join(contents(data, args.store)))
     data = choose(data, args.case)

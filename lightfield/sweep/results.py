@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from traceback import walk_tb
 from typing import Any
 
 import numpy as np
@@ -100,6 +102,26 @@ def open_store(path: str | Path) -> xr.Dataset:
             "cannot read this store", where=str(path), found=str(error), remedy="run its sweep again"
         ) from error
     return data
+
+
+@contextmanager
+def decoded(path: str | Path) -> Iterator[None]:
+    """Name the store when what is read from it cannot be decoded; digests tell of damage, not of malice.
+
+    Raises
+    ------
+    OutputError
+    """
+    try:
+        yield
+    except Exception as error:  # whatever a chunk makes the decoder raise
+        modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
+        if not any(name.partition(".")[0] in ("zarr", "numcodecs") for name in modules):
+            raise
+        raise OutputError(
+            "a file of this store cannot be decoded", where=str(path), found=str(error),
+            rule="Blosc, as `lightfield sweep` writes it", remedy="run the sweep again, with another -o",
+        ) from error  # fmt: skip
 
 
 def axes_of(data: xr.Dataset) -> list[str]:

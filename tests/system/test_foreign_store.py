@@ -172,6 +172,24 @@ def test_a_journal_names_no_file_outside_the_store(store: Path) -> None:
         assert journal.read(store) == ([], 1)
 
 
+@pytest.mark.parametrize("content", [b"", b"no Blosc", b"\x02\x01\x21\x08" + 60 * b"\xff"])
+@pytest.mark.parametrize("command", ["show", "export"])
+def test_a_chunk_that_nothing_decodes_is_one_error(
+    store: Path, command: str, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With digests that are right: damage is found before, this was made."""
+    for name in ("irradiance", "irradiance_stderr", "on_axis_irradiance"):
+        for chunk in (store / name).glob("[0-9]*"):
+            chunk.write_bytes(content)
+    sign(store)
+    assert (
+        main([command, str(store), *(["--exr"] if command == "export" else ["-o"]), str(tmp_path / "out")])
+        == 2
+    )
+    told = capsys.readouterr().err
+    assert "a file of this store cannot be decoded" in told and str(store) in told
+
+
 def test_garbage_for_metadata_is_one_error(store: Path) -> None:
     for content in (b"", b"[]", b"{}", b'{"metadata": 5}', b"\xff", b"[" * 100_000, b"null"):
         (store / zarrfile.CONSOLIDATED).write_bytes(content)
