@@ -36,6 +36,7 @@ from lightfield.diagnosis.verdict.advice import (
     own_error,
     possible_places,
 )
+from lightfield.diagnosis.verdict.calibration import power_limits
 from lightfield.diagnosis.verdict.compose import units_of
 from lightfield.errors import FitError
 from lightfield.fitting import effects
@@ -77,8 +78,10 @@ class Plan:
 
 
 def planned(readings: Any, scene: Scene) -> Any:
-    """A layout with the scene's prediction as values (largest 1) and assumed errors where there are none."""
-    readings = replace(readings, scale="relative")
+    """A layout with the scene's prediction as values and assumed errors where there are none.
+
+    The largest value is 1 on a relative scale.
+    """
     forward = SceneForward(scene, readings)
     light = forward.predict({})
     brightest = float(light.max())
@@ -87,9 +90,10 @@ def planned(readings: Any, scene: Scene) -> Any:
             "no light of the scene reaches this layout", where=readings.source or None, found=brightest,
             rule="light above 0 somewhere", remedy="read nearer to the lamp, or check lamp and water",
         )  # fmt: skip
-    value = light / brightest
+    unit = 1.0 if readings.scale == "absolute" else brightest
+    value = light / unit
     stderr = np.asarray(readings.stderr, float)
-    guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR)
+    guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR * value.max())
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
 
 
@@ -99,8 +103,8 @@ def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> P
     Parameters
     ----------
     readings : Readings
-        Positions, times, media, wavelengths and, if known, standard errors (largest reading = 1); values are
-        not used.
+        Positions, times, media, wavelengths and, if known, standard errors (on a relative scale of a largest
+        reading of 1); values are not used.
     scene : Scene
         Its lamp, water and tank are taken to be true.
     diffuse : callable, optional
@@ -129,7 +133,9 @@ def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     for score in adequacy.scores:
         if score.template.candidate.name not in seen:
             untestable[score.template.candidate.name] = _ABSORBED
-    limits = detection_limits(adequacy, 1.0)
+    by_gain = power_limits(problem, base, budget.calibration)
+    untestable = {name: reason for name, reason in untestable.items() if name not in by_gain}
+    limits = detection_limits(adequacy, 1.0) | by_gain
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
     helpful = _helpful(forward, problem, base, adequacy, found)
     return Plan(limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed)

@@ -18,6 +18,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import GAIN_ROOM
 from lightfield.diagnosis.search.cascade import Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.rivals import Limit
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
@@ -58,6 +59,28 @@ def sigmas(fit: Fit, scale: float, calibration: float) -> float:
     i = fit.paths.index(GAIN)
     variance = float(fit.covariance(scale)[i, i])
     return float(fit.u[i] / np.hypot(calibration, np.sqrt(variance))) if np.isfinite(variance) else 0.0
+
+
+def power_limits(problem: Problem, base: Fit, calibration: float | None) -> dict[str, Limit]:
+    """Smallest excess of the lamp's power that would be seen with 95 % probability; none on a relative scale.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the lamp's power among its candidates.
+    base : Fit
+        Of readings in units of their noise.
+    calibration : float, optional
+        Relative standard error.
+    """
+    power = _power(problem)
+    if power is None or calibration is None:
+        return {}
+    (allowed,) = power.amplitudes
+    error = float(np.hypot(calibration, np.sqrt(base.covariance(1.0)[(base.paths.index(GAIN),) * 2])))
+    factor = float(np.exp((AGREES_SIGMA - special.ndtri(0.05)) * error))
+    reachable = allowed.start * factor < allowed.high
+    return {EFFECT: Limit(EFFECT, allowed.path, allowed.start * (factor - 1), reachable)}
 
 
 def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) -> tuple[Prepared, Finding]:

@@ -11,6 +11,7 @@ import pytest
 from analytic_readings import readings
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.plan import plan
 from lightfield.errors import MeasurementError, UsageError
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import read_table, write_table
@@ -56,6 +57,29 @@ def test_another_lamp_power_is_found(factor: float) -> None:
     assert verdict.base_p < 0.01
     assert "Your scene's lamp power is contradicted" in verdict.sentence
     assert any(f"{factor:.3g}"[:2] in w and "times what the scene's lamp" in w for w in verdict.warnings)
+
+
+@pytest.mark.parametrize("percent", [3.0, 10.0])
+def test_a_plan_says_which_power_would_be_seen(percent: float) -> None:
+    """As the diagnosis then finds: that excess always, as it is 4.6 standard errors; half of them never."""
+    table, scene = absolute()
+    budget = ErrorBudget(calibration_percent=percent)
+    limits = plan(replace(table, budget=budget), scene).limits
+    seen = 1 + limits["lamp_power"].value / 50
+    for factor, effects in ((seen, ["lamp_power"]), (seen**0.5, [])):
+        readings = replace(absolute(factor)[0], budget=budget)
+        assert diagnose(readings, scene, diffuse=None, advise=False).verdict.effects == effects
+
+
+def test_a_plan_on_an_absolute_scale_is_that_on_a_relative_one_in_other_units() -> None:
+    table, scene = absolute()
+    layout = replace(table, stderr=np.full(len(table.x_m), np.nan))
+    one, other = (plan(replace(layout, scale=scale), scene).limits for scale in ("absolute", "relative"))
+    assert set(one) == {*other, "lamp_power"}
+    unit = SceneForward(scene, layout).predict({}).max()
+    for name, limit in other.items():
+        known = limit.value * (unit if name == "background" else 1.0)
+        assert one[name].value == pytest.approx(known, rel=1e-3), name
 
 
 def test_it_stands_beside_what_is_missing() -> None:
