@@ -16,8 +16,8 @@ from lightfield.readings import units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
-from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.bands import over_band
+from lightfield.scene.lamp.spectrum import axial_intensity
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
@@ -137,8 +137,11 @@ class SceneForward:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
         lamp = self._with(values, [path for path in values if path.startswith("lamp.")]).lamp
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
-        power = spectral_power(lamp, self.light.wavelengths_nm)
-        return np.asarray(power / (solid_angle_sr(lamp) * unit))[self._channel]
+        whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
+        intensity = axial_intensity(lamp, self.light.wavelengths_nm)
+        if whole.any():
+            intensity[whole] = over_band(lamp, *self.scene.detector.bands_nm[0]).intensity.mean()
+        return np.asarray(intensity / unit)[self._channel]
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""

@@ -17,9 +17,9 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import store
-from lightfield.render.response.grid import band_wavelengths, positions_grid
+from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import at_wavelengths, over_bands
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 PHOTONS = 3e6
@@ -137,11 +137,13 @@ class AtPlaces:
         -------
         mean, stderr : arrays, shape (n, n_places), W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)
         """
-        at = band_wavelengths(self.scene) if wavelengths_nm is None else np.asarray(wavelengths_nm)[:, None]
-        intensity = axial_intensity(self.scene.lamp, at)[..., None]
+        scene = self.scene
+        at, intensity = (
+            over_bands(scene) if wavelengths_nm is None else at_wavelengths(scene.lamp, wavelengths_nm)
+        )
         relative = (v.reshape(*at.shape, -1) for v in self.relative(at.ravel(), part))
         # Wavelengths of a band share their photons: errors add up, they do not average out.
-        mean, stderr = ((v * intensity).mean(axis=1) for v in relative)
+        mean, stderr = ((v * intensity[..., None]).mean(axis=1) for v in relative)
         return mean, stderr
 
     def relative(self, wavelengths_nm: Array, part: str = "all") -> tuple[Array, Array]:

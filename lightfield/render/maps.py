@@ -13,13 +13,13 @@ from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.backend import use_backend
 from lightfield.render.response import store
-from lightfield.render.response.grid import Grid, band_wavelengths, reference_of, scene_grid
+from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import at_wavelengths, over_bands
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
@@ -63,13 +63,14 @@ class Rendering:
             NaN in cells of a plane that are not all in the tank.
         """
         scene = self.scene
-        at = band_wavelengths(scene) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)[:, None]
+        at, intensity = (
+            over_bands(scene) if wavelengths_nm is None else at_wavelengths(scene.lamp, wavelengths_nm)
+        )
         grey = (
             np.ptp(absorption_per_m(scene.water, at.ravel()))
             == np.ptp(scattering_per_m(scene.water, at.ravel()))
             == 0
         )
-        intensity = axial_intensity(scene.lamp, at)
         if grey:
             mean, stderr = self.relative_maps(at[:1, 0], part)
             per_band = intensity.mean(axis=1)[:, None, None, None]

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.render.backend import use_backend
-from lightfield.render.response.grid import band_wavelengths, scene_grid
+from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.receiver import RECEIVER
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -39,7 +40,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
     from lightfield.render.plugins.lamp import PROPERTIES
     from lightfield.render.tracer.build import phase_dict, surfaces
 
-    at = np.array([band_wavelengths(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
+    at = np.array([middles_nm(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     c = a + b
     grid = scene_grid(scene)

@@ -13,9 +13,9 @@ from lightfield.errors import LightfieldError
 from lightfield.formula.field import direct_field, optical_depth, rays, window_points
 from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
-from lightfield.render.response.grid import Grid, band_wavelengths
+from lightfield.render.response.grid import Grid
 from lightfield.scene import Lamp, Scene, Water
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import over_bands
 
 ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
 
@@ -50,12 +50,12 @@ class Formula:
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
-        at = band_wavelengths(scene)  # [n_bands, samples]
-        maps = np.zeros((len(at), *self.grid.shape))
+        spectrum = over_bands(scene)
+        maps = np.zeros((len(spectrum.intensity), *self.grid.shape))
         for point, field in self.sources:
             # Within a cell the path changes far less than its attenuation length: the centre's will do.
             ray = rays(point, x, y, z)
-            for total, band, power in zip(maps, at, axial_intensity(scene.lamp, at), strict=True):
+            for total, band, power in zip(maps, *spectrum, strict=True):
                 for w, intensity in zip(band, power, strict=True):
                     total += intensity / len(band) * field * np.exp(-optical_depth(scene.water, ray, z, w))
         return maps

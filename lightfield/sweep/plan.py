@@ -12,12 +12,13 @@ import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError
 from lightfield.render.maps import transport_key
-from lightfield.render.response.grid import Grid, band_wavelengths, detector_grid, scene_grid
+from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, TRACED, Acts
 from lightfield.scene.all_parameters import acts_on, only, without
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
@@ -286,7 +287,7 @@ def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[Any, 
 
 
 def _coefficients(scene: Scene) -> tuple[float, float]:
-    wavelengths = band_wavelengths(scene).ravel()
+    wavelengths = middles_nm(scene).ravel()
     a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
     return float(a.min()), float(b.max())
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
 from functools import lru_cache
 from itertools import groupby
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,13 @@ from threadpoolctl import threadpool_limits
 from lightfield.errors import LightfieldError, OutputError
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
-from lightfield.render.response.grid import band_wavelengths, scene_grid
+from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Progress
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import PIECES, over_bands
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
@@ -184,9 +185,9 @@ def evaluated(
     mean and stderr have shape (n_bands, n_planes, n_y, n_x) and absolute units.
     """
     most = max(1, int(EVALUATE_BYTES / (8 * response.tally.shape[0] * response.tally.shape[2])))
-    for _, alike in groupby(scenes, key=lambda pair: (pair[1].water.hardening_per_m, _nodes(pair[1]).shape)):
+    for _, alike in groupby(scenes, key=lambda pair: (pair[1].water.hardening_per_m, _evaluations(pair[1]))):
         members = list(alike)
-        per_case = _nodes(members[0][1]).size
+        per_case = prod(_evaluations(members[0][1]))
         step = max(1, most // per_case)
         for first in range(0, len(members), step):
             part = members[first : first + step]
@@ -206,13 +207,13 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
     """Maps of cases alike in hardening and wavelengths, shape (n, n_bands, n_planes, n_y, n_x)."""
     columns, weights = [], []
     for scene in scenes:
-        at, (rho, surface) = _nodes(scene), scene.reflectances
+        (at, intensity), (rho, surface) = over_bands(scene), scene.reflectances
+        if is_grey(scene.water):  # one map serves all bands
+            at, intensity = at[:1, :1], intensity.mean(axis=1, keepdims=True)
         a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
-        intensity = axial_intensity(scene.lamp, band_wavelengths(scene))
-        # Grey water: one map serves all bands.
-        weights.append(intensity.mean(axis=1)[:, None] if at.size == 1 else intensity / intensity.shape[1])
-    shape = (len(scenes), *_nodes(scenes[0]).shape, *response.shape)
+        weights.append(intensity / intensity.shape[1])
+    shape = (len(scenes), *_evaluations(scenes[0]), *response.shape)
     hardening = scenes[0].water.hardening_per_m
     mean, stderr = response.evaluate(*np.concatenate(columns, axis=1), hardening=hardening)
     factor = np.array(weights)[..., None, None, None]
@@ -221,10 +222,9 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
         return (mean.reshape(shape) * factor).sum(axis=2), (stderr.reshape(shape) * factor).sum(axis=2)
 
 
-def _nodes(scene: Scene) -> np.ndarray:
-    """Wavelengths to evaluate at, shape (n_bands, n_samples); (1, 1) in grey water."""
-    at = band_wavelengths(scene)
-    return at[:1, :1] if is_grey(scene.water) else at
+def _evaluations(scene: Scene) -> tuple[int, int]:
+    """How many bands, and wavelengths in each, are evaluated: one in grey water."""
+    return (1, 1) if is_grey(scene.water) else (len(scene.detector.bands_nm), PIECES)
 
 
 def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str]) -> list[tuple[int, Scene]]:

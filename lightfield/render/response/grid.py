@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.in_tank import cells_inside, rows_of
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.tank import Tank
@@ -252,16 +253,9 @@ def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNode
     )
 
 
-def band_wavelengths(scene: Scene, samples: int = 5) -> np.ndarray:
-    """Wavelengths that stand for each band (midpoints of equal parts), shape (n_bands, samples), nm."""
-    bands = np.asarray(scene.detector.bands_nm, float)
-    at = (np.arange(samples) + 0.5) / samples
-    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
-
-
 def reference_of(scene: Scene) -> Reference:
     """Reference to trace in: least absorption and most scattering of the scene's bands, its own walls."""
-    wavelengths = band_wavelengths(scene).ravel()
+    wavelengths = middles_nm(scene).ravel()
     return Reference(
         float(np.min(absorption_per_m(scene.water, wavelengths))),
         float(np.max(scattering_per_m(scene.water, wavelengths))),

@@ -8,7 +8,7 @@ from math import ceil
 import numpy as np
 
 from lightfield.render.response.beam_nodes import BeamNodes
-from lightfield.render.response.grid import Grid, band_wavelengths
+from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import (
     CLASSES,
     Bookkeeping,
@@ -21,6 +21,7 @@ from lightfield.render.settings import Progress, Settings
 from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 BATCHES = 10
@@ -114,7 +115,7 @@ def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -
 
 def worst_error(scene: Scene, response: TransportResponse) -> float:
     """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
-    wavelength = band_wavelengths(scene).mean()
+    wavelength = middles_nm(scene).mean()
     mean, stderr = response.evaluate(
         float(absorption_per_m(scene.water, np.array([wavelength]))[0]),
         float(scattering_per_m(scene.water, np.array([wavelength]))[0]),

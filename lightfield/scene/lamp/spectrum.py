@@ -61,6 +61,13 @@ def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
     return lamp.power_w * planck_fraction_per_nm(at, scale)
 
 
+def knots_nm(lamp: Lamp) -> Array:
+    """Wavelengths between which the spectrum is smooth, nm: those of a table, none of a black body."""
+    if lamp.spectrum != "table":
+        return np.zeros(0)
+    return read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))[0]
+
+
 def axial_intensity(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
     """Radiant intensity on the beam's axis per nanometre, for which fields of unit intensity stand.
 

@@ -6,7 +6,7 @@ The render is the reference, so every relative error is (formula - render) / ren
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,14 +20,13 @@ from lightfield.formula.field import direct_field
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
+from lightfield.scene.bands import Spectrum, at_wavelengths, over_band
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
-from lightfield.scene.lamp.spectrum import axial_intensity
 
-# (scene, x, y, z, wavelength_nm) -> absolute values in the unit of the maps, shape of x
-Formula = Callable[[Scene, Array, Array, Array, float], Array]
+# (scene, x, y, z, spectrum) -> mean over the spectrum in the unit of the maps, shape of x
+Formula = Callable[[Scene, Array, Array, Array, Spectrum], Array]
 LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
-BAND_SAMPLES = 5
 
 
 @dataclass(frozen=True)
@@ -226,12 +225,11 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
     outside = cells_inside(scene.tank, x, y, *(pitch_m(c) or ROUNDING_M for c in (x, y))) < 1
     planes = []
     for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
-        over = [wavelength]
+        spectrum = Spectrum(*(v[0] for v in at_wavelengths(scene.lamp, [wavelength])))
         if "wavelength_bounds_nm" in dataset:  # the map is a mean over the band: so is the formula
-            low, high = dataset["wavelength_bounds_nm"].values[index]
-            over = list(low + (high - low) * (np.arange(BAND_SAMPLES) + 0.5) / BAND_SAMPLES)
+            spectrum = over_band(scene.lamp, *dataset["wavelength_bounds_nm"].values[index])
         for number, z in enumerate(dataset.z_m.values.astype(float)):
-            expected = on_cells(formula, scene, x, y, z, over)
+            expected = on_cells(formula, scene, x, y, z, spectrum)
             render, stderr = (
                 np.where(outside, np.nan, dataset[name].values[index, number])
                 for name in (quantity, f"{quantity}_stderr")
@@ -317,21 +315,21 @@ def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array
     )
 
 
-def on_cells(
-    formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, wavelengths_nm: Sequence[float]
-) -> Array:
-    """The formula averaged over every cell and over wavelengths, shape (n_y, n_x)."""
+def on_cells(formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, spectrum: Spectrum) -> Array:
+    """The formula averaged over every cell and over a spectrum, shape (n_y, n_x)."""
 
     def field(x: Array, y: Array) -> Array:
-        z = np.full_like(x, z_m)
-        return np.asarray(np.mean([formula(scene, x, y, z, w) for w in wavelengths_nm], axis=0))
+        return formula(scene, x, y, np.full_like(x, z_m), spectrum)
 
     return cell_mean(field, x_m, y_m, pitch_m(x_m), pitch_m(y_m))
 
 
-def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, wavelength_nm: float) -> Array:
+def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: Spectrum) -> Array:
     """The closed-form model in absolute units, W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)."""
-    return axial_intensity(scene.lamp, wavelength_nm) * direct_field(scene, x_m, y_m, z_m, wavelength_nm)
+    each = zip(*spectrum, strict=True)
+    return np.asarray(
+        np.mean([intensity * direct_field(scene, x_m, y_m, z_m, at) for at, intensity in each], axis=0)
+    )
 
 
 def verdict(comparison: Comparison) -> str:

@@ -18,12 +18,13 @@ from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
-from lightfield.render.response.grid import band_wavelengths, detector_grid, scene_grid
+from lightfield.render.response.grid import detector_grid, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
 from lightfield.scene import Lamp, Scene, Tank
 from lightfield.scene.acts import DIFFUSE, TRACED, Acts
 from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths_on, without
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
@@ -148,7 +149,7 @@ def _receiver(scene: Scene) -> Any:
 
 def _places(scene: Scene) -> Any:
     grid = scene_grid(scene)
-    return [np.concatenate([grid.z_m, grid.x_m, grid.y_m, band_wavelengths(scene).ravel()])]
+    return [np.concatenate([grid.z_m, grid.x_m, grid.y_m, middles_nm(scene).ravel()])]
 
 
 OBSERVED: dict[Acts, Callable[[Scene], Any]] = {

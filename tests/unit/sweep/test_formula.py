@@ -9,8 +9,9 @@ import pytest
 
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
+from lightfield.scene.bands import over_band
 from lightfield.scene.parameters import Parameter
-from lightfield.studies.compare.maps import BAND_SAMPLES, closed_form, on_cells
+from lightfield.studies.compare.maps import closed_form, on_cells
 from lightfield.sweep.derived import Formula
 
 EVERYTHING_ON = Scene.from_dict(
@@ -59,7 +60,7 @@ def both(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     assert formula is not None
     whole = []
     for low, high in scene.detector.bands_nm:
-        at = low + (high - low) * (np.arange(BAND_SAMPLES) + 0.5) / BAND_SAMPLES
+        at = over_band(scene.lamp, low, high)
         whole.append([on_cells(closed_form, scene, grid.x_m, grid.y_m, z, at) for z in grid.z_m])
     return formula.bands(scene), np.array(whole)
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lightfield.errors import UsageError
-from lightfield.render.response.grid import band_wavelengths
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
@@ -128,7 +128,7 @@ def test_every_reference_is_the_clearest_and_most_turbid_of_its_cases() -> None:
         for trace in plan.traces:
             scenes = [plan.cases.build(int(n)) for n in np.flatnonzero(plan.trace_of_case == trace.number)]
             assert trace.cases == len(scenes)
-            wavelengths = band_wavelengths(pure).ravel()
+            wavelengths = middles_nm(pure).ravel()
             a = min(absorption_per_m(scene.water, wavelengths).min() for scene in scenes)
             b = max(scattering_per_m(scene.water, wavelengths).max() for scene in scenes)
             albedo = max(scene.tank.wall_albedo for scene in scenes if scene.tank)

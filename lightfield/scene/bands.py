@@ -1,0 +1,69 @@
+"""Wavelength bands: where the water is asked in them, and how much of the lamp's light lies there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lightfield.arrays import Array
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
+from lightfield.scene.scene import Scene
+
+#: Equal parts of a band, over each of which the water is taken to be the same.
+PIECES = 5
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+class Spectrum(NamedTuple):
+    """Light that stands for bands: its mean over a band is the mean over the last axis.
+
+    Parameters
+    ----------
+    wavelength_nm : array, shape (n_bands, n), nm
+    intensity : array, same shape, W/(sr nm)
+        Mean radiant intensity on the beam's axis over the part of the band (W/nm of a pencil beam).
+    """
+
+    wavelength_nm: Array
+    intensity: Array
+
+
+def middles_nm(scene: Scene) -> Array:
+    """Middles of the equal parts of every band of the detector, shape (n_bands, PIECES), nm."""
+    bands = np.asarray(scene.detector.bands_nm, float)
+    at = (np.arange(PIECES) + 0.5) / PIECES
+    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+
+
+def over_bands(scene: Scene) -> Spectrum:
+    """The lamp's light in every band of the detector, see `over_band`."""
+    each = [over_band(scene.lamp, low, high) for low, high in scene.detector.bands_nm]
+    return Spectrum(*(np.array(v) for v in zip(*each, strict=True)))
+
+
+def over_band(lamp: Lamp, low_nm: float, high_nm: float) -> Spectrum:
+    """The lamp's light in equal parts of a band, each where its power has its centre; shape (PIECES,).
+
+    However narrow its lines are: a table is integrated piece by piece between its own wavelengths, exactly
+    for its straight pieces (Gauss-Legendre, 3 points). What changes with the square of the wavelength within
+    a part is lost, of the water alone.
+    """
+    edges = np.linspace(low_nm, high_nm, PIECES + 1)
+    inner = knots_nm(lamp)
+    ends = np.unique(np.concatenate([edges, inner[(inner > low_nm) & (inner < high_nm)]]))
+    half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
+    at = middle[:, None] + half[:, None] * _NODES
+    power = axial_intensity(lamp, at) * _WEIGHTS * half[:, None]
+    part = np.clip(np.searchsorted(edges, middle) - 1, 0, PIECES - 1)
+    total, moment = (np.bincount(part, v.sum(axis=1), PIECES) for v in (power, power * at))
+    centre = np.divide(moment, total, out=0.5 * (edges[1:] + edges[:-1]), where=total > 0)
+    return Spectrum(centre, total / np.diff(edges))
+
+
+def at_wavelengths(lamp: Lamp, wavelength_nm: ArrayLike) -> Spectrum:
+    """The lamp's light at single wavelengths, arrays of shape (n, 1)."""
+    at = np.asarray(wavelength_nm, float)[:, None]
+    return Spectrum(at, axial_intensity(lamp, at))

@@ -1,0 +1,107 @@
+"""The light of a band is the lamp's, however narrow its lines are and wherever they lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from lightfield.formula.field import direct_field
+from lightfield.maps.dataset import to_dataset
+from lightfield.render.at_readings import render_positions
+from lightfield.render.maps import render_scene
+from lightfield.scene import Scene
+from lightfield.scene.bands import over_band, over_bands
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.lamp.spectrum import spectral_power
+
+BAND = (500.0, 550.0)
+
+
+def lamp_of(folder: Path, rows: list[tuple[float, float]], **more: object) -> Scene:
+    """A scene with a lamp of this spectrum."""
+    table = folder / "light.csv"
+    table.write_text("wavelength_nm,power\n" + "".join(f"{w!r},{p!r}\n" for w, p in rows))
+    return Scene.from_dict({"lamp": {"spectrum": "table", "spectrum_table": str(table)}, **more})
+
+
+def line(at_nm: float, fwhm_nm: float) -> list[tuple[float, float]]:
+    """A triangle on nothing: its power between two wavelengths is known in the head."""
+    return [(300.0, 0.0), (at_nm - fwhm_nm, 0.0), (at_nm, 1.0), (at_nm + fwhm_nm, 0.0), (900.0, 0.0)]
+
+
+@pytest.mark.parametrize("at_nm", [505.0, 510.0, 520.0, 525.0, 531.7, 545.0])
+@pytest.mark.parametrize("fwhm_nm", [1e-3, 0.5, 3.0])
+def test_a_line_within_a_band_brings_all_its_power(tmp_path: Path, at_nm: float, fwhm_nm: float) -> None:
+    scene = lamp_of(tmp_path, line(at_nm, fwhm_nm))
+    spectrum = over_band(scene.lamp, *BAND)
+    power = spectrum.intensity.mean() * (BAND[1] - BAND[0]) * solid_angle_sr(scene.lamp)
+    assert power == pytest.approx(scene.lamp.power_w, rel=1e-9)
+    centre = (spectrum.intensity * spectrum.wavelength_nm).sum() / spectrum.intensity.sum()
+    assert centre == pytest.approx(at_nm, abs=1e-9)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(320, 880), st.floats(0, 1)), min_size=3, max_size=8, unique_by=lambda p: p[0]
+    ),
+    st.floats(400, 600),
+    st.floats(1, 150),
+)
+def test_every_table_is_integrated_piece_by_piece(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]], low: float, width: float
+) -> None:
+    rows = sorted((round(w, 3), p) for w, p in rows)
+    if min(np.diff([w for w, _ in rows])) <= 0 or max(p for _, p in rows) == 0:
+        return
+    scene = lamp_of(tmp_path_factory.mktemp("light"), [(310.0, 0.0), *rows, (890.0, 0.0)])
+    found = over_band(scene.lamp, low, low + width)
+    known = np.array([310.0, *(w for w, _ in rows), 890.0])
+    power = np.array([0.0, *(p for _, p in rows), 0.0])
+    fine = np.unique(
+        np.concatenate([np.linspace(low, low + width, 2001), known[(known > low) & (known < low + width)]])
+    )
+    expected = (
+        np.trapezoid(np.interp(fine, known, power), fine)
+        if hasattr(np, "trapezoid")
+        else np.trapz(np.interp(fine, known, power), fine)
+    )
+    whole = np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(known))
+    told = found.intensity.mean() * width * solid_angle_sr(scene.lamp) / scene.lamp.power_w
+    assert told == pytest.approx(expected / whole, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("kelvin", [1800.0, 3000.0, 6500.0])
+def test_a_black_body_in_a_broad_band(kelvin: float) -> None:
+    scene = Scene.from_dict({"lamp": {"temperature_k": kelvin}, "detector": {"bands_nm": [[400, 700]]}})
+    power = over_bands(scene).intensity.mean() * 300 * solid_angle_sr(scene.lamp)
+    assert power == pytest.approx(quad(lambda w: float(spectral_power(scene.lamp, w)), 400, 700)[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("at_nm", [520.0, 525.0])
+def test_a_laser_is_rendered_in_its_own_water(tmp_path: Path, at_nm: float) -> None:
+    """At 520 nm, between the pieces of the band, it was black; at 525 nm three times too bright."""
+    detector = {"positions_m": [[0, 0, 4.5]], "bands_nm": [BAND]}
+    scene = lamp_of(tmp_path, line(at_nm, 0.01), water={"base": "pure"}, detector=detector)
+    light = float(to_dataset(render_positions(scene, max_photons=1e3, rel_error=1.0)).irradiance_direct[0, 0])
+    alone = direct_field(scene, *np.array([[0.0], [0.0], [4.5]]), np.array([at_nm]))[0]
+    expected = scene.lamp.power_w / solid_angle_sr(scene.lamp) / (BAND[1] - BAND[0]) * alone
+    assert light == pytest.approx(expected, rel=3e-4)
+
+
+def test_maps_positions_and_formula_hold_the_same_light(tmp_path: Path) -> None:
+    scene = lamp_of(
+        tmp_path,
+        line(512.0, 3.0),
+        water={"base": "pure"},
+        detector={"planes_m": [2.0], "width_m": 0.1, "pixels": 5, "bands_nm": [BAND]},
+    )
+    plane = render_scene(scene, max_photons=2e5, rel_error=1e-3)
+    light, error = (v[0, 0, 2, 2] for v in plane.maps(part="direct"))
+    place = scene.with_values({"detector.positions_m": ((0.0, 0.0, 2.0),)})
+    at_place = render_positions(place, max_photons=1e3, rel_error=1.0).maps(part="direct")[0][0, 0]
+    assert light == pytest.approx(at_place, abs=4 * error + 2e-3 * light)
