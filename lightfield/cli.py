@@ -10,6 +10,7 @@ import atexit
 import os
 import signal
 import sys
+import warnings
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
@@ -45,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         from lightfield.commands._terminal import plain_output
 
-        with plain_output():
+        with plain_output(), warnings.catch_warnings():
+            warnings.showwarning = _say
             return _run(list(sys.argv[1:] if argv is None else argv))
     except KeyboardInterrupt:
         return _ended_by(signal.SIGINT)
@@ -56,6 +58,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         if program:
             _on_signals(_leave)
+
+
+def _say(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """What a scene was simplified to, in one line; other libraries' warnings are for developers."""
+    from lightfield.errors import SceneWarning
+
+    if issubclass(category, SceneWarning):
+        print(f"warning: {message}", file=sys.stderr)
 
 
 def _run(argv: list[str]) -> int:

@@ -101,6 +101,10 @@ class RuleError(ValueError):
         return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy)
 
 
+class SceneWarning(UserWarning):
+    """A scene is taken for something simpler than it says."""
+
+
 class SceneError(LightfieldError):
     """A scene, or a value given for one of its parameters, is not usable."""
 

@@ -5,24 +5,39 @@ Own readers: of the public ones, one needs Python 3.11 and another fills up file
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.storage.tables import LARGEST
 
 
-def read_ies(text: str) -> tuple[Array, Array]:
+class Luminaire(NamedTuple):
+    """Intensity of a luminaire, averaged around its axis.
+
+    Parameters
+    ----------
+    angle_deg : array, shape (n,)
+        From the nadir, rising.
+    intensity : array, shape (n,)
+        Mean over the half planes; cd, or cd per kilolumen.
+    asymmetry : float
+        Largest difference of a half plane from that mean, as a part of the largest mean.
+    """
+
+    angle_deg: Array
+    intensity: Array
+    asymmetry: float
+
+
+def read_ies(text: str) -> Luminaire:
     """Type C photometry of an IES LM-63 file (1986 to 2019).
 
     Parameters
     ----------
     text : str
         Content of the file.
-
-    Returns
-    -------
-    angle_deg, intensity_cd : array, shape (n,)
-        Angle from the nadir; mean over the half planes.
 
     Raises
     ------
@@ -45,21 +60,16 @@ def read_ies(text: str) -> tuple[Array, Array]:
         )
     vertical, horizontal = take(int(n_vertical)), take(int(n_horizontal))
     candela = np.array(take(int(n_vertical) * int(n_horizontal))).reshape(int(n_horizontal), int(n_vertical))
-    return _rising(vertical), multiplier * _mean_around(candela, np.array(horizontal))
+    return _averaged(vertical, multiplier * candela, horizontal)
 
 
-def read_eulumdat(text: str) -> tuple[Array, Array]:
+def read_eulumdat(text: str) -> Luminaire:
     """EULUMDAT file (Stockmar 1990), any of its symmetries.
 
     Parameters
     ----------
     text : str
         Content of the file.
-
-    Returns
-    -------
-    angle_deg, intensity : array, shape (n,)
-        Angle from the nadir; mean over the C planes, cd per kilolumen.
 
     Raises
     ------
@@ -82,10 +92,7 @@ def read_eulumdat(text: str) -> tuple[Array, Array]:
         4: (0, planes // 4 + 1),
     }[symmetry]
     candela: Array = np.array(take(stored * angles)).reshape(stored, angles)
-    around = c[first : first + stored]
-    if symmetry == 0:  # the file leaves out C360, which is C0
-        around, candela = np.append(c, c[0] + 360.0), np.vstack([candela, candela[:1]])
-    return _rising(gamma), _mean_around(candela, around)
+    return _averaged(gamma, candela, c[first : first + stored].tolist())
 
 
 class _Taker:
@@ -105,15 +112,21 @@ class _Taker:
         return part
 
 
-def _mean_around(candela: Array, plane_deg: Array) -> Array:
-    """Mean over the turn; the planes span one symmetric part of it, so that the trapezoid over them is the
-    mean.
+def _averaged(angle_deg: list[float], candela: Array, plane_deg: list[float]) -> Luminaire:
+    """Mean over the turn of half planes at `plane_deg`; candela has shape (n_planes, n_angles).
+
+    The planes span one symmetric part of the turn (0, 90, 180 or 360 degrees), so that the trapezoid over
+    them is the mean. Where they go round, files may leave out the last one, which is the first.
     """
-    if len(plane_deg) == 1:
-        return np.asarray(candela[0])
-    steps = np.diff(_rising(list(plane_deg)))
-    middle = 0.5 * (candela[1:] + candela[:-1])
-    return np.asarray(steps @ middle / steps.sum())
+    planes = _rising(plane_deg)
+    if 180.0 < planes[-1] - planes[0] < 360.0:
+        planes, candela = np.append(planes, planes[0] + 360.0), np.vstack([candela, candela[:1]])
+    mean = candela[0]
+    if len(planes) > 1:
+        steps = np.diff(planes)
+        mean = steps @ (0.5 * (candela[1:] + candela[:-1])) / steps.sum()
+    spread = float(np.abs(candela - mean).max())
+    return Luminaire(_rising(angle_deg), mean, spread / float(mean.max()) if mean.max() > 0 else 0.0)
 
 
 def _rising(angles: list[float]) -> Array:

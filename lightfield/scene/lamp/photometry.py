@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import os
+import warnings
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, SceneWarning
 from lightfield.scene.lamp.luminaire_files import read_eulumdat, read_ies
 from lightfield.storage.inputs import LUMINAIRE, read_bytes
 from lightfield.storage.tables import LARGEST, read_columns
+
+#: A luminaire is called round up to this difference of its half planes. Chosen: the error of the formula that
+#: a comparison calls small.
+ROUND = 0.05
 
 
 def intensity_table(path: str) -> tuple[Array, Array]:
     """Angle from the beam axis and intensity relative to the axis.
 
-    IES and EULUMDAT files give intensity over half planes around the nadir; they are averaged, and the nadir
-    is the beam axis.
+    IES and EULUMDAT files give intensity over half planes around the nadir; they are averaged, with a
+    `SceneWarning` where they differ, and the nadir is the beam axis.
 
     Parameters
     ----------
@@ -64,11 +69,19 @@ def _photometric(path: str) -> tuple[Array, Array]:
     is_ldt = path.lower().endswith(".ldt")
     try:
         text = read_bytes(path, LUMINAIRE).decode("latin-1")
-        theta, values = (read_eulumdat if is_ldt else read_ies)(text)
+        luminaire = (read_eulumdat if is_ldt else read_ies)(text)
     except (ValueError, KeyError, IndexError) as error:
         raise SceneError(
             f"not readable as {'EULUMDAT' if is_ldt else 'IES LM-63'}", where=path, found=str(error),
             rule="a complete type C file", remedy="export it again, or as CSV with angle_deg, intensity",
         ) from error  # fmt: skip
-    keep = theta <= 90.0
-    return theta[keep], values[keep]
+    if luminaire.asymmetry > ROUND:
+        warnings.warn(
+            f"{path}: the luminaire is averaged around its axis, though half planes differ by up to "
+            f"{100 * luminaire.asymmetry:.0f} % of its largest intensity from that mean "
+            "(lamp.ellipticity makes an oval beam)",
+            SceneWarning,
+            stacklevel=2,
+        )
+    keep = luminaire.angle_deg <= 90.0
+    return luminaire.angle_deg[keep], luminaire.intensity[keep]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from lightfield.errors import SceneError
+from lightfield.cli import main
+from lightfield.errors import SceneError, SceneWarning
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.photometry import intensity_table
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
@@ -94,6 +96,40 @@ def test_ies_rotational(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.interp(at, angle, intensity), [1, 0.8, 0.3, 0.01])
 
 
+@pytest.mark.parametrize("steps", [(0, 15, 360), (0, 15, 345), (0, 90, 270), (0, 22.5, 337.5)])
+def test_planes_that_go_round_close(tmp_path: Path, steps: tuple[float, float, float]) -> None:
+    """Whether the file repeats the first plane at 360 degrees or leaves it out: the mean over the turn."""
+    planes = np.arange(steps[0], steps[2] + 1e-9, steps[1])
+    at_5 = 800 + 150 * np.cos(np.radians(planes)) + 40 * (planes % 360 == 0)
+    values = "\n".join(f"1000 {v:.12g} 300 10 0" for v in at_5)
+    text = IES.format(planes=len(planes), angles=" ".join(f"{p:g}" for p in planes), values=values)
+    file = write(tmp_path / "round.ies", text)
+    with pytest.warns(SceneWarning, match=r"differ by up to 1\d % of its largest intensity"):
+        angle, intensity = intensity_table(file)
+    around = at_5[:-1] if planes[-1] == 360 else at_5
+    assert np.interp(math.radians(5), angle, intensity) == pytest.approx(around.mean() / 1000, rel=1e-9)
+
+
+def test_what_is_not_round_is_said_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = "1000 800 300 10 0\n1000 600 100 10 0"
+    write(tmp_path / "oval.ies", IES.format(planes=2, angles="0 90", values=values))
+    scene = write(tmp_path / "scene.toml", '[lamp]\nprofile = "table"\nintensity_table = "oval.ies"\n')
+    assert main(["scene", scene]) == 0
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and told.startswith("warning: ") and "averaged around its axis" in told
+
+
+def test_a_round_luminaire_says_nothing(tmp_path: Path) -> None:
+    values = "1000 800 300 10 0\n1000 805 300 10 0"
+    file = write(tmp_path / "round.ies", IES.format(planes=2, angles="0 90", values=values))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        intensity_table(file)
+
+
+@pytest.mark.filterwarnings("ignore::lightfield.errors.SceneWarning")
 def test_ies_half_planes_are_averaged(tmp_path: Path) -> None:
     """Quadrant symmetry: planes 0, 90 count double against their mirror images, that is equally around the
     turn.
@@ -112,6 +148,7 @@ def test_eulumdat(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.interp(np.radians([0, 5, 10, 45]), angle, intensity), [1, 0.8, 0.3, 0.01])
 
 
+@pytest.mark.filterwarnings("ignore::lightfield.errors.SceneWarning")
 def test_eulumdat_without_symmetry(tmp_path: Path) -> None:
     """Four planes all around (Isym = 0), C360 left out as usual: the plain mean; Isym = 4: half weight at C0
     and C90.
