@@ -105,7 +105,7 @@ def picture_dict(
     }
     inside = {"type": "ref", "id": "water"}
     reflects = scene.surface_reflects
-    box = surfaces(scene, albedo, reflects)
+    box = surfaces(scene, albedo, scene.reflectances[1] if reflects else None)
     if reflects:
         box["surface"]["interior"] = inside
     eye, target, view_deg = camera_pose(scene)

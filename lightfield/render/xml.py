@@ -76,7 +76,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         "integrator": {"type": "photon_tracer", "photons": 1_000_000},
         "water": medium,
         "lamp": lamp,
-        **surfaces(scene, scene.reflectances[0], scene.surface_reflects),
+        **surfaces(scene, scene.reflectances[0], scene.reflectances[1] if scene.surface_reflects else None),
         **planes,
     }
 

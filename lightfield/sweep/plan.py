@@ -65,8 +65,6 @@ class Trace:
     first : int
         Number of the first case that is evaluated from it; all of them have its beam and geometry.
     reference : Reference
-    surface_reflectance : float
-        The largest of its cases.
     seed : int
     cases : int
         How many cases are evaluated from it.
@@ -75,7 +73,6 @@ class Trace:
     number: int
     first: int
     reference: Reference
-    surface_reflectance: float
     seed: int
     cases: int
 
@@ -89,8 +86,8 @@ class Trace:
         if scene.tank is not None:
             plain |= {
                 "tank.wall_albedo": self.reference.wall_albedo,
-                "tank.surface_reflectance": self.surface_reflectance,
-                "tank.surface": "flat" if self.surface_reflectance > 0 else "none",
+                "tank.surface_reflectance": self.reference.surface_reflectance,
+                "tank.surface": "flat" if self.reference.surface_reflectance > 0 else "none",
             }
         return scene.with_values(plain, validate=False)
 
@@ -323,6 +320,7 @@ def _traces(
         key = f"{as_it_is} {sorted(pair for i, told in transport.items() for pair in told[steps[i]])}"
         while len(left):
             near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
+            near[near] = _same_reflections(waters[left][near])
             members, left = left[near], left[~near]
             trace_of_case[members] = len(traces)
             traces.append(_trace(settings, key, members, waters[members], len(traces)))
@@ -350,12 +348,24 @@ def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
     return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
 
 
+def _same_reflections(waters: np.ndarray) -> np.ndarray:
+    """Waters whose walls and surface are those of the brightest, or black; shape (n,).
+
+    A response tells few reflections apart and holds all higher ones together: with other walls these would be
+    weighed wrong, in a short bright tank by as much as (rho0 - rho) / (1 - rho0).
+    """
+    rho, surface = waters[:, 2], waters[:, 3]
+    brightest = np.lexsort((surface, rho))[-1]
+    alike = [(v == 0) | (v == v[brightest]) for v in (rho, surface)]
+    return np.asarray(alike[0] & alike[1])
+
+
 def _trace(settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int) -> Trace:
     low, (_, b, rho, surface) = waters.min(axis=0).tolist(), waters.max(axis=0).tolist()
-    reference = Reference(low[0], b, rho)
-    text = f"{settings.seed} {key} {reference} {surface > 0}"
+    reference = Reference(low[0], b, rho, surface)
+    text = f"{settings.seed} {key} {reference}"
     seed = int(hashlib.sha256(text.encode()).hexdigest()[:12], 16) % 4_000_000
-    return Trace(number, int(members[0]), reference, surface, seed, len(members))
+    return Trace(number, int(members[0]), reference, seed, len(members))
 
 
 def _chunks(shape: tuple[int, ...], transport: list[int], limit: int) -> tuple[int, ...]:

@@ -41,6 +41,8 @@ def test_fresnel_at_normal_incidence_and_beyond_the_critical_angle() -> None:
         ("lid", 0.8, {"lamp.tilt_x_deg": 6.0, "lamp.ellipticity": 1.5}),
         ("surface", 0.0, {"lamp.offset_y_m": 0.1}),
         ("surface", 0.5, {}),
+        ("dim surface", 0.5, {}),
+        ("dim surface", 0.8, {"lamp.offset_y_m": 0.1}),
         ("lid", 0.4, {"lamp.apparent_distance_m": 1.0, "lamp.offset_x_m": -0.2}),
         ("lid", 0.6, {"detector.tilt_x_deg": 60.0}),
     ],
@@ -52,7 +54,11 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
     """
     from lightfield.render.maps import render_scene
 
-    values = {"tank.wall_albedo": albedo, "tank.surface_reflectance": float(top == "surface"), **beam}
+    values = {
+        "tank.wall_albedo": albedo,
+        "tank.surface_reflectance": {"lid": 0.0, "surface": 1.0, "dim surface": 0.3}[top],
+        **beam,
+    }
     scene = Scene.from_toml(SCENE).with_values(values)
     rendering = render_scene(scene, rel_error=1e-5, max_photons=2e6, seed=4, cache=False)
     mean, stderr = (v[0].ravel() for v in rendering.relative_maps(np.array([525.0]), "diffuse"))

@@ -259,7 +259,7 @@ def reference_of(scene: Scene) -> Reference:
     return Reference(
         float(np.min(absorption_per_m(scene.water, wavelengths))),
         float(np.max(scattering_per_m(scene.water, wavelengths))),
-        scene.reflectances[0],
+        *scene.reflectances,
     )
 
 

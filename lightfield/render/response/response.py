@@ -32,11 +32,12 @@ HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 
 @dataclass(frozen=True)
 class Reference:
-    """Water and walls that a response was traced with: m^-1, m^-1 and albedo."""
+    """Water, walls and surface of a trace: m^-1, m^-1, albedo, factor on the Fresnel reflectance."""
 
     absorption_per_m: float
     scattering_per_m: float
     wall_albedo: float
+    surface_reflectance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,8 @@ class TransportResponse:
         known, factor = self._last.get(name, (None, np.zeros(0)))
         if known != key:
             walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-            factor = self._scattering(b, rows) * walls * surface[:, None] ** k
+            top = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
+            factor = self._scattering(b, rows) * walls * top
             self._last[name] = key, factor
         return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
 

@@ -100,7 +100,8 @@ def prepare(
     histories = histories_of(scene, reference, grid, reflects, nodes)
     reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
-    parts = surfaces(scene, reference.wall_albedo, reflects) if scene.tank else {}
+    top = reference.surface_reflectance if reflects else None
+    parts = surfaces(scene, reference.wall_albedo, top) if scene.tank else {}
     loaded = mi.load_dict({"type": "scene", **parts})
     phase = mi.load_dict(phase_dict(scene))
     return Setup(
@@ -125,8 +126,14 @@ def phase_dict(scene: Scene) -> dict[str, Any]:
     return {"type": "lightfield_phase", "model": json.dumps(phase.model_dump(mode="json"))}
 
 
-def surfaces(scene: Scene, wall_albedo: float, reflects: bool) -> dict[str, Any]:
-    """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface."""
+def surfaces(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str, Any]:
+    """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface.
+
+    Parameters
+    ----------
+    surface : float, optional
+        Factor on the Fresnel reflectance of the water surface; None: a lid.
+    """
     tank = scene.tank
     if tank is None:
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
@@ -134,8 +141,10 @@ def surfaces(scene: Scene, wall_albedo: float, reflects: bool) -> dict[str, Any]
         return {"open_water": {"type": "sphere", "radius": reach, "flip_normals": True, "bsdf": black}}
     grey = {"type": "uniform", "value": wall_albedo}
     wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey}}
-    water = {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0}
-    top = water if reflects else wall
+    top: dict[str, Any] = wall
+    if surface is not None:
+        scale = {"type": "uniform", "value": surface}
+        top = {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0, "specular_reflectance": scale}
     (_, half), (floor, ceiling), (back, end) = tank.box_m
     mid_y, mid_z = 0.5 * (ceiling + floor), 0.5 * (back + end)
     turn = mi.ScalarTransform4f

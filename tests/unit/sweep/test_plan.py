@@ -39,8 +39,8 @@ def planned(*ranges: str, scene: Scene = SCENE) -> Plan:
     [
         "water.absorption_per_m=0.01:1:10",
         "water.scattering_per_m=0:0.4:10",
-        "tank.wall_albedo=0:0.9:4",
-        "tank.surface_reflectance=0,0.5,1",
+        "tank.wall_albedo=0,0.9",
+        "tank.surface_reflectance=0,0.5",
         "water.hardening_per_m=0,0.01",
         "water.chlorophyll_mg_per_m3=0,0.1,0.2",
         "lamp.temperature_k=2700,2900",
@@ -131,8 +131,8 @@ def test_every_reference_is_the_clearest_and_most_turbid_of_its_cases() -> None:
             wavelengths = middles_nm(pure).ravel()
             a = min(absorption_per_m(scene.water, wavelengths).min() for scene in scenes)
             b = max(scattering_per_m(scene.water, wavelengths).max() for scene in scenes)
-            albedo = max(scene.tank.wall_albedo for scene in scenes if scene.tank)
-            assert trace.reference == Reference(a, b, albedo)
+            albedo, surface = (max(scene.reflectances[i] for scene in scenes) for i in (0, 1))
+            assert trace.reference == Reference(a, b, albedo, surface)
 
 
 def test_a_plan_looks_at_few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,6 +179,18 @@ def test_cases_share_a_trace_where_its_key_is_the_same(ranges: tuple[str, ...]) 
     assert len(pairs) == len(set(keys)) == len(plan.traces)
     for trace in plan.traces:
         assert plan_module._key(trace.scene(plan.cases)) == keys[trace.first]
+
+
+def test_every_albedo_and_reflectance_but_none_needs_a_trace_of_its_own() -> None:
+    """A response tells two or three reflections apart, and light in a tank is reflected more often."""
+    plan = planned("tank.wall_albedo=0,0.5,0.9", "tank.surface_reflectance=0,0.4,1", "lamp.power_w=10,20")
+    wanted = {(rho, s) for rho in (0.5, 0.9) for s in (0.4, 1.0)}
+    assert {(t.reference.wall_albedo, t.reference.surface_reflectance) for t in plan.traces} >= wanted
+    for trace in plan.traces:
+        for number in np.flatnonzero(plan.trace_of_case == trace.number):
+            rho, s = plan.cases.build(int(number)).reflectances
+            assert rho in (0.0, trace.reference.wall_albedo)
+            assert s in (0.0, trace.reference.surface_reflectance)
 
 
 def test_a_trace_has_the_same_seed_whatever_else_is_varied() -> None:
