@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.layout import SAME, Layout
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
@@ -19,6 +19,10 @@ from lightfield.fitting.parameter import FitParameter
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
 STEP = 1e-2
+#: The start of a shape keeps this part of its range from its ends, where fits would stay.
+_FROM_THE_ENDS = 0.02
+#: Readings at one distance, in metres, have a range all the same.
+_SHORTEST_RANGE_M = 1e-3
 
 REASONS: Mapping[str, str] = {
     "vary_x": "all readings have the same x",
@@ -55,7 +59,7 @@ class Setting:
         if need in ("vary_x", "vary_y", "vary_z"):
             return layout.varies(need[-1] + "_m")
         return {
-            "off_axis": bool(layout.angle_rad.max() > 1e-6),
+            "off_axis": bool(layout.angle_rad.max() > SAME),
             "time": layout.has_time,
             "absolute": self.absolute,
             "tank": self.scene.tank is not None,
@@ -80,7 +84,7 @@ class Setting:
             "hours": (span_s / 3600, 0.0),
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
-            "range": (max(far - near, 1e-3), near),
+            "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "band": (self.band_nm, 0.0),
         }[per]
 
@@ -150,7 +154,8 @@ def _parameter(
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible
     else:
-        grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))
+        edge = _FROM_THE_ENDS * (high - low)
+        grid = np.clip(grid, low + edge, high - edge)
         start = float(grid[0])
     return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
 
