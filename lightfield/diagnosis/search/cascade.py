@@ -84,10 +84,15 @@ class Finding:
         return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
 
     @property
+    def best(self) -> Tried | None:
+        """The best explanation."""
+        return self.accepted[0] if self.accepted else None
+
+    @property
     def whiten(self) -> Whiten:
         """Whitening under which the best explanation was judged."""
-        best = self.accepted[0].test if self.accepted else None
-        return best.whiten if best is not None else self.level.bench.whiten
+        test = self.best.test if self.best else None
+        return test.whiten if test is not None else self.level.bench.whiten
 
     @property
     def contenders(self) -> list[Tried]:

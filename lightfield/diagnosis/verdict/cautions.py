@@ -9,7 +9,7 @@ from scipy import special
 
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.verdict import Explanation, Reason
+from lightfield.diagnosis.verdict.parts import Explanation, Reason
 
 #: Factors on the stated variance from which on they are spoken of; the first only if it is no chance.
 _NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25

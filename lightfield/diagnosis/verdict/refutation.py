@@ -21,8 +21,8 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
 from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
-from lightfield.diagnosis.verdict.verdict import Estimate, StatedEffect
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene

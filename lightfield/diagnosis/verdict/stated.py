@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, StatedEffect
+from lightfield.diagnosis.verdict.parts import Estimate, Explanation, NearestRival, StatedEffect
 from lightfield.diagnosis.verdict.words import Said, join
 
 Say = Callable[[Sequence[Explanation], NearestRival | None], Said]

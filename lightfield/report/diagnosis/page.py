@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lightfield.diagnosis.verdict.parts import StatedEffect
 from lightfield.diagnosis.verdict.stated import lines
-from lightfield.diagnosis.verdict.verdict import StatedEffect
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,

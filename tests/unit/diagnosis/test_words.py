@@ -7,7 +7,7 @@ import json
 import pytest
 
 from lightfield.diagnosis.verdict import words
-from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, Reason
+from lightfield.diagnosis.verdict.parts import Estimate, Explanation, NearestRival, Reason
 
 
 def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
@@ -29,7 +29,7 @@ def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
     ],
 )
 def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | None, said: str) -> None:
-    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, {}, None, "", "", True)
+    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, {}, None, "", True)
     assert text == words.Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
@@ -75,7 +75,7 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
 ) -> None:
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
-    said = words.said(kind, found, rival, {}, None, "", " within 1 %", True)
+    said = words.said(kind, found, rival, {}, None, " within 1 %", True)
     assert said.fields == {"sentence": sentence, "headline": headline, "support": support}
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.verdict import aside_words, words
-from lightfield.diagnosis.verdict.verdict import SetAside
+from lightfield.diagnosis.verdict.parts import SetAside
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.scene import Tank
@@ -179,7 +179,7 @@ def test_the_distance_of_rivals_stands_below_the_headline():
         "ambiguous",
         [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
         SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
-        {}, None, "", "", True,
+        {}, None, "", True,
     )  # fmt: skip
     html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **said.fields}))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
