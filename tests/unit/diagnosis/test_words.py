@@ -6,8 +6,17 @@ import json
 
 import pytest
 
+from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
-from lightfield.diagnosis.verdict.parts import Estimate, Explanation, NearestRival, Reason
+from lightfield.diagnosis.verdict.parts import (
+    Doubt,
+    DoubtReason,
+    Estimate,
+    Explanation,
+    Misfit,
+    NearestRival,
+    Reason,
+)
 
 
 def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
@@ -81,3 +90,69 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
     more = said.after(against).then(aside)
     assert more.sentence == f"{against} {sentence} {aside}"
     assert more.headline == f"{against} {headline}" and more.support == (*support, aside)
+
+
+NO_BEAM = "these readings do not look like a beam through water"
+NO_SLIPS = "readings that no known effect reaches are no slips: they lie together"
+
+
+@pytest.mark.parametrize(
+    ("reason", "found", "said"),
+    [
+        (DoubtReason.NOTHING_BRIGHT, {}, f"{NO_BEAM}: no bright one is left"),
+        (DoubtReason.NOISE, {"noise_percent": 13.6},
+         "the noise is 14 % of a typical bright reading, too much to name an effect or to rule one out; "
+         "these may be no readings of a beam through water"),
+        (DoubtReason.FLAT, {},
+         f"{NO_BEAM}: they do not change from place to place, where the lamp's light does"),
+        (DoubtReason.PINNED, {"pinned": {"gain": 0.74, "water.absorption_per_m": -0.0}},
+         f"{NO_BEAM}: they ask for more than gain = 0.74 and water.absorption_per_m = 0 allows, the edge of "
+         "what is possible"),
+        (DoubtReason.NOT_CONFIRMED,
+         {"named": ["beam_tilt", "cdom"], "fitted_percent": 0.4, "rendered_percent": 2.13},
+         "beam tilt and CDOM would explain the readings, but the fresh render does not confirm the fit "
+         "(2.1 % against 0.4 %)"),
+        (DoubtReason.NOT_CONFIRMED, {"fitted_percent": 0.4, "rendered_percent": 2.13},
+         "the base model would explain the readings, but the fresh render does not confirm the fit (2.1 % "
+         "against 0.4 %)"),
+    ],
+)  # fmt: skip
+def test_a_doubt_is_said_from_its_data(reason: DoubtReason, found: dict, said: str) -> None:
+    assert words.doubt(Doubt(reason=reason, **found)) == said
+
+
+@pytest.mark.parametrize(
+    ("structure", "said"),
+    [
+        (Structure("plane", 0.0, span=(4.5, 4.5)), f"{NO_SLIPS} where z is 4.5 m"),
+        (Structure("angle", 0.0, span=(1.234, 2.0)), f"{NO_SLIPS} where the angle from the axis is 1.23 to 2 "
+         "degrees"),
+        (Structure("y/z", 0.0, span=(0.1, 0.2)), f"{NO_SLIPS} where y/z is 0.1 to 0.2"),
+        (Structure("wavelength", 0.0, span=(450.0, 500.0)),
+         f"{NO_SLIPS} where the wavelength is 450 to 500 nm"),
+        (Structure("signal", 0.0, span=(3.0, 9.0)), f"{NO_SLIPS} among readings of equal size"),
+        (Structure("time", 0.0, span=(41.0, 45.0)), f"{NO_SLIPS} in the scan, readings 41 to 45"),
+        (Structure("place", 0.0, box_m=((-0.1, 0.1), (-1e-17, 0.0), (5.5, 5.5))),
+         f"{NO_SLIPS} at neighbouring places, x = -0.1 to 0.1, y = 0, z = 5.5 m"),
+        (Structure(None, 0.0, rate=0.02),
+         "readings that no known effect reaches are no slips: there are more of them than the 2 % that slips "
+         "explain"),
+    ],
+)  # fmt: skip
+def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structure, said: str) -> None:
+    assert words.doubt(Doubt(reason=DoubtReason.SET_ASIDE, structure=structure)) == said
+
+
+@pytest.mark.parametrize(
+    ("misfit", "said"),
+    [
+        (None, "it is not a function of one coordinate"),
+        (Misfit(coordinate="time", worst_at=12.34), "it depends on time alone, most near 12.3 minutes"),
+        (Misfit(coordinate="signal", worst_at=0.5), "it depends on signal alone, most near 0.5"),
+        (Misfit(coordinate="angle", worst_at=2.0, period_deg=1.52),
+         "it depends on angle alone, with a period of 1.5 degrees"),
+    ],
+)  # fmt: skip
+def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
+    text = words.said("unexplained", [], None, {}, misfit, "", False)
+    assert text == words.Said.of(f"Unexplained by any one or two known effects; {said}.")
