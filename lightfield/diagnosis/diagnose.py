@@ -32,8 +32,9 @@ from lightfield.storage.files import atomic_path
 
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
-#: A fresh render whose error is larger than this many times what is expected contradicts the fit.
-CONFIRMED = 1.15
+#: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
+#: independent errors may add up to more by chance, by so many standard deviations of that.
+CONFIRMED, _CHANCE_SIGMA = 1.15, 3
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,7 @@ class Diagnosis:
         )
         update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
         both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
-        # Two independent errors may add up to more by chance: three standard deviations of that.
-        chance = 3 * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        chance = _CHANCE_SIGMA * last.error_percent * stderr / (np.sqrt(n) * both**2)
         if fresh > (CONFIRMED + chance) * both:
             doubt = Doubt(
                 reason=DoubtReason.NOT_CONFIRMED, named=verdict.effects,

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
@@ -45,6 +45,8 @@ from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
+#: Readings that would part two effects by less than so many times more than now are not worth advice.
+_WORTHWHILE = 1.5
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,7 @@ def _helpful(
                 for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
             ]
             best = best_places(ways, places)
-            if best.predicted_sigma > max(SAME_CLASS_SIGMA, 1.5 * best.now_sigma):
+            if best.predicted_sigma > max(SAME_CLASS_SIGMA, _WORTHWHILE * best.now_sigma):
                 out.append(Helpful((one, two), best))
     return sorted(out, key=lambda h: h.advice.now_sigma - h.advice.predicted_sigma)
 
@@ -231,10 +233,10 @@ def _way(
     """Everything linear: truth and rival are columns, the first at some size."""
     tangent = np.column_stack([base.jacobian, rival])
     scale = np.linalg.norm(tangent, axis=0)
-    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=1e-9)[0] / scale
-    rest = beside(orthonormal(tangent, 1e-9), (size * truth)[:, None])[:, 0]
+    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=INDEPENDENT)[0] / scale
+    rest = beside(orthonormal(tangent, INDEPENDENT), (size * truth)[:, None])[:, 0]
     there = np.column_stack([slopes, rival_there])
     difference = (size * truth_there - there @ step) / error
     information = tangent.T @ tangent
-    information += np.diag(1e-9 * np.diag(information))
+    information += np.diag(INDEPENDENT * np.diag(information))
     return Way(float(rest @ rest), difference, there / error[:, None], information)

@@ -19,9 +19,10 @@ from lightfield.fitting.least_squares import Fit
 #: left alone: a function of the angle can stand in for the beam width.
 _ITERATIONS, _STEPS, _WEAK = 10, (1.0, 0.3, 0.1), 1e-3
 #: Most free levels of a coordinate and readings for each; where there are more, cosines take their place: so
-#: many, and readings for each; more of the time, of which every reading has its own, and fewer of the signal,
-#: which a factor changes slowly with.
+#: many, and readings for each.
 _MAX_LEVELS, _MAX_COSINES, _READINGS_PER_TERM = 40, 30, 4
+#: More of the time, of which every reading has its own, and fewer of the signal, with which a factor changes
+#: slowly.
 _MAX_TIME_COSINES, _READINGS_PER_TIME_COSINE, _SIGNAL_COSINES = 40, 6, 5
 #: Slow changes with the angle that may come with a ripple.
 _SLOW_TERMS = 4

@@ -62,9 +62,10 @@ FEWEST_TO_SCALE = 4
 #: Points at which a deviance is asked for before its minimum is sought between two of them.
 _SCALES_TRIED = 40
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
-#: reading; by how much its log likelihood must be larger; beside how many readings to spare. Chosen, so that
-#: right errors are replaced in one set of ten at most (test_noise.py).
+#: reading.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
+#: By how much its log likelihood must be larger, and beside how many readings to spare. Chosen, so that right
+#: errors are replaced in one set of ten at most (test_noise.py).
 _OVERWHELMING, _ENOUGH = 6.0, 20
 #: Errors in proportion to the reading that are tried, from none to the largest that is believed; by how much
 #: the log evidence must grow: two standard deviations.

@@ -15,8 +15,10 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.profile import restarted
 from lightfield.fitting.least_squares import Fit
 
-#: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
+#: Water that differs by so much, relatively, from the traced one is also looked for at that one. Chosen.
 FAR_FROM_TRACED = 0.2
+#: Fits under errors that the fit before has left behind.
+_ROUNDS = 2
 
 
 def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
@@ -29,7 +31,7 @@ def settled(
     problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
 ) -> tuple[Whitener, Fit]:
     """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
-    for _ in range(2):
+    for _ in range(_ROUNDS):
         whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
         fit = problem.fit(explanation, whiten, [fit.u])
     return whiten, fit

@@ -36,7 +36,14 @@ from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_re
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
+#: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
+#: Rounds of leaving out outliers and fitting anew.
+_OUTLIER_ROUNDS = 3
+#: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
+_SPARE_FOR_SERIAL = 25
+#: Correlations closer than this are one.
+_SAME_RHO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,7 @@ def _without_outliers(
     problem = replace(problem, keep=usable)
     whiten = _plain(problem, quoted, fit.prediction, more)
     fit = problem.fit(explanation, whiten, [fit.u])
-    for _ in range(3):
+    for _ in range(_OUTLIER_ROUNDS):
         basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
         bad = outliers(fit.residual, basis, problem.keep)
         if not bad.any():
@@ -184,7 +191,7 @@ def _prepared(
         reference = problem.fit(explanation, whiten, [reference.u])
     still = _rich(problem, whiten, reference, with_time=False)
     serial = Serial()
-    if problem.keep.sum() - still.shape[1] > 25:
+    if problem.keep.sum() - still.shape[1] > _SPARE_FOR_SERIAL:
         serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
@@ -235,7 +242,7 @@ def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Be
 def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
     """Whitened noise, given the uncertainty of the serial correlation in place, shape (n, REPLICATES)."""
     for i, rho in enumerate(serial.levels):
-        if abs(rho - whiten.rho) > 1e-3:
+        if abs(rho - whiten.rho) > _SAME_RHO:
             mine = slice(i, None, len(serial.levels))
             other = Whitener(whiten.noise, rho, whiten.phi, whiten.tolerance)
             white[:, mine] = whiten(other.coloured(white[:, mine]))

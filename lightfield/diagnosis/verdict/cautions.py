@@ -11,8 +11,9 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.parts import Explanation, Reason
 
-#: Factors on the stated variance from which on they are spoken of; the first only if it is no chance.
-_NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25
+#: Factors on the stated variance from which on they are spoken of; the first only if its chance is less than
+#: the third. Chosen: test_diagnosis.py has one that is spoken of and one that is not.
+_NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.25, 1e-3
 
 
 def variance_scale(prepared: Prepared, finding: Finding) -> float:
@@ -31,7 +32,7 @@ def cautions(
             "floor and a part in proportion were estimated from the readings instead"
         )
     scale, nu = variance_scale(prepared, finding), finding.level.adequacy.nu
-    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < 0.001:
+    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(
             f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say: these are too "
             "small, or something changes from reading to reading"

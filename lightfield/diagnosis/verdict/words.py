@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.diagnosis.verdict.parts import (
     DetectionLimit,
     Doubt,
@@ -179,7 +180,7 @@ def not_confirmed(why: Doubt) -> str:
 def _in_common(found: Structure) -> str:
     """What readings set aside have in common."""
     if found.box_m is not None:
-        ends = (_ends(*(round(end, 4) + 0.0 for end in span)) for span in found.box_m)
+        ends = (_ends(*(round(end, PLACE_DECIMALS) + 0.0 for end in span)) for span in found.box_m)
         where = ", ".join(f"{axis} = {span}" for axis, span in zip("xyz", ends, strict=True))
         return f"they lie together at neighbouring places, {where} m"
     if found.span is None:
