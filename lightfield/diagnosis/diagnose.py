@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -110,7 +109,7 @@ class Diagnosis:
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
+        update: dict[str, object] = {"ladder": [*verdict.ladder[:-1], last]}
         both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
         chance = _CHANCE_SIGMA * last.error_percent * stderr / (np.sqrt(n) * both**2)
         if fresh > (CONFIRMED + chance) * both:

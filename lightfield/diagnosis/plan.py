@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -42,6 +42,7 @@ from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
@@ -78,7 +79,7 @@ class Plan:
     assumed: tuple[str, ...]
 
 
-def planned(readings: Any, scene: Scene) -> Any:
+def planned(readings: Readings, scene: Scene) -> Readings:
     """A layout with the scene's prediction as values (largest 1) and assumed errors where there are none."""
     readings = replace(readings, scale="relative")
     forward = SceneForward(scene, readings)
@@ -95,7 +96,7 @@ def planned(readings: Any, scene: Scene) -> Any:
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
 
 
-def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
+def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
     """Detectability, isolability and advice for a layout.
 
     Parameters
@@ -112,7 +113,7 @@ def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> P
         return _plan(readings, scene, diffuse)
 
 
-def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
+def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
@@ -164,7 +165,7 @@ class _Elsewhere(NamedTuple):
 
 
 def _columns(
-    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: Any
+    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: SceneForward
 ) -> tuple[Array, dict[str, _Elsewhere]]:
     """Derivatives of readings elsewhere: base parameters (n, k), and each effect."""
     at = forward.predict(base.values)

@@ -1,7 +1,7 @@
 """Readings set aside: slips that strike anywhere, or a structure that no effect of the table reaches?
 
 Slips fall on readings at random. So under the null hypothesis the places set aside are a random choice of all
-places. Scan statistic (Naus 1965, doi:10.1080/01621459.1965.10480810): along every coordinate and every row
+places. Scan statistic (Naus 1965, J. Am. Stat. Assoc. 60, 532): along every coordinate and every row
 of the layout, the window in which so many of them were least to be expected; its chance is calibrated by
 choosing places at random (permutation test), which takes care of the number of windows and of coordinates
 that go together.

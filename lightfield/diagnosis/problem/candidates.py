@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from lightfield.diagnosis.problem.layout import SAME, Layout
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.scene import Scene
+from lightfield.scene.parameters import Parameter
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
@@ -43,7 +44,7 @@ REASONS: Mapping[str, str] = {
 class Setting:
     """What turns the relative numbers of the table of effects into absolute ones."""
 
-    scene: Any
+    scene: Scene
     layout: Layout
     signal: float
     band_nm: float
@@ -138,7 +139,7 @@ class Candidate:
 
 
 def _parameter(
-    free: Free, setting: Setting, known: Mapping[str, Any], shape: bool
+    free: Free, setting: Setting, known: Mapping[str, Parameter], shape: bool
 ) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
     now = float(setting.scene.get(free.path))
@@ -160,7 +161,9 @@ def _parameter(
     return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
 
 
-def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, Any]) -> Candidate | None:
+def _resolve(
+    effect: Effect, form: Form, setting: Setting, known: Mapping[str, Parameter]
+) -> Candidate | None:
     usable = [f for f in form.amplitudes if f.path in known and all(setting.met(n) for n in f.needs)]
     if not usable:
         return None

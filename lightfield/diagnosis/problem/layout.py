@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.readings import Readings
 
 Labels = NDArray[np.int_]
 
@@ -93,7 +93,7 @@ class Layout:
         return bool(np.ptp(getattr(self, name)) > SAME)
 
 
-def layout_of(readings: Any) -> Layout:
+def layout_of(readings: Readings) -> Layout:
     """The layout of a reading table."""
     x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
     time = np.asarray(readings.time_s, float)

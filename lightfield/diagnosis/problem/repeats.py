@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, layout_of
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, Labels, layout_of
 from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA
+from lightfield.readings import Readings
 
 #: Visits of one place from which a gain error can be told from the readings' own errors.
 FEWEST_VISITS = 3
@@ -43,7 +43,7 @@ class Repeats:
     deviation: Array
     stderr: Array
     time_s: Array
-    place: Any
+    place: Labels
     reference: bool
 
     @property
@@ -52,7 +52,7 @@ class Repeats:
         return int(np.bincount(self.place).max())
 
 
-def repeats_of(readings: Any) -> Repeats | None:
+def repeats_of(readings: Readings) -> Repeats | None:
     """The repeated readings of a table: those of the reference positions if any are marked, else all.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -15,9 +14,10 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT
+from lightfield.fitting.forward import READOUT, SceneForward
 from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -66,7 +66,7 @@ MOST_TRACED = 3000
 TRACES = 3
 
 
-def budget_of(readings: Any) -> Budget:
+def budget_of(readings: Readings) -> Budget:
     """The stated error budget; what is missing is estimated from repeats or assumed, and named."""
     stated, assumed = readings.budget, []
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
@@ -103,7 +103,7 @@ def budget_of(readings: Any) -> Budget:
     )
 
 
-def calibration_of(readings: Any) -> float | None:
+def calibration_of(readings: Readings) -> float | None:
     """Relative standard error of an absolute calibration, stated or assumed; None on a relative scale."""
     if readings.scale != "absolute":
         return None
@@ -111,7 +111,7 @@ def calibration_of(readings: Any) -> float | None:
     return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
 
 
-def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
+def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
     """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
 
     On an absolute scale the gain is 1 within the error of the calibration, which is its range; its start is
@@ -190,7 +190,7 @@ def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[FitParameter
     return out
 
 
-def spectral(scene: Scene, readings: Any) -> Scene:
+def spectral(scene: Scene, readings: Readings) -> Scene:
     """The scene with an absorption of its own at each wavelength of the readings, if its water is unknown.
 
     Water is never grey over the visible: one absorption for all wavelengths would make its colour an effect.
@@ -214,7 +214,7 @@ def _least_absorption(scene: Scene, layout: Layout) -> float:
 
 
 def problem_of(
-    forward: Any, readings: Any, effects: Iterable[Effect], without_diffuse: str | None
+    forward: SceneForward, readings: Readings, effects: Iterable[Effect], without_diffuse: str | None
 ) -> tuple[Problem, dict[str, str]]:
     """The problem, and the effects that cannot be tested with reasons.
 
@@ -271,7 +271,7 @@ def _check_size(layout: Layout, source: str) -> None:
 
 
 def _check_reach(
-    forward: Any, readings: Any, value: Array, keep: Array, base: tuple[FitParameter, ...]
+    forward: SceneForward, readings: Readings, value: Array, keep: Array, base: tuple[FitParameter, ...]
 ) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
@@ -289,7 +289,7 @@ def _check_reach(
 
 
 def source_of(
-    scene: Scene, diffuse: DiffuseSource | str | None, readings: Any
+    scene: Scene, diffuse: DiffuseSource | str | None, readings: Readings
 ) -> tuple[DiffuseSource | None, str | None]:
     """What gives scattered and reflected light, or why nothing does.
 
@@ -332,7 +332,7 @@ def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
     """The source, which gives what it has been asked for before from memory."""
     if source is None:
         return None
-    made: dict[tuple[Any, ...], Diffuse] = {}
+    made: dict[tuple[object, ...], Diffuse] = {}
 
     def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
         key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))

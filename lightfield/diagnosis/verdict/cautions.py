@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import special
 
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.parts import Explanation, Reason
+from lightfield.readings import Readings
 
 #: Factors on the stated variance from which on they are spoken of; the first only if its chance is less than
 #: the third. Chosen: test_diagnosis.py has one that is spoken of and one that is not.
@@ -22,7 +21,7 @@ def variance_scale(prepared: Prepared, finding: Finding) -> float:
 
 
 def cautions(
-    readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
+    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[Explanation]
 ) -> list[str]:
     """Sentences beside the verdict: what the table leaves open, what the noise and the fit say of it."""
     out = [str(w) for w in readings.warnings]

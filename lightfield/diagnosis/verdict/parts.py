@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from enum import Enum
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -18,7 +18,13 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
 
-class Reason(StrEnum):
+class _Word(str, Enum):
+    """A reason: programs compare it, reports print it as it is. (`enum.StrEnum` is of Python 3.11.)"""
+
+    __str__ = str.__str__
+
+
+class Reason(_Word):
     """Why a fitted number has no error, as every report says it."""
 
     HELD = "held"
@@ -148,7 +154,7 @@ class Misfit(Part):
     period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
 
 
-class DoubtReason(StrEnum):
+class DoubtReason(_Word):
     """Why no effect can be named, and none ruled out."""
 
     NOTHING_BRIGHT = "no bright reading is left"

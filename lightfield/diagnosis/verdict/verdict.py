@@ -89,7 +89,7 @@ class Verdict(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _read(cls, given: Any) -> Any:
+    def _read(cls, given: object) -> object:
         """Words that are read back are no data."""
         words = cls.model_computed_fields
         return {k: v for k, v in given.items() if k not in words} if isinstance(given, dict) else given

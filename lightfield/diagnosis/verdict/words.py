@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
@@ -60,11 +59,6 @@ class Said:
     def then(self, more: str) -> Said:
         """The same with one more support, unless that is empty."""
         return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
-
-    @property
-    def fields(self) -> dict[str, Any]:
-        """As fields of the verdict."""
-        return {"sentence": self.sentence, "headline": self.headline, "support": list(self.support)}
 
 
 def _plain(name: str) -> str:

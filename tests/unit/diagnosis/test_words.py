@@ -85,7 +85,7 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
     said = words.said(kind, found, rival, {}, None, " within 1 %", True)
-    assert said.fields == {"sentence": sentence, "headline": headline, "support": support}
+    assert said == words.Said(sentence, headline, tuple(support))
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)
     assert more.sentence == f"{against} {sentence} {aside}"

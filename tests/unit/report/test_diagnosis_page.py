@@ -62,7 +62,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     found = kind in ("identified", "ambiguous")
     verdict = {
         "verdict": kind,
-        **words.Said.of(sentences[kind]).fields,
+        **dataclasses.asdict(words.Said.of(sentences[kind])),
         "effects": ["scattering"] if found else [],
         "explanations": {"identified": [explanation], "ambiguous": [explanation, skirt]}.get(kind, []),
         "nearest_rival": {"effects": ["beam_skirt"], "separation_sigma": 1.8} if found else None,
@@ -181,7 +181,7 @@ def test_the_distance_of_rivals_stands_below_the_headline():
         SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
         {}, None, "", True,
     )  # fmt: skip
-    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **said.fields}))
+    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **dataclasses.asdict(said)}))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
 
@@ -200,7 +200,7 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
         "1 saturated reading was left out."
     )
     html = diagnosis_page(
-        dataclasses.replace(view, verdict={**view.verdict, **said.fields, "set_aside": aside})
+        dataclasses.replace(view, verdict={**view.verdict, **dataclasses.asdict(said), "set_aside": aside})
     )
     assert f">{view.verdict['sentence']}<" in html
     assert ">1 of 245 readings was set aside: x = 0.3" in html
