@@ -245,7 +245,7 @@ def _diagnose(
         if dense is None:
             break
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
-    finding = refutation.settled(prepared, finding)
+    finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
@@ -255,6 +255,6 @@ def _diagnose(
     progress("errors of planes held out")
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
-    lamp = calibration.judged(prepared, problem, finding)
+    lamp = calibration.judged_power(prepared, problem, finding)
     found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed)
     return Diagnosis(compose.verdict_of(found, advise), found)

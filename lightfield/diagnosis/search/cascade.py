@@ -19,12 +19,12 @@ from lightfield.diagnosis.search.search import (
     Fitted,
     Tried,
     accepted,
+    at_lowest_minima,
     bic,
     fit_pairs,
     fit_singles,
     search_pairs,
     search_singles,
-    settled,
     weights,
 )
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -154,7 +154,7 @@ def search(
         return levels[-1]
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
-        found = settled(problem, found)
+        found = at_lowest_minima(problem, found)
         return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
 
     exact = prepare_level(0.0)

@@ -16,7 +16,7 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.own_errors import from_valleys, objective, settled
+from lightfield.diagnosis.search.own_errors import from_valleys, objective, under_own_errors
 from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
@@ -92,7 +92,9 @@ def describe(
         first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        asked = problem.forward.light.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
+        asked = problem.forward.light.to_trace(
+            [under_own_errors(problem, *best, whiten, whiten.noise)[1].values]
+        )
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
     known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]

@@ -32,7 +32,7 @@ from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.description import Description, describe
-from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_response_error
+from lightfield.diagnosis.search.own_errors import from_shapes, under_own_errors, with_response_error
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
@@ -273,7 +273,7 @@ class OwnErrors:
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
-        settle = from_shapes if len(explanation) == 1 else settled
+        settle = from_shapes if len(explanation) == 1 else under_own_errors
         problem, noise = self.prepared.problem, self.prepared.noise
         whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
         growth = whiten.log_determinant - self.main.whiten.log_determinant

@@ -334,7 +334,7 @@ def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
     return inside or list(out.values())
 
 
-def settled(problem: Problem, found: list[Tried]) -> list[Tried]:
+def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
     """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors."""
     out = []
     for i, one in enumerate(found):

@@ -7,7 +7,7 @@ from scipy import special
 
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.parts import Explanation, Reason
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
 from lightfield.readings import Readings
 
 #: Factors on the stated variance from which on they are spoken of; the first only if its chance is less than
@@ -21,7 +21,7 @@ def variance_scale(prepared: Prepared, finding: Finding) -> float:
 
 
 def cautions(
-    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[Explanation]
+    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[AcceptedExplanation]
 ) -> list[str]:
     """Sentences beside the verdict: what the table leaves open, what the noise and the fit say of it."""
     out = [str(w) for w in readings.warnings]

@@ -20,9 +20,9 @@ from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_ne
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent
 from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     DetectionLimit,
     Estimate,
-    Explanation,
     Kind,
     Misfit,
     NearestRival,
@@ -33,7 +33,7 @@ from lightfield.diagnosis.verdict.parts import (
     Spot,
 )
 from lightfield.diagnosis.verdict.plausibility import exchanged, hints
-from lightfield.diagnosis.verdict.refutation import Judged, entries, judged
+from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
@@ -137,7 +137,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
     ]
 
 
-def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[Explanation]:
+def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[AcceptedExplanation]:
     finding, problem, level = found.finding, found.prepared.problem, found.finding.level
     counted, n = bright(problem), int(problem.keep.sum())
     out = []
@@ -152,7 +152,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[E
         else:
             left_out = float("nan")
         out.append(
-            Explanation(
+            AcceptedExplanation(
                 effects=[c.name for c in tried.explanation],
                 families=[c.effect.family for c in tried.explanation],
                 forms=[c.form.name for c in tried.explanation],
@@ -323,10 +323,10 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     counted = bright(problem)
     sigma = standard_errors(prepared, finding)[counted] / prepared.noise.prediction[counted]
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
-    own_effects = entries(
+    own_effects = stated_effects(
         found.forward.scene,
         # What cannot be trusted contradicts no scene either.
-        [] if doubt is not None else [*found.lamp, *judged(prepared, finding, untestable)],
+        [] if doubt is not None else [*found.lamp, *judged_effects(prepared, finding, untestable)],
         (p.path for p in problem.base),
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),

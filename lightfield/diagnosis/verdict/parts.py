@@ -43,7 +43,7 @@ class Estimate(Part):
     reason: Reason | None = Field(None, description="why there is no error")
 
 
-class Explanation(Part):
+class AcceptedExplanation(Part):
     """A smallest set of effects beside which nothing is missing."""
 
     effects: list[str]

@@ -95,7 +95,7 @@ def _sigmas(worse: float, parameters: int) -> float:
     return float(-special.ndtri(p / 2)) if p > TINY else float(np.sqrt(worse))
 
 
-def settled(prepared: Prepared, finding: Finding) -> Finding:
+def pruned(prepared: Prepared, finding: Finding) -> Finding:
     """The finding whose explanations leave out what the scene has and the readings do as well without."""
     accepted = [_without(prepared.problem, one) for one in finding.accepted]
     if all(one is other for one, other in zip(accepted, finding.accepted, strict=True)):
@@ -116,7 +116,7 @@ def _without(problem: Problem, tried: Tried) -> Tried:
     return tried
 
 
-def judged(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
+def judged_effects(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
     """Every testable effect that the scene has, in the order of the table of effects.
 
     Parameters
@@ -191,7 +191,7 @@ def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
     return max(abs(u - off) for u in ends)
 
 
-def entries(
+def stated_effects(
     scene: Scene,
     judged: Iterable[Judged],
     free: Iterable[str],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.diagnosis.verdict import aside_words, stated, words
-from lightfield.diagnosis.verdict.parts import Explanation, NearestRival
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.verdict.verdict import Verdict
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _SHOWN, _LISTED = 8, 20
 
 
-def said(verdict: Verdict) -> words.Said:
+def words_of(verdict: Verdict) -> words.Said:
     """Headline and what supports it."""
     why = verdict.reason_to_doubt
     told = _found(verdict) if why is None else words.Said.of(f"Unexplained: {words.doubt(why)}.")
@@ -32,12 +32,14 @@ def _found(verdict: Verdict) -> words.Said:
     own = {entry.effect for entry in verdict.stated}
     limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
 
-    def say(told: Sequence[Explanation], rival: NearestRival | None) -> words.Said:
+    def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
         return words.said(
             verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise
         )
 
-    return stated.said(verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say)
+    return stated.with_stated(
+        verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say
+    )
 
 
 def summary(verdict: Verdict) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 from pydantic import Field, computed_field, model_validator
 
 from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     DetectionLimit,
     Doubt,
-    Explanation,
     Kind,
     Misfit,
     NearestRival,
@@ -19,7 +19,7 @@ from lightfield.diagnosis.verdict.parts import (
     SetAside,
     StatedEffect,
 )
-from lightfield.diagnosis.verdict.text import said
+from lightfield.diagnosis.verdict.text import words_of
 from lightfield.diagnosis.verdict.words import doubt
 
 
@@ -28,7 +28,7 @@ class Verdict(Part):
 
     verdict: Kind
     effects: list[str] = Field(description="the best explanation, or none")
-    explanations: list[Explanation] = Field(description="all accepted smallest sets, best first")
+    explanations: list[AcceptedExplanation] = Field(description="all accepted smallest sets, best first")
     nearest_rival: NearestRival | None
     detection_limits: dict[str, DetectionLimit]
     untestable: dict[str, str]
@@ -70,17 +70,17 @@ class Verdict(Part):
     @computed_field(description="the verdict in words")  # type: ignore[prop-decorator]
     @property
     def sentence(self) -> str:
-        return said(self).sentence
+        return words_of(self).sentence
 
     @computed_field(description="what was found, alone")  # type: ignore[prop-decorator]
     @property
     def headline(self) -> str:
-        return said(self).headline
+        return words_of(self).headline
 
     @computed_field(description="how sure that is, and what took no part, apart from the headline")  # type: ignore[prop-decorator]
     @property
     def support(self) -> list[str]:
-        return list(said(self).support)
+        return list(words_of(self).support)
 
     @computed_field(description="why nothing is named or ruled out whatever was found")  # type: ignore[prop-decorator]
     @property

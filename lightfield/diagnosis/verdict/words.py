@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     DetectionLimit,
     Doubt,
     DoubtReason,
-    Explanation,
     Misfit,
     NearestRival,
     NextMeasurement,
@@ -77,7 +77,7 @@ def join(names: Sequence[str]) -> str:
 
 def said(
     kind: str,
-    explanations: Sequence[Explanation],
+    explanations: Sequence[AcceptedExplanation],
     rival: NearestRival | None,
     limits: Mapping[str, DetectionLimit],
     misfit: Misfit | None,

@@ -9,18 +9,18 @@ import pytest
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
 from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     Doubt,
     DoubtReason,
     Estimate,
-    Explanation,
     Misfit,
     NearestRival,
     Reason,
 )
 
 
-def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
-    return Explanation(
+def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanation:
+    return AcceptedExplanation(
         effects=list(effects), families=["water"] * len(effects), forms=["linear"] * len(effects), weight=0.5,
         parameters={"water.scattering_per_m": Estimate(value=0.1, reason=reason)},
         chi2_per_dof=1.0, error_percent=1.0, held_out_percent=None, adequacy_p=0.5,
