@@ -9,7 +9,9 @@ import pytest
 from scipy import stats
 from toy_problem import Toy, candidate, layout, waves
 
-from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.adequacy import robust, score_tests, templates
+from lightfield.diagnosis.search import cascade, preparation
+from lightfield.diagnosis.search import search as searching
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
 
 
@@ -121,3 +123,33 @@ def test_the_same_readings_and_seed_give_the_same_finding() -> None:
     one, two = (found(made, problem) for _ in range(2))
     assert one.level.adequacy.p == two.level.adequacy.p
     assert (one.size, one.weights) == (two.size, two.weights)
+
+
+#: Numbers that were chosen, each with a smaller and a larger one.
+CHOSEN = [
+    (score_tests, "_SCAN_POWER", 0.4, 1.0), (score_tests, "_VISIBLE", 0.02, 0.1),
+    (score_tests, "_FEWEST_BESIDE_ALL", 4, 12), (score_tests, "ABSORBED", 1e-4, 1e-2),
+    (score_tests, "INDEPENDENT", 1e-12, 1e-6), (score_tests, "VARIANCE_EXCESS", 2.0, 9.0),
+    (templates, "BUMP_WIDTH_M", 0.03, 0.12), (templates, "_ACROSS_TERMS", 5, 15),
+    (templates, "SLOWEST_RIPPLE", 3.0, 6.0), (templates, "_STEPS", np.linspace(-0.3, 0.3, 7), np.zeros(1)),
+    (robust, "SMALLEST_SCALE", 0.25, 0.8), (preparation, "REPLICATES", 149, 499),
+    (searching, "FAR_BEHIND", 12.0, 60.0), (searching, "_PAIRS_FROM_BASE", 3, 30),
+    (searching, "_RIDGE", 1e-11, 1e-5), (searching, "_ROUGH", 3, 12), (cascade, "_EASILY", 0.1, 0.4),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "smaller", "larger"), CHOSEN, ids=lambda v: v if isinstance(v, str) else ""
+)
+def test_an_answer_hangs_on_no_number_that_was_chosen(
+    monkeypatch: pytest.MonkeyPatch, module: object, name: str, smaller: object, larger: object
+) -> None:
+    """Nothing, one effect or two, with a smaller and with a larger value of each number."""
+    made, rng = toy(), np.random.default_rng(4)
+    for effects in ({}, {"odd": 3.0}, {"odd": 3.0, "dusk": -3.0}):
+        problem = made.drawn(rng, **effects)
+        for value in (smaller, larger):
+            monkeypatch.setattr(module, name, value)
+            answer = found(made, problem)
+            assert answer.size == len(effects), value
+            assert [t.names for t in answer.accepted] == ([tuple(sorted(effects))] if effects else [])
