@@ -79,6 +79,21 @@ def test_a_duplicate_of_an_effect_leaves_the_answer_open() -> None:
     assert not answer.identified
 
 
+def test_the_base_model_is_a_rival_too() -> None:
+    """Of an effect that is hardly needed: weights by BIC of base and effect, chi-square by regression."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(3), odd=0.6)
+    answer = found(made, problem, alpha=0.5)
+    (one,) = answer.accepted
+    assert one.names == ("odd",) and one.adequacy is not None
+    scale = answer.level.bench.phi * one.adequacy.phi
+    base, with_odd = (made.regression(problem, *names)[2] / scale for names in ([], ["odd"]))
+    assert one.bic == pytest.approx(with_odd + np.log(60), rel=1e-3)
+    odds = np.exp(0.5 * (base - with_odd - np.log(60)))
+    assert answer.weights == pytest.approx([odds / (1 + odds)], rel=0.02)
+    assert 0.05 < answer.weights[0] < 0.95
+
+
 def test_what_no_effect_describes_is_not_explained() -> None:
     """A bump of no effect's shape, 20 sigma; and what comes nearest is still told."""
     made = toy()

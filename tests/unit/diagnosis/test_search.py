@@ -88,6 +88,8 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair() -> None:
     own = cast(Any, NoDiffuseLight())
     singles = search_singles(problem, test, fit_singles(problem, test, base, at_base), own)
     assert base.chi2 - min(s.fit.chi2 for s in singles) < 0.7 * (base.chi2 - 60)
+    at_once = fit_pairs(problem, test, base, at_base, [])
+    assert {c.name for c in at_once[0][0]} == {"odd", "twin"}, "by both templates at the base model"
     pairs = search_pairs(problem, test, fit_pairs(problem, test, base, at_base, singles), own)
     assert pairs[0].names == ("odd", "twin")
     found, _, chi2 = made.regression(problem, "odd", "twin")
