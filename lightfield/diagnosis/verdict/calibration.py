@@ -144,7 +144,7 @@ def judged_power(prepared: Prepared, problem: Problem, finding: Finding) -> list
     power, calibration = _power(problem), prepared.noise.budget.calibration
     if power is None or calibration is None:
         return []
-    best = finding.accepted[0] if finding.accepted else Tried((), finding.level.base, 0.0)
+    best = finding.best or Tried((), finding.level.base, 0.0)
     found = any(c.name == EFFECT for c in best.explanation)
     phi = best.adequacy.phi if best.adequacy else finding.level.phi
     if found:

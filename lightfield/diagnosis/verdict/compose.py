@@ -243,19 +243,10 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, N
         x_m=float(lay.x_m[worst]), y_m=float(lay.y_m[worst]), z_m=float(lay.z_m[worst]),
         medium="air" if lay.air[worst] else "water", repeats=aside_words.REPEATS,
     )  # fmt: skip
-    about = f" where the misfit is largest (x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m)"
-    if best is not None and best.name == "time":
-        sentence = (
-            "Repeat one reference position every few minutes: the misfit follows the time, not the place."
-        )
-    else:
-        sentence = (
-            f"Repeat readings{about} at another time: what repeats is a structure, what does not is noise."
-        )
-    advice = NextMeasurement(sentence=sentence, readings=[spot])
-    if best is None:
-        return None, advice
-    return Misfit(coordinate=best.name, worst_at=best.worst_at, period_deg=best.period_deg), advice
+    misfit: Misfit | None = None
+    if best is not None:
+        misfit = Misfit(coordinate=best.name, worst_at=best.worst_at, period_deg=best.period_deg)
+    return misfit, NextMeasurement(sentence=words.repeat(spot, misfit), readings=[spot])
 
 
 def _set_aside(found: Found) -> list[SetAside]:

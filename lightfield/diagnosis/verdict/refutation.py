@@ -132,7 +132,7 @@ def judged_effects(prepared: Prepared, finding: Finding, untestable: Mapping[str
 
 
 def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
-    whiten, best = finding.whiten, finding.accepted[0] if finding.accepted else None
+    whiten, best = finding.whiten, finding.best
     explanation = best.explanation if best else ()
     fit = best.fit if best else finding.level.base
     mine = next((c for c in explanation if c.name == candidate.name), None)

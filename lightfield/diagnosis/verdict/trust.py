@@ -58,7 +58,7 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
 
     A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
     """
-    best = finding.accepted[0].adequacy if finding.accepted else None
+    best = finding.best.adequacy if finding.best else None
     scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
     unexplained = finding.size is None and not finding.withheld
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
@@ -80,7 +80,7 @@ def trust_of(
         Readings left out because they are saturated.
     """
     problem, counted = prepared.problem, bright(prepared.problem)
-    fit = finding.accepted[0].fit if finding.accepted else finding.level.base
+    fit = finding.best.fit if finding.best else finding.level.base
     sigma, misfit = standard_errors(prepared, finding), problem.value - fit.prediction
     aside = (problem.keep == 0) & ~saturated
     noise = float(100 * np.median(sigma[counted] / problem.value[counted])) if counted.any() else None

@@ -16,6 +16,7 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     NextMeasurement,
     Reason,
+    Spot,
 )
 from lightfield.fitting import effects
 
@@ -216,6 +217,23 @@ def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) 
         low, high = _AS_STATED
         origin = "as stated" if low < factor < high else f"{factor:.2g} times the stated one"
     return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
+
+
+def repeat(spot: Spot, misfit: Misfit | None) -> str:
+    """What to do about a misfit that nothing explains.
+
+    Parameters
+    ----------
+    spot : Spot
+        Where it is largest.
+    """
+    if misfit is not None and misfit.coordinate == "time":
+        return "Repeat one reference position every few minutes: the misfit follows the time, not the place."
+    where = f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
+    return (
+        f"Repeat readings where the misfit is largest ({where}) at another time: what repeats is a "
+        "structure, what does not is noise."
+    )
 
 
 def other_kind(first: Sequence[str], second: Sequence[str]) -> str:

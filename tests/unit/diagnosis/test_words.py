@@ -16,6 +16,7 @@ from lightfield.diagnosis.verdict.parts import (
     Misfit,
     NearestRival,
     Reason,
+    Spot,
 )
 
 
@@ -156,3 +157,14 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
     text = words.said("unexplained", [], None, {}, misfit, "", False)
     assert text == words.Said.of(f"Unexplained by any one or two known effects; {said}.")
+
+
+def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
+    spot = Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
+    time = Misfit(coordinate="time", worst_at=3.0)
+    assert words.repeat(spot, time).startswith("Repeat one reference position every few minutes:")
+    for other in (None, Misfit(coordinate="x", worst_at=0.3)):
+        assert words.repeat(spot, other) == (
+            "Repeat readings where the misfit is largest (x = 0.30, y = 0.00, z = 6.50 m) at another time: "
+            "what repeats is a structure, what does not is noise."
+        )
