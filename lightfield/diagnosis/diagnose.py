@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.verdict import calibration, compose, refutation, text
+from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
-#: A fresh render whose error is larger than this many times what is expected contradicts the fit.
-CONFIRMED = 1.15
+#: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
+#: independent errors may add up to more by chance, by so many standard deviations of that.
+CONFIRMED, _CHANCE_SIGMA = 1.15, 3
 
 
 @dataclass(frozen=True)
@@ -43,18 +44,33 @@ class Diagnosis:
     ----------
     verdict : Verdict
         Plain data, as written to JSON.
-    steps : list of Step
-        The ladder with its fits.
+    found : Found
+        What the data were made of.
     """
 
     verdict: Verdict
-    forward: SceneForward
-    readings: Any
-    prepared: Prepared
-    finding: Finding
-    steps: list[Step]
-    seed: int
-    untestable: dict[str, str] = field(default_factory=dict)
+    found: compose.Found
+
+    @property
+    def forward(self) -> SceneForward:
+        return self.found.forward
+
+    @property
+    def readings(self) -> Readings:
+        return self.found.readings
+
+    @property
+    def prepared(self) -> Prepared:
+        return self.found.prepared
+
+    @property
+    def finding(self) -> Finding:
+        return self.found.finding
+
+    @property
+    def steps(self) -> list[Step]:
+        """The ladder with its fits."""
+        return self.found.steps
 
     @property
     def scene(self) -> Scene:
@@ -93,17 +109,18 @@ class Diagnosis:
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
-        update: dict[str, Any] = {"ladder": [*verdict.ladder[:-1], last]}
+        update: dict[str, object] = {"ladder": [*verdict.ladder[:-1], last]}
         both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
-        # Two independent errors may add up to more by chance: three standard deviations of that.
-        chance = 3 * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        chance = _CHANCE_SIGMA * last.error_percent * stderr / (np.sqrt(n) * both**2)
         if fresh > (CONFIRMED + chance) * both:
-            missed = f"{fresh:.2g} % against {last.error_percent:.2g} %"
-            contradiction = f"the fresh render does not confirm the fit ({missed})"
-            warning = f"{contradiction}: the explanation is no better than the former"
+            doubt = Doubt(
+                reason=DoubtReason.NOT_CONFIRMED, named=verdict.effects,
+                fitted_percent=last.error_percent, rendered_percent=fresh,
+            )  # fmt: skip
+            warning = f"{words.not_confirmed(doubt)}: the explanation is no better than the former"
             update["warnings"] = [*verdict.warnings, warning]
             if verdict.verdict != "unexplained":
-                update |= compose.taken_back(verdict, contradiction)
+                update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}
         return replace(self, verdict=verdict.model_copy(update=update))
 
     def summary(self) -> str:
@@ -143,7 +160,7 @@ class Diagnosis:
 
 
 def diagnose(
-    readings: Any,
+    readings: Readings,
     scene: Scene,
     *,
     diffuse: DiffuseSource | str | None = "trace",
@@ -196,7 +213,7 @@ def _silent(stage: str) -> None:
 
 
 def _diagnose(
-    readings: Any,
+    readings: Readings,
     scene: Scene,
     diffuse: DiffuseSource | str | None,
     only: Sequence[str] | None,
@@ -228,19 +245,16 @@ def _diagnose(
         if dense is None:
             break
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
-    finding = refutation.settled(prepared, finding)
+    finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
-    best = finding.accepted[0] if finding.accepted else None
+    best = finding.best
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
     progress("errors of planes held out")
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
-    lamp = calibration.judged(prepared, problem, finding)
-    verdict = compose.verdict_of(
-        forward, readings, prepared, finding, steps, untestable, trust, seed, alpha, advise, lamp
-    )
-    verdict = verdict.model_copy(update={"lightfield_version": __version__})
-    return Diagnosis(verdict, forward, readings, prepared, finding, steps, seed, untestable)
+    lamp = calibration.judged_power(prepared, problem, finding)
+    found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed)
+    return Diagnosis(compose.verdict_of(found, advise), found)

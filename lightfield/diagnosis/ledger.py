@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import OutputError
+from lightfield.readings import Readings
 
 NAME = "ledger.jsonl"
 
 
-def fingerprint(readings: Any) -> str:
+def fingerprint(readings: Readings) -> str:
     """Hash of the readings themselves (places and values), independent of the file that holds them."""
     digest = hashlib.sha256()
     for name in ("x_m", "y_m", "z_m", "wavelength_nm", "value"):

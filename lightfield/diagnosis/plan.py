@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
@@ -43,9 +43,12 @@ from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
+#: Readings that would part two effects by less than so many times more than now are not worth advice.
+_WORTHWHILE = 1.5
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class Plan:
     assumed: tuple[str, ...]
 
 
-def planned(readings: Any, scene: Scene) -> Any:
+def planned(readings: Readings, scene: Scene) -> Readings:
     """A layout with the scene's prediction as values and assumed errors where there are none.
 
     The largest value is 1 on a relative scale.
@@ -97,7 +100,7 @@ def planned(readings: Any, scene: Scene) -> Any:
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
 
 
-def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
+def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
     """Detectability, isolability and advice for a layout.
 
     Parameters
@@ -114,7 +117,7 @@ def plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None = None) -> P
         return _plan(readings, scene, diffuse)
 
 
-def _plan(readings: Any, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
+def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
@@ -168,7 +171,7 @@ class _Elsewhere(NamedTuple):
 
 
 def _columns(
-    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: Any
+    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: SceneForward
 ) -> tuple[Array, dict[str, _Elsewhere]]:
     """Derivatives of readings elsewhere: base parameters (n, k), and each effect."""
     at = forward.predict(base.values)
@@ -219,7 +222,7 @@ def _helpful(
                 for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
             ]
             best = best_places(ways, places)
-            if best.predicted_sigma > max(SAME_CLASS_SIGMA, 1.5 * best.now_sigma):
+            if best.predicted_sigma > max(SAME_CLASS_SIGMA, _WORTHWHILE * best.now_sigma):
                 out.append(Helpful((one, two), best))
     return sorted(out, key=lambda h: h.advice.now_sigma - h.advice.predicted_sigma)
 
@@ -237,10 +240,10 @@ def _way(
     """Everything linear: truth and rival are columns, the first at some size."""
     tangent = np.column_stack([base.jacobian, rival])
     scale = np.linalg.norm(tangent, axis=0)
-    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=1e-9)[0] / scale
-    rest = beside(orthonormal(tangent, 1e-9), (size * truth)[:, None])[:, 0]
+    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=INDEPENDENT)[0] / scale
+    rest = beside(orthonormal(tangent, INDEPENDENT), (size * truth)[:, None])[:, 0]
     there = np.column_stack([slopes, rival_there])
     difference = (size * truth_there - there @ step) / error
     information = tangent.T @ tangent
-    information += np.diag(1e-9 * np.diag(information))
+    information += np.diag(INDEPENDENT * np.diag(information))
     return Way(float(rest @ rest), difference, there / error[:, None], information)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource
 from lightfield.formula import field as analytic
-from lightfield.readings import units
+from lightfield.readings import Readings, units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
@@ -46,7 +46,7 @@ class SceneForward:
     def __init__(
         self,
         scene: Scene,
-        readings: Any,
+        readings: Readings,
         diffuse: DiffuseSource | None = None,
         full: float | None = None,
         dense_per_m: float | None = None,
@@ -78,7 +78,7 @@ class SceneForward:
             return (GAIN,)
         return tuple(f"{GAIN}.{w:g}nm" for w in wavelengths)
 
-    def at(self, share: float = 1.0, **places: Array) -> SceneForward:
+    def at(self, share: float = 1.0, **places: NDArray[Any]) -> SceneForward:
         """The same scene at other places.
 
         Parameters
@@ -86,10 +86,11 @@ class SceneForward:
         share : float
             Part of the photons that a trace there is worth.
         places : arrays of one length
-            Positions, medium and time.
+            Columns of readings: positions, medium and time.
         """
+        columns: dict[str, Any] = {**places}
         n = len(next(iter(places.values())))
-        there = replace(self.readings.subset(np.zeros(n, int)), **places)
+        there = replace(self.readings.subset(np.zeros(n, int)), **columns)
         return SceneForward(self.scene, there, full=self._full, light=self.light.at(there, share))
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
@@ -123,7 +124,8 @@ class SceneForward:
         r, square = self.readings, np.zeros(self.size)
         here = self.light.direct(scene, r)
         for axis in ("x_m", "y_m", "z_m"):
-            there = replace(r, **{axis: np.asarray(getattr(r, axis)) + step_m})
+            moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
+            there = replace(r, **moved)
             square += ((self.light.direct(scene, there) - here) / step_m) ** 2
         return np.asarray(np.sqrt(square) * self._gain(values))
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.formula import field as analytic
+from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE
 from lightfield.scene.all_parameters import neutral, paths_on
 from lightfield.scene.water.coefficients import scattering_per_m
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 GAIN = "gain"
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
@@ -26,13 +30,13 @@ _REMEMBERED = 120
 class Diffuse(Protocol):
     """Scattered and reflected light at the readings' places."""
 
-    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Any: ...
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array: ...
 
     def errors(
-        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: Any
-    ) -> tuple[Any, Any]: ...
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.int_]
+    ) -> tuple[Array, Array]: ...
 
-    def with_denser(self, other: Any) -> Diffuse: ...
+    def with_denser(self, other: Self) -> Self: ...
 
 
 DiffuseSource = Callable[..., Diffuse]
@@ -43,7 +47,7 @@ def has_diffuse_light(scene: Scene) -> bool:
     return not neutral(scene, DIFFUSE)
 
 
-def beam_width_deg(scene: Scene, readings: Any) -> float:
+def beam_width_deg(scene: Scene, readings: Readings) -> float:
     """Half width of the beam, roughly, from the readings alone; the scene's value where they do not show it.
 
     Regression of ln(value r^2) on theta^2 over the brighter half of every plane, a level per plane, medium
@@ -93,7 +97,7 @@ class LightSource:
     """
 
     scene: Scene
-    readings: Any
+    readings: Readings
     trace: DiffuseSource | None
     width_deg: float
     dense_per_m: float | None
@@ -102,14 +106,14 @@ class LightSource:
 
     @classmethod
     def of(
-        cls, scene: Scene, readings: Any, trace: DiffuseSource | None, dense_per_m: float | None
+        cls, scene: Scene, readings: Readings, trace: DiffuseSource | None, dense_per_m: float | None
     ) -> LightSource:
         """With the width that the readings show, traced in dense water if the scene's own asks for it."""
         out = cls(scene, readings, trace, beam_width_deg(scene, readings), dense_per_m)
         own = out.dense_water({}) if dense_per_m is None else None
         return replace(out, dense_per_m=trace_for(own)) if own is not None else out
 
-    def at(self, readings: Any, share: float) -> LightSource:
+    def at(self, readings: Readings, share: float) -> LightSource:
         """The same at the places of other readings, with a part of the photons."""
         trace = partial(self.trace, share=share) if self.trace and share != 1 else self.trace
         return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m)
@@ -141,7 +145,7 @@ class LightSource:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
         return self._remembered(tuple(sorted(_optical(values).items())))
 
-    def direct(self, scene: Scene, readings: Any) -> Array:
+    def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
         r = readings
         return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
@@ -158,7 +162,8 @@ class LightSource:
             Size of an error that varies little between neighbours.
         """
         scene, n = self.scene.with_values(_optical(values), validate=False), len(self.channels[1])
-        modes, smooth = np.zeros((n, 0)), np.zeros(n)
+        modes: Array = np.zeros((n, 0))
+        smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
             modes, smooth = self._response.errors(scene, self._colours, self.channels[1])
         factor = np.where(self._wet, self.correction, 0.0)

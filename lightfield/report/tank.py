@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
+from lightfield.diagnosis.verdict.parts import Spot
 from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, WIDTH, figure, label
 from lightfield.scene import Tank
 
@@ -21,7 +21,7 @@ def tank_figure(
     y_m: np.ndarray,
     z_m: np.ndarray,
     tank: Tank | None = None,
-    spots: Sequence[Mapping[str, Any]] = (),
+    spots: Sequence[Spot] = (),
     hwhm_deg: float = 3.81,
 ) -> Figure:
     """Plan and side view.
@@ -32,12 +32,12 @@ def tank_figure(
         Readings taken.
     tank : Tank, optional
         Without it the water has no walls.
-    spots : sequence of mappings
+    spots : sequence of Spot
         Readings to take: x_m, y_m, z_m, repeats.
     hwhm_deg : float
         Half width of the beam.
     """
-    far = float(max([z_m.max(initial=1.0), *(spot["z_m"] for spot in spots)]))
+    far = float(max([z_m.max(initial=1.0), *(spot.z_m for spot in spots)]))
     side = float(max(1.2 * np.abs(x_m).max(initial=0.5), 1.2 * np.abs(y_m).max(initial=0.5), 1.0))
     # x, y, z of what is drawn of unbounded water
     walls = tank.box_m if tank else ((-side, side), (-side, side), (0.0, np.inf))
@@ -84,10 +84,10 @@ def _beam(axis: Axes, reach: float, hwhm_deg: float) -> None:
     axis.plot([0], [0], marker=">", color=MUTED, markersize=11, linestyle="none")
 
 
-def _spots(axis: Axes, spots: Sequence[Mapping[str, Any]], name: str) -> None:
+def _spots(axis: Axes, spots: Sequence[Spot], name: str) -> None:
     if not spots:
         return
-    z, across = [spot["z_m"] for spot in spots], [spot[name] for spot in spots]
+    z, across = [spot.z_m for spot in spots], [getattr(spot, name) for spot in spots]
     axis.plot(
         z,
         across,
@@ -99,9 +99,9 @@ def _spots(axis: Axes, spots: Sequence[Mapping[str, Any]], name: str) -> None:
         label="measure here next",
     )
     for spot, x, y in zip(spots, z, across, strict=True):
-        if int(spot.get("repeats", 1)) > 1:
+        if spot.repeats > 1:
             axis.annotate(
-                f"{int(spot['repeats'])} times",
+                f"{spot.repeats} times",
                 (x, y),
                 (9, 6),
                 textcoords="offset points",

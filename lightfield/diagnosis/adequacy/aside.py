@@ -1,9 +1,10 @@
 """Readings set aside: slips that strike anywhere, or a structure that no effect of the table reaches?
 
 Slips fall on readings at random. So under the null hypothesis the places set aside are a random choice of all
-places. Scan statistic (Naus 1965, JASA 60, 532): along every coordinate and every row of the layout, the
-window in which so many of them were least to be expected; its chance is calibrated by choosing places at
-random (permutation test), which takes care of the number of windows and of coordinates that go together.
+places. Scan statistic (Naus 1965, J. Am. Stat. Assoc. 60, 532): along every coordinate and every row
+of the layout, the window in which so many of them were least to be expected; its chance is calibrated by
+choosing places at random (permutation test), which takes care of the number of windows and of coordinates
+that go together.
 """
 
 from __future__ import annotations
@@ -15,34 +16,20 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import Labels, Layout
+from lightfield.diagnosis.adequacy.structure import Span, Structure
+from lightfield.diagnosis.problem.layout import AIR_APART_M, PLACE_DECIMALS, SAME, Labels, Layout
 
-#: Probability with which slips alone are called a structure, by their places or by their number.
+#: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
+#: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_aside.py holds it.
 LEVEL = 0.003
-#: Random choices of as many places.
+#: Random choices of as many places: the chance of LEVEL is then known to two fifths.
 PERMUTATIONS = 1999
 #: Fewer readings than this are near each other by chance.
 _FEWEST = 3
-
-
-@dataclass(frozen=True)
-class Structure:
-    """Why readings set aside are not slips.
-
-    Parameters
-    ----------
-    coordinate : str, optional
-        Along which they lie together: "x", "y", "plane", "x/z", "y/z", "angle", "wavelength", "signal",
-        "place" (neighbours in a row) or "time"; None: they are only too many.
-    where : str
-        That in words.
-    chance : float
-        Probability of it if they were slips.
-    """
-
-    coordinate: str | None
-    where: str
-    chance: float
+#: Factor between the numbers of struck places that a window is tried with, once they are more than a few.
+_COUNTS_APART = 1.25
+#: Decimals in m and in the scan to which readings are of one place and moment.
+_MOMENT_DECIMALS = 6
 
 
 def structure(
@@ -70,54 +57,54 @@ def structure(
     rows = np.flatnonzero(usable)
     # Wavelengths read at one place and moment share its slip, and count once.
     moment = np.stack([layout.x_m, layout.y_m, layout.z_m, layout.air, layout.position], axis=1)[rows]
-    _, first, unit = np.unique(np.round(moment, 6), axis=0, return_index=True, return_inverse=True)
+    _, first, unit = np.unique(
+        np.round(moment, _MOMENT_DECIMALS), axis=0, return_index=True, return_inverse=True
+    )
     unit = unit.ravel()
     struck = np.bincount(unit, weights=aside[rows]) > 0
     above = np.bincount(unit, weights=(aside * np.sign(misfit))[rows]) > 0
     found = [_scan(_sequences(layout, prediction, rows[first]), struck, above, rng)]
     if layout.channel[rows].max() > layout.channel[rows].min():
-        waves = {"wavelength": (layout.wavelength_nm[rows], "nm")}
-        found.append(_scan(waves, aside[rows], (misfit > 0)[rows], rng))
+        found.append(_scan({"wavelength": layout.wavelength_nm[rows]}, aside[rows], (misfit > 0)[rows], rng))
     together = min((f for f in found if f is not None), key=lambda f: f.chance, default=None)
     if together is not None and together.chance * len(found) < LEVEL:
         if together.coordinate == "place":
-            return Structure("place", _place(layout, rows[first][together.members]), together.chance)
-        return Structure(together.coordinate, together.where, together.chance)
+            box_m = _box_m(layout, rows[first][together.members])
+            return Structure("place", together.chance, box_m=box_m, rate=rate)
+        return Structure(together.coordinate, together.chance, together.span, rate=rate)
     many = float(special.bdtrc(struck.sum() - 1, len(struck), rate)) if struck.any() else 1.0
-    if many < LEVEL:
-        return Structure(None, f"more of them than the {100 * rate:g} % that slips explain", many)
-    return None
+    return Structure(None, many, rate=rate) if many < LEVEL else None
 
 
 @dataclass(frozen=True)
 class _Window:
     coordinate: str
-    where: str
+    span: Span
     members: Labels
     chance: float
 
 
-def _sequences(layout: Layout, prediction: Array, at: Labels) -> dict[str, tuple[Array, str]]:
-    """Coordinates along which neighbours are sought, simplest first: values at the places, and unit."""
+def _sequences(layout: Layout, prediction: Array, at: Labels) -> dict[str, Array]:
+    """Coordinates along which neighbours are sought, simplest first: values at the places."""
     x, y, z = layout.x_m[at], layout.y_m[at], layout.z_m[at]
     plane = layout.plane[at]
-    out = {"x": (x, "m"), "y": (y, "m"), "plane": (z + 1e3 * layout.air[at], "m")}
+    out = {"x": x, "y": y, "plane": z + AIR_APART_M * layout.air[at]}
     with np.errstate(divide="ignore", invalid="ignore"):
-        out |= {"x/z": (x / z, ""), "y/z": (y / z, "")}
-    out["angle"] = (np.degrees(layout.angle_rad[at]), "degrees")
-    out["signal"] = (np.argsort(np.argsort(prediction[at])).astype(float), "")
+        out |= {"x/z": x / z, "y/z": y / z}
+    out["angle"] = np.degrees(layout.angle_rad[at])
+    out["signal"] = np.argsort(np.argsort(prediction[at])).astype(float)
     rows = {"along x": (x, y, plane), "along y": (y, x, plane), "along z": (z, x, y)}
     for name, keys in rows.items():
         place = np.empty(len(at))
         place[np.lexsort(keys)] = np.arange(len(at))
-        out[name] = (place, "")
+        out[name] = place
     if layout.has_time:
-        out["time"] = (layout.position[at], "")
-    return {name: (v, u) for name, (v, u) in out.items() if np.isfinite(v).all() and np.ptp(v) > 1e-6}
+        out["time"] = layout.position[at]
+    return {name: v for name, v in out.items() if np.isfinite(v).all() and np.ptp(v) > SAME}
 
 
 def _scan(
-    sequences: dict[str, tuple[Array, str]],
+    sequences: dict[str, Array],
     struck: NDArray[np.bool_],
     above: NDArray[np.bool_],
     rng: np.random.Generator,
@@ -131,8 +118,8 @@ def _scan(
     places = np.vstack([seen[None], random])
     least = np.full(len(places), np.inf)
     best = ("", 0.0, 0.0)
-    for name, (value, _) in sequences.items():
-        levels, level = np.unique(np.round(value, 4), return_inverse=True)
+    for name, value in sequences.items():
+        levels, level = np.unique(np.round(value, PLACE_DECIMALS), return_inverse=True)
         upto = np.cumsum(np.bincount(level))
         for group in {(0, m), (0, up), (up, m)}:
             among = np.sort(level[places[:, slice(*group)]], axis=1)
@@ -141,11 +128,11 @@ def _scan(
                 best = (name, float(levels[low]), float(levels[high]))
             least = np.minimum(least, here)
     name, first, last = best
-    value, unit = sequences[name]
-    members = seen[(value[seen] >= first - 1e-4) & (value[seen] <= last + 1e-4)]
+    value, rounding = sequences[name], 10.0**-PLACE_DECIMALS
+    members = seen[(value[seen] >= first - rounding) & (value[seen] <= last + rounding)]
     chance = float((least <= least[0]).sum()) / len(places)
     kind = "place" if name.startswith("along") else name
-    return _Window(kind, _where(name, first, last, unit), members, chance)
+    return _Window(kind, _span(name, first, last), members, chance)
 
 
 def _densest(among: Labels, upto: Labels, n: int) -> tuple[Array, int, int]:
@@ -186,29 +173,23 @@ def _tails(m: int, n: int) -> Array:
 
 
 def _counts(m: int) -> list[int]:
-    """How many struck places a window may hold: three to ten, then in steps of a quarter."""
+    """How many struck places a window may hold: one by one, then in growing steps."""
     out, k = [], _FEWEST
     while k < m:
         out.append(k)
-        k = max(k + 1, int(1.25 * k))
+        k = max(k + 1, int(_COUNTS_APART * k))
     return [*out, m] if m >= _FEWEST else []
 
 
-def _where(name: str, low: float, high: float, unit: str) -> str:
-    said = {"plane": "z", "angle": "the angle from the axis", "wavelength": "the wavelength"}.get(name, name)
-    if name == "signal":
-        return "among readings of equal size"
+def _span(name: str, low: float, high: float) -> Span:
+    """Ends of a window along a coordinate, as people count it."""
     if name == "time":
-        return f"in the scan, readings {low + 1:.0f} to {high + 1:.0f}"
-    if name == "plane" and low > 500:
-        low, high = low - 1e3, high - 1e3
-    ends = f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
-    return f"where {said} is {ends} {unit}".rstrip()
+        return low + 1, high + 1
+    if name == "plane" and low > 0.5 * AIR_APART_M:
+        return low - AIR_APART_M, high - AIR_APART_M
+    return low, high
 
 
-def _place(layout: Layout, rows: Labels) -> str:
-    ends = []
-    for name, value in (("x", layout.x_m), ("y", layout.y_m), ("z", layout.z_m)):
-        low, high = (f"{round(end, 4) + 0.0:.3g}" for end in (value[rows].min(), value[rows].max()))
-        ends.append(f"{name} = {low}" if low == high else f"{name} = {low} to {high}")
-    return f"at neighbouring places, {', '.join(ends)} m"
+def _box_m(layout: Layout, rows: Labels) -> tuple[Span, Span, Span]:
+    x, y, z = ((float(v[rows].min()), float(v[rows].max())) for v in (layout.x_m, layout.y_m, layout.z_m))
+    return x, y, z

@@ -8,18 +8,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import TINY, beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.layout import LINE_DECIMALS, SAME, Layout
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit
 
-COORDINATES = ("x", "y", "angle", "plane", "time", "signal", "wavelength")
-_ITERATIONS = 10
-_MAX_LEVELS = 40
+#: Linearisations of a free factor, parts of a step that are tried, and how weak a direction of the step is
+#: left alone: a function of the angle can stand in for the beam width.
+_ITERATIONS, _STEPS, _WEAK = 10, (1.0, 0.3, 0.1), 1e-3
+#: Most free levels of a coordinate and readings for each; where there are more, cosines take their place: so
+#: many, and readings for each.
+_MAX_LEVELS, _MAX_COSINES, _READINGS_PER_TERM = 40, 30, 4
+#: More of the time, of which every reading has its own, and fewer of the signal, with which a factor changes
+#: slowly.
+_MAX_TIME_COSINES, _READINGS_PER_TIME_COSINE, _SIGNAL_COSINES = 40, 6, 5
 #: Slow changes with the angle that may come with a ripple.
 _SLOW_TERMS = 4
+#: Columns of a factor are the same when less than this part is left.
+_SAME_COLUMN = 1e-6
+#: Signals below this part of the largest are one; where the prediction is below the other, no departure
+#: counts.
+_DARKEST, _BRIGHT = 1e-3, 0.05
+#: Keeps the scale of a coordinate, and a misfit, finite.
+_LEAST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -47,36 +60,36 @@ class Coordinate:
 
 
 def _levels(coordinate: Array, limit: int) -> Array | None:
-    values, label = np.unique(np.round(coordinate, 3), return_inverse=True)
+    values, label = np.unique(np.round(coordinate, LINE_DECIMALS), return_inverse=True)
     if not 2 <= len(values) <= limit:
         return None
     return np.asarray((label[:, None] == np.arange(len(values))) * 1.0)
 
 
 def _cosines(coordinate: Array, terms: int) -> Array:
-    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), _LEAST)
     return np.cos(np.pi * np.outer(u, np.arange(1, terms + 1)))
 
 
 def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array]]:
     """Basis (n, k) and coordinate (n,) of each family that the layout can show."""
     n = layout.size
-    limit = min(_MAX_LEVELS, n // 4)
+    limit, terms = (min(most, n // _READINGS_PER_TERM) for most in (_MAX_LEVELS, _MAX_COSINES))
     out: dict[str, tuple[Array, Array]] = {}
     for name, coordinate in (("x", layout.x_m), ("y", layout.y_m)):
-        if np.ptp(coordinate) > 1e-6:
+        if np.ptp(coordinate) > SAME:
             basis = _levels(coordinate, limit)
-            out[name] = (_cosines(coordinate, min(30, n // 4)) if basis is None else basis, coordinate)
+            out[name] = (_cosines(coordinate, terms) if basis is None else basis, coordinate)
     angle = np.degrees(layout.angle_rad)
-    if np.ptp(angle) > 1e-6:
-        out["angle"] = (_cosines(angle, min(30, n // 4)), angle)
+    if np.ptp(angle) > SAME:
+        out["angle"] = (_cosines(angle, terms), angle)
     if layout.plane.max() > 0:
         out["plane"] = ((layout.plane[:, None] == np.arange(layout.plane.max() + 1)) * 1.0, layout.z_m)
     if layout.has_time:
         minutes = (layout.time_s - layout.time_s.min()) / 60
-        out["time"] = (_cosines(minutes, min(40, n // 6)), minutes)
-    level = np.log10(np.maximum(prediction, 1e-3 * prediction.max()))
-    out["signal"] = (_cosines(level, 5), prediction)
+        out["time"] = (_cosines(minutes, min(_MAX_TIME_COSINES, n // _READINGS_PER_TIME_COSINE)), minutes)
+    level = np.log10(np.maximum(prediction, _DARKEST * prediction.max()))
+    out["signal"] = (_cosines(level, _SIGNAL_COSINES), prediction)
     if layout.channel.max() > 0:
         out["wavelength"] = (
             (layout.channel[:, None] == np.arange(layout.channel.max() + 1)) * 1.0,
@@ -104,7 +117,7 @@ def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Ar
 
 def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
     """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
-    unit = orthonormal(basis - basis.mean(0), 1e-6)
+    unit = orthonormal(basis - basis.mean(0), _SAME_COLUMN)
     model, keep, value = problem.model(), problem.keep, problem.value
     u, factor = base.u.copy(), np.ones(problem.layout.size)
     best = (base.chi2, factor)
@@ -114,10 +127,9 @@ def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> 
         nuisance = whiten((keep * factor)[:, None] * model.jacobian(u, prediction))
         shape = whiten((keep * prediction)[:, None] * unit)
         both = np.hstack([nuisance, shape])
-        length = np.linalg.norm(both, axis=0) + 1e-300
-        # A function of the angle can stand in for the beam width: such directions are left alone.
-        step = np.linalg.lstsq(both / length, residual, rcond=1e-3)[0] / length
-        for part in (1.0, 0.3, 0.1):
+        length = np.linalg.norm(both, axis=0) + TINY
+        step = np.linalg.lstsq(both / length, residual, rcond=_WEAK)[0] / length
+        for part in _STEPS:
             moved = np.clip(u + part * step[: len(u)], model.low, model.high)
             scaled = factor + part * unit @ step[len(u) :]
             rest = whiten(keep * (value - model.predict(moved) * scaled))
@@ -146,8 +158,8 @@ def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> li
     for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
         chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
         terms += period is not None
-        departure = np.abs(factor - np.median(factor)) * (base.prediction > 0.05 * base.prediction.max())
-        explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, 1e-12)
+        departure = np.abs(factor - np.median(factor)) * (base.prediction > _BRIGHT * base.prediction.max())
+        explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, _LEAST)
         out.append(
             Coordinate(
                 name,

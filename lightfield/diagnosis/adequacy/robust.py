@@ -15,26 +15,61 @@ from numpy.typing import NDArray
 from scipy import optimize, special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import orthonormal
+from lightfield.diagnosis.adequacy.subspace import TINY, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
-from lightfield.diagnosis.problem.layout import Layout
-from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
+from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA, Whitener
 from lightfield.fitting.least_squares import Fit
 
+#: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
+#: (`setup.OUTLIER_PERCENT`); more is a finding, see `aside`.
 MAX_OUTLIERS = 0.08
+#: From so many readings on every plane's unknowns can be fitted beside all else.
 _MANY = 80
-#: Readings this many spreads off are proposed as outliers.
+#: One-tailed chance that any good reading of a table is called an outlier: of many readings, and of few,
+#: whose loss costs more. Chosen so that both tails make ALPHA, and a tenth; test_robust.py holds them.
+OUTLIER_LEVEL, OUTLIER_LEVEL_FEW = 0.005, 0.0005
+#: Readings this many spreads off are proposed as outliers: what is judged an outlier is farther off.
 _PROPOSED = 3.0
+#: Where the weights of the Cauchy regression are a half, in spreads: 2.385 makes it 95 % efficient on normal
+#: errors (Holland and Welsch 1977, doi:10.1080/03610927708827533). Rounds: it only proposes.
+_CAUCHY, _CAUCHY_ROUNDS = 2.5, 8
+#: Part of a degree of freedom that a column takes from a spread about a robust fit, and the least that is
+#: left of all. Chosen: less than one, for a median is not the mean square that least squares minimises.
+_TAKEN_PER_COLUMN, _LEAST_LEFT = 0.8, 0.25
+#: A spread is no smaller than this part of the largest misfit: most readings may fit exactly.
+_EXACT = 1e-9
+#: Squares of directions that readings fix no better than rounding does; leverage by which one is open.
+_LOOSE, _OPEN = 1e-12, 1e-6
+#: Outliers that share a place are no slips when there are so many, and so large a part of that place. Chosen:
+#: two of seven neighbours may be slips of one hand, three on one side of the model hardly.
+_TOGETHER, _TOGETHER_PART = 3, 0.4
 #: Correlations considered, all equally likely beforehand.
 RHO_GRID = np.linspace(0.0, 0.95, 20)
-#: Spread of ln(variance of the noise over the stated one) in the prior.
-SCALE_SPREAD = 0.5
+#: A correlation needs so many pairs of neighbours in the scan: its error is then 0.2.
+_FEWEST_PAIRS = 20
+#: Quantiles of a posterior in the middle of its fifths.
+_FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
+#: ln(variance scale) over which it is integrated out, from a twentieth to eight thousand.
+_LOG_SCALE = np.linspace(-3.0, 9.0, 121)
+#: Spread of ln(variance of the noise over the stated one) in the prior, and degrees of freedom of its Student
+#: distribution. Chosen: stated errors are good to a factor of 1.3 or so, but tails wide enough for one of 5.
+SCALE_SPREAD, _SCALE_DOF = 0.5, 4
 #: An overstated part of the error budget must not make the readings look better than they can be.
-_SMALLEST_SCALE = 0.5
+SMALLEST_SCALE = 0.5
+#: Beside fewer spare readings than this no scale is estimated.
+FEWEST_TO_SCALE = 4
+#: Points at which a deviance is asked for before its minimum is sought between two of them.
+_SCALES_TRIED = 40
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
-#: reading; by how much its log likelihood must be larger; beside how many readings to spare.
+#: reading.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
+#: By how much its log likelihood must be larger, and beside how many readings to spare. Chosen, so that right
+#: errors are replaced in one set of ten at most (test_noise.py).
 _OVERWHELMING, _ENOUGH = 6.0, 20
+#: Errors in proportion to the reading that are tried, from none to the largest that is believed; by how much
+#: the log evidence must grow: two standard deviations.
+_PROPORTIONS, _EVIDENT = 11, 2.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +117,7 @@ def outliers(residual: Array, basis: Array, keep: Array) -> NDArray[np.bool_]:
     n, usable = len(keep), keep > 0
     bad = usable & (_cauchy_misfit(residual, basis, keep) > _PROPOSED)
     most = max(int(MAX_OUTLIERS * n) - int(n - keep.sum()), 0)
-    level = (0.005 if n >= _MANY else 0.0005) / n
+    level = (OUTLIER_LEVEL if n >= _MANY else OUTLIER_LEVEL_FEW) / n
     while bad.any():
         t, nu = _studentised(residual, basis, usable & ~bad)
         proposed = np.flatnonzero(bad)
@@ -97,13 +132,13 @@ def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
     """|misfit| of a Cauchy regression in units of its robust spread."""
     n, weight, misfit = len(keep), keep.copy(), np.abs(residual)
     spread = 1.0
-    for _ in range(8):
+    for _ in range(_CAUCHY_ROUNDS):
         root = np.sqrt(weight)
         misfit = residual - basis @ np.linalg.lstsq(basis * root[:, None], residual * root, rcond=None)[0]
-        inflate = np.sqrt(n / max(n - 0.8 * basis.shape[1], 0.25 * n))
-        spread = 1.4826 * float(np.median(np.abs(misfit[keep > 0]))) * inflate
-        spread = max(spread, 1e-9 * float(np.abs(misfit).max()), 1e-300)  # most readings may fit exactly
-        weight = keep / (1 + (misfit / (2.5 * spread)) ** 2)
+        inflate = np.sqrt(n / max(n - _TAKEN_PER_COLUMN * basis.shape[1], _LEAST_LEFT * n))
+        spread = MAD_TO_SIGMA * float(np.median(np.abs(misfit[keep > 0]))) * inflate
+        spread = max(spread, _EXACT * float(np.abs(misfit).max()), TINY)
+        weight = keep / (1 + (misfit / (_CAUCHY * spread)) ** 2)
     return np.asarray(np.abs(misfit) / spread)
 
 
@@ -112,14 +147,14 @@ def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tu
     others = basis[~judges]
     # The basis is orthonormal over all readings: what the judges see of it is what the others leave.
     square, directions = np.linalg.eigh(np.eye(basis.shape[1]) - others.T @ others)
-    firm = square > 1e-12
+    firm = square > _LOOSE
     loose, inverse = others @ directions, 1 / square[firm]
     along = directions.T @ (basis.T @ (judges * residual))
     misfit = residual - basis @ (directions[:, firm] @ (inverse * along[firm]))
     nu = max(int(judges.sum()) - int(firm.sum()), 1)
-    sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), 1e-9 * np.abs(misfit).max(), 1e-300)
+    sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), _EXACT * np.abs(misfit).max(), TINY)
     # Directions that the judges leave open could have produced any misfit.
-    open_part = (loose[:, ~firm] ** 2).sum(1) > 1e-6
+    open_part = (loose[:, ~firm] ** 2).sum(1) > _OPEN
     variance = 1 + loose[:, firm] ** 2 @ inverse
     out = np.zeros(len(residual))
     out[~judges] = np.where(open_part, 0.0, np.abs(misfit[~judges]) / (sigma * np.sqrt(variance)))
@@ -139,10 +174,11 @@ def scattered(bad: NDArray[np.bool_], misfit: Array, layout: Layout) -> NDArray[
     """
     alone = bad.copy()
     for coordinate in (layout.x_m, layout.y_m, layout.z_m):
-        _, label = np.unique(np.round(coordinate, 3), return_inverse=True)
+        _, label = np.unique(np.round(coordinate, LINE_DECIMALS), return_inverse=True)
         size, hit = np.bincount(label), np.bincount(label, weights=bad)
         above = np.bincount(label, weights=bad & (misfit > 0))
-        together = (hit >= 3) & (hit > 0.4 * size) & (len(size) > 2) & ((above == 0) | (above == hit))
+        one_side = (above == 0) | (above == hit)
+        together = (hit >= _TOGETHER) & (hit > _TOGETHER_PART * size) & (len(size) > 2) & one_side
         alone &= ~together[label]
     return alone
 
@@ -151,7 +187,7 @@ def serial_correlation(
     residual: Array, rich: Array, keep: Array, layout: Layout, stated: float | None
 ) -> Serial:
     """Posterior of an AR(1) correlation in scan order from the restricted likelihood (Patterson and Thompson
-    1971, Biometrika 58, 545), which does not mistake for independence what the rich model took out.
+    1971, doi:10.1093/biomet/58.3.545), which does not mistake for independence what the rich model took out.
 
     Correlated noise is quiet from one reading to the next, so that the stated errors have a say: noise of
     the stated size is not both correlated and rough. Their scale has a wide Student prior.
@@ -167,7 +203,7 @@ def serial_correlation(
     """
     order = layout.order[keep[layout.order] > 0]
     gap, same = np.diff(layout.position[order]), np.diff(layout.channel[order]) == 0
-    if (same & (gap <= 2)).sum() < 20:
+    if (same & (gap <= 2)).sum() < _FEWEST_PAIRS:
         return Serial()
     rows = np.column_stack([rich, residual])[order]
     evidence = []
@@ -178,7 +214,7 @@ def serial_correlation(
         evidence.append(_log_evidence(white, stated) - float(np.log(root).sum()))
     weight = np.exp(np.array(evidence) - max(evidence))
     share = np.cumsum(weight) / weight.sum()
-    levels = tuple(float(RHO_GRID[int(np.searchsorted(share, p))]) for p in (0.1, 0.3, 0.5, 0.7, 0.9))
+    levels = tuple(float(RHO_GRID[int(np.searchsorted(share, p))]) for p in _FIFTHS)
     return Serial(float(weight @ RHO_GRID / weight.sum()), levels)
 
 
@@ -190,13 +226,13 @@ def _log_evidence(white: Array, stated: float | None) -> float:
     white : array, shape (n, k + 1)
         Columns and, last, residual.
     """
-    log_scale = np.linspace(-3.0, 9.0, 121)
-    prior = np.zeros_like(log_scale)
+    prior = np.zeros_like(_LOG_SCALE)
     if stated is not None:
-        # Student's t with 4 degrees of freedom, up to a constant.
-        prior = -2.5 * np.log1p(((log_scale - np.log(stated)) / SCALE_SPREAD) ** 2 / 4)
+        # Student's t, up to a constant.
+        far = (_LOG_SCALE - np.log(stated)) / SCALE_SPREAD
+        prior = -0.5 * (_SCALE_DOF + 1) * np.log1p(far**2 / _SCALE_DOF)
     nu, rest, volume = _beside(white)
-    log_likelihood = prior - 0.5 * (nu * log_scale + rest * np.exp(-log_scale))
+    log_likelihood = prior - 0.5 * (nu * _LOG_SCALE + rest * np.exp(-_LOG_SCALE))
     return float(special.logsumexp(log_likelihood) - volume)
 
 
@@ -216,7 +252,7 @@ def scatter_law(
     Stated errors may be too small or too large by a factor. But one error for bright and dark readings alike,
     or one in per cent without a dark floor, weighs the readings wrongly, and no factor mends that. The law
     tried instead is s^2 = c0 + c2 f^2; its likelihood is the restricted one of the residual beside the rich
-    model (Patterson and Thompson 1971, Biometrika 58, 545).
+    model (Patterson and Thompson 1971).
 
     Parameters
     ----------
@@ -255,7 +291,7 @@ def scatter_law(
 def _profile(white: Array) -> tuple[float, float]:
     """Restricted log likelihood of a residual (last column) beside the others at its best scale, and that."""
     nu, rest, volume = _beside(white)
-    variance = max(rest / nu, 1e-300)
+    variance = max(rest / nu, TINY)
     return -0.5 * nu * float(np.log(variance)) - volume, variance
 
 
@@ -278,13 +314,13 @@ def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, m
     rows, bright = np.column_stack([rich, residual])[kept], relative[kept] ** 2
     if not bright.any():
         return np.ones_like(relative)
-    evidence, shares = [], np.linspace(0.0, 1.0, 11) * (most - 1) / float(bright.max())
+    evidence, shares = [], np.linspace(0.0, 1.0, _PROPORTIONS) * (most - 1) / float(bright.max())
     for share in shares:
         root = np.sqrt(1 + share * bright)[:, None]
         evidence.append(_log_evidence(rows / root, 1.0) - float(np.log(root).sum()))
     best = int(np.argmax(evidence))
-    # Without evidence of two standard deviations the stated errors are taken as they are.
-    share = shares[best] if evidence[best] - evidence[0] > 2.0 else 0.0
+    # Without evidence the stated errors are taken as they are.
+    share = shares[best] if evidence[best] - evidence[0] > _EVIDENT else 0.0
     return np.asarray(np.sqrt(1 + share * relative**2))
 
 
@@ -293,7 +329,7 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
 
     What is left beside the rich basis has the covariance phi + extra. In the eigenvectors of `extra` that is
     a sum of independent terms, so that directions which the rest of the budget fills say little about phi
-    (Patterson and Thompson 1971, Biometrika 58, 545).
+    (Patterson and Thompson 1971).
 
     Parameters
     ----------
@@ -304,7 +340,7 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
     """
     kept = np.flatnonzero(keep > 0)
     spare = len(kept) - rich.shape[1]
-    if spare < 4:  # nothing is left to estimate it from
+    if spare < FEWEST_TO_SCALE:
         return 1.0
     outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
     white = plain(plain(extra).T)[np.ix_(kept, kept)]
@@ -328,9 +364,9 @@ def likeliest_scale(within: Callable[[float, float], Callable[[float], float]], 
     mean_square : float
         Of the residual: the scale if there were no other errors.
     """
-    largest = max(mean_square, 2 * _SMALLEST_SCALE)
-    low, high = float(np.log(_SMALLEST_SCALE)), float(np.log(2 * largest))
-    deviance, grid = within(low, high), np.linspace(low, high, 40)
+    largest = max(mean_square, 2 * SMALLEST_SCALE)
+    low, high = float(np.log(SMALLEST_SCALE)), float(np.log(2 * largest))
+    deviance, grid = within(low, high), np.linspace(low, high, _SCALES_TRIED)
     best = grid[int(np.argmin([deviance(x) for x in grid]))]
     width = grid[1] - grid[0]
     low, high = max(best - width, low), best + width

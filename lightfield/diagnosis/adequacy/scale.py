@@ -9,11 +9,11 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.robust import likeliest_scale
+from lightfield.diagnosis.adequacy.robust import FEWEST_TO_SCALE, likeliest_scale
 from lightfield.diagnosis.problem.noise import Noise, Whitener
 
 #: Degree of the polynomials in ln(phi) that stand for the likelihood: one over all that is credible, to find
-#: the place, and one about it.
+#: the place, and one about it. The scale is that of the dense covariance to 2e-4 (test_chain.py).
 _DEGREE = 8
 
 
@@ -33,7 +33,7 @@ def scale_along(
     """
     kept = keep > 0
     spare = int(kept.sum()) - rich.shape[1]
-    if spare < 4:
+    if spare < FEWEST_TO_SCALE:
         return 1.0
     columns = np.column_stack([rich, residual])
     rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)

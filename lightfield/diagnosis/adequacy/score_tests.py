@@ -3,8 +3,8 @@
 Valid when the errors are Gaussian with the covariance of the noise module up to one unknown scale, and the
 model is nearly linear in its parameters over their uncertainty. Nominal p-values are never used as they are:
 the smallest one is compared with the smallest ones of a parametric bootstrap that repeats the whole
-calculation (Westfall & Young 1993), which takes care of their number, their correlations, one-sided effects,
-and shapes that mean nothing without amplitude.
+calculation (Westfall and Young 1993, Resampling-based multiple testing, Wiley), which takes care of their
+number, their correlations, one-sided effects, and shapes that mean nothing without amplitude.
 """
 
 from __future__ import annotations
@@ -17,22 +17,40 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Family-wise level at which the base model is given up.
+#: Family-wise level at which the base model is given up. Chosen: one false alarm in a hundred tables;
+#: tests/unit/diagnosis/test_adequacy.py holds it where nothing is missing.
 ALPHA = 0.01
 SPANS = ("x", "plane", "time")
 SCANS = ("bump", "ripple", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.
+#: Chosen: forward differences over a hundredth of the typical size (`candidates.STEP`) are hardly better.
 ABSORBED = 1e-3
-#: Scatter up to this many times the quoted variance is put down to errors quoted too small.
+#: A column of a scan that keeps less than this is next to what the fit moves. Chosen: at a twentieth its
+#: amplitude would have to be twenty times the noise to be seen.
+_VISIBLE = 0.05
+#: Scatter up to this many times the quoted variance is put down to errors quoted too small: a factor of two
+#: in the standard error, as tables are wrong (tests/physics/test_diagnosis.py has 1.7).
 VARIANCE_EXCESS = 4.0
+#: More scatter than that is a misfit when it has this chance. Chosen: a tenth of ALPHA, which it adds to.
+EXCESS_LEVEL = 1e-3
 #: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
+#: Chosen: the error of a scale from four is 70 %.
 FEWEST_SPARE = 4
+#: Fewer than this, and the smooth unknowns but for those across the beam are taken to be absent from the
+#: scale's misfit: it is known to 50 %, and what they would take from it is not.
+_FEWEST_BESIDE_ALL = 8
+#: Degrees of freedom that stand for a known scale: quantiles of t are normal ones to 0.2 % at ALPHA.
 _CERTAIN = 1000
+#: k neighbouring columns count as k to this power independent ones in the nominal p of a scan. Chosen, for
+#: the weight of a scan among the tests alone: what is said rests on the bootstrap.
+_SCAN_POWER = 0.7
+#: Rounding of a sum of squares.
+_ROUNDING = 1e-12
 #: Replicates that are tested at a time, to bound the memory.
 _AT_ONCE = 200
 
@@ -100,18 +118,18 @@ class Adequacy:
 
     def passes(self, alpha: float) -> bool:
         """Nothing is missing at family-wise level `alpha`, and the scatter is credible."""
-        return self.p > alpha and self.excess_p > 0.001
+        return self.p > alpha and self.excess_p > EXCESS_LEVEL
 
 
 def _score(template: Template, free: Array) -> Score:
     rest = beside(free, template.columns)
     before, after = np.linalg.norm(template.columns, axis=0), np.linalg.norm(rest, axis=0)
-    visible = after > ABSORBED * np.maximum(before, 1e-300)
+    visible = after > ABSORBED * np.maximum(before, TINY)
     q = template.columns.shape[1]
     if not visible.any():
         return Score(template, np.zeros((len(rest), 0)), np.zeros((q, 0)), 0.0, False)
     u, s, vt = np.linalg.svd(rest[:, visible] / after[visible], full_matrices=False)
-    strong = s > 1e-3 * s[0]
+    strong = s > DISTINCT * s[0]
     to_amplitude = np.zeros((q, int(strong.sum())))
     to_amplitude[visible] = (vt[strong].T / s[strong]) / after[visible][:, None]
     return Score(template, u[:, strong], to_amplitude, float(after[visible][0]), True)
@@ -155,7 +173,7 @@ class AdequacyTest:
         """Test one fit."""
         n_kept = int(self.problem.keep.sum())
         bound = fit.at_bound()
-        free = orthonormal(fit.jacobian[:, ~bound], 1e-9)
+        free = orthonormal(fit.jacobian[:, ~bound], INDEPENDENT)
         scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten))
         testable = [s for s in scores if s.testable]
         spans = {k: orthonormal(beside(free, self.unknowns[k])) for k in SPANS if self.unknowns[k].shape[1]}
@@ -164,7 +182,7 @@ class AdequacyTest:
         scans = {k: self._unit(free, self.unknowns[k]) for k in SCANS}
         directions = [s.direction for s in testable]
         reach = orthonormal(np.hstack([free, *directions, together, scans["step"], scans["one plane"]]))
-        if n_kept - reach.shape[1] < 8:
+        if n_kept - reach.shape[1] < _FEWEST_BESIDE_ALL:
             reach = orthonormal(np.hstack([free, *directions, *[v for k, v in spans.items() if k == "x"]]))
         spare = n_kept - reach.shape[1]
         taken = spare < FEWEST_SPARE
@@ -198,7 +216,7 @@ class AdequacyTest:
         before = np.linalg.norm(columns, axis=0)
         rest = beside(free, columns)
         after = np.linalg.norm(rest, axis=0)
-        visible = after > 0.05 * np.maximum(before, 1e-300)
+        visible = after > _VISIBLE * np.maximum(before, TINY)
         return np.asarray(rest[:, visible] / after[visible])
 
 
@@ -248,7 +266,7 @@ class _Views:
         phi = np.ones_like(total)
         if self._fitted_in_reach is not None:
             reached = next(seen) - self._fitted_in_reach @ fitted
-            phi = np.maximum(total - (reached**2).sum(0), 1e-12 * total + 1e-300) / nu
+            phi = np.maximum(total - (reached**2).sum(0), _ROUNDING * total + TINY) / nu
         best: dict[object, Array] = {}
         for score in self.scores:
             projected = next(seen)
@@ -271,5 +289,5 @@ class _Views:
             projected = next(seen)
             if k := len(projected):
                 z = np.abs(projected).max(0) / np.sqrt(phi)
-                best["~" + name] = np.minimum(2 * k**0.7 * special.stdtr(nu, -z), 1.0)
+                best["~" + name] = np.minimum(2 * k**_SCAN_POWER * special.stdtr(nu, -z), 1.0)
         return np.stack(list(best.values())), list(best), phi

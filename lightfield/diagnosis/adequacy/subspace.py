@@ -6,8 +6,16 @@ import numpy as np
 
 from lightfield.arrays import Array
 
+#: Keeps a quotient by nothing finite: below the square of any reading.
+TINY = 1e-300
+#: Derivatives with respect to parameters are collinear when less than this part of the strongest direction is
+#: left. Chosen: far above the rounding of doubles (1e-16), far below what readings tell apart.
+INDEPENDENT = 1e-9
+#: The same of effects and unknowns, whose directions must be told apart by readings good to a per cent or so.
+DISTINCT = 1e-3
 
-def orthonormal(columns: Array, tolerance: float = 1e-3) -> Array:
+
+def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
     """Orthonormal basis of the span; directions weaker than `tolerance` of the strongest are dropped.
 
     Parameters
@@ -16,7 +24,7 @@ def orthonormal(columns: Array, tolerance: float = 1e-3) -> Array:
         Scaled to unit length first, so that the tolerance means collinearity and not size.
     """
     norm = np.linalg.norm(columns, axis=0)
-    usable = columns[:, norm > 1e-300] / norm[norm > 1e-300]
+    usable = columns[:, norm > TINY] / norm[norm > TINY]
     if usable.shape[1] == 0:
         return np.zeros((len(columns), 0))
     u, s, _ = np.linalg.svd(usable, full_matrices=False)

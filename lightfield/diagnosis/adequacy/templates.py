@@ -10,18 +10,32 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.layout import LINE_DECIMALS, PLACE_DECIMALS, Layout
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter
 
+#: Half width at 1/e of a structure that stands in the light, in metres: a rod, a cable. Chosen.
 BUMP_WIDTH_M = 0.06
-#: Cycles over the angles that the readings span: effects change slower than this.
-SLOWEST_RIPPLE, MOST_RIPPLES = 4.0, 40
+#: Cycles over the angles that the readings span: effects change slower than this. Half a cycle apart, two
+#: ripples are as far from each other as their phases are; at most so many are tried, each at so many phases.
+SLOWEST_RIPPLE, _RIPPLES_APART, MOST_RIPPLES, _PHASES = 4.0, 0.5, 40, 4
 #: As soon as there is a surface the lid is gone, and with it what it reflects: that is a step, not a slope.
 OPENS_THE_TOP = "tank.surface_reflectance"
-_TIME_TERMS = 6
+#: Cosines of the time of so many readings, and of fewer.
+_TIME_TERMS, _MANY, _TIME_TERMS_OF_FEW = 6, 80, 2
+#: Cosines across the beam at most; at every distance at most, of so many readings for each. Chosen: what a
+#: beam does is smooth over a tenth of a scan, and a row needs five readings for a level and a slope.
+_ACROSS_TERMS, _PER_PLANE_TERMS, _READINGS_PER_TERM = 10, 3, 5
+#: A row of so many readings or more has all of these terms, a shorter one has one.
+_LONG_ROW = 10
+#: Places at which a bump is sought at most.
+_MOST_BUMPS = 40
+#: Moments at which a step is sought: as parts of the scan from its middle, its ends left alone.
+_STEPS = np.linspace(-0.4, 0.4, 17)
+#: Keeps the scale of a coordinate finite.
+_LEAST_SPAN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -84,12 +98,12 @@ def _slope(problem: Problem, values: Mapping[str, float], parameter: FitParamete
 
 
 def _cosines(coordinate: Array, terms: int) -> list[Array]:
-    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), 1e-12)
+    u = (coordinate - coordinate.min()) / max(float(np.ptp(coordinate)), _LEAST_SPAN)
     return [np.cos(k * np.pi * u) for k in range(1, terms + 1)]
 
 
 def _levels(coordinate: Array) -> int:
-    return len(np.unique(np.round(coordinate, 4)))
+    return len(np.unique(np.round(coordinate, PLACE_DECIMALS)))
 
 
 def _transverse(layout: Layout) -> list[Array]:
@@ -98,7 +112,7 @@ def _transverse(layout: Layout) -> list[Array]:
     for coordinate in (layout.x_m, layout.y_m):
         levels = _levels(coordinate)
         if levels > 1:
-            out += _cosines(coordinate, max(1, min(10, levels // 2)))
+            out += _cosines(coordinate, max(1, min(_ACROSS_TERMS, levels // 2)))
     return out
 
 
@@ -106,29 +120,29 @@ def _per_plane(layout: Layout) -> list[Array]:
     """A free level and slow cosines across the beam at every distance and channel."""
     _, label = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
     count = int(label.max()) + 1
-    terms = min(3, max(1, layout.size // (5 * count) - 1))
+    terms = min(_PER_PLANE_TERMS, max(1, layout.size // (_READINGS_PER_TERM * count) - 1))
     across: list[Array] = []
     for coordinate in (layout.x_m, layout.y_m):
         levels = _levels(coordinate)
         if levels > 2:
-            across += _cosines(coordinate, terms if levels >= 10 else 1)
+            across += _cosines(coordinate, terms if levels >= _LONG_ROW else 1)
     return [(label == k) * shape for k in range(count) for shape in [np.ones(layout.size), *across]]
 
 
 def _bumps(layout: Layout) -> list[Array]:
     out: list[Array] = []
     for coordinate in (layout.x_m, layout.y_m):
-        places = np.unique(np.round(coordinate, 3))
+        places = np.unique(np.round(coordinate, LINE_DECIMALS))
         if len(places) > 2:
-            places = places[:: max(1, len(places) // 40)]
+            places = places[:: max(1, len(places) // _MOST_BUMPS)]
             out += [np.exp(-(((coordinate - place) / BUMP_WIDTH_M) ** 2)) for place in places]
     return out
 
 
 def ripple_periods_rad(layout: Layout) -> Array:
     """Periods in the angle from the axis, shorter than any effect's, no shorter than readings show."""
-    levels, extent = len(np.unique(np.round(layout.angle_rad, 4))), float(np.ptp(layout.angle_rad))
-    cycles = np.arange(SLOWEST_RIPPLE, levels / 2, 0.5)
+    levels, extent = _levels(layout.angle_rad), float(np.ptp(layout.angle_rad))
+    cycles = np.arange(SLOWEST_RIPPLE, levels / 2, _RIPPLES_APART)
     return np.asarray(extent / cycles[:: max(1, ceil(len(cycles) / MOST_RIPPLES))])
 
 
@@ -148,12 +162,12 @@ def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[
     spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
     scans: dict[str, list[Array]] = {
         "bump": _bumps(layout), "step": [], "one plane": [],
-        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, 4)],
+        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, _PHASES)],
     }  # fmt: skip
     if layout.has_time:
         phase = layout.phase_of_scan
-        spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= 80 else 2)
-        scans["step"] = [np.sign(phase - at) for at in np.linspace(-0.4, 0.4, 17)]
+        spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= _MANY else _TIME_TERMS_OF_FEW)
+        scans["step"] = [np.sign(phase - at) for at in _STEPS]
     if layout.plane.max() > 0:
         scans["one plane"] = [(layout.plane == k) * 1.0 for k in range(int(layout.plane.max()) + 1)]
     empty = np.zeros((layout.size, 0))

@@ -6,19 +6,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.layout import SAME, Layout
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.scene import Scene
+from lightfield.scene.parameters import Parameter
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
 STEP = 1e-2
+#: The start of a shape keeps this part of its range from its ends, where fits would stay.
+_FROM_THE_ENDS = 0.02
+#: Readings at one distance, in metres, have a range all the same.
+_SHORTEST_RANGE_M = 1e-3
 
 REASONS: Mapping[str, str] = {
     "vary_x": "all readings have the same x",
@@ -39,7 +44,7 @@ REASONS: Mapping[str, str] = {
 class Setting:
     """What turns the relative numbers of the table of effects into absolute ones."""
 
-    scene: Any
+    scene: Scene
     layout: Layout
     signal: float
     band_nm: float
@@ -55,7 +60,7 @@ class Setting:
         if need in ("vary_x", "vary_y", "vary_z"):
             return layout.varies(need[-1] + "_m")
         return {
-            "off_axis": bool(layout.angle_rad.max() > 1e-6),
+            "off_axis": bool(layout.angle_rad.max() > SAME),
             "time": layout.has_time,
             "absolute": self.absolute,
             "tank": self.scene.tank is not None,
@@ -80,7 +85,7 @@ class Setting:
             "hours": (span_s / 3600, 0.0),
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
-            "range": (max(far - near, 1e-3), near),
+            "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "band": (self.band_nm, 0.0),
         }[per]
 
@@ -134,7 +139,7 @@ class Candidate:
 
 
 def _parameter(
-    free: Free, setting: Setting, known: Mapping[str, Any], shape: bool
+    free: Free, setting: Setting, known: Mapping[str, Parameter], shape: bool
 ) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
     now = float(setting.scene.get(free.path))
@@ -150,12 +155,15 @@ def _parameter(
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible
     else:
-        grid = np.clip(grid, low + 0.02 * (high - low), high - 0.02 * (high - low))
+        edge = _FROM_THE_ENDS * (high - low)
+        grid = np.clip(grid, low + edge, high - edge)
         start = float(grid[0])
     return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
 
 
-def _resolve(effect: Effect, form: Form, setting: Setting, known: Mapping[str, Any]) -> Candidate | None:
+def _resolve(
+    effect: Effect, form: Form, setting: Setting, known: Mapping[str, Parameter]
+) -> Candidate | None:
     usable = [f for f in form.amplitudes if f.path in known and all(setting.met(n) for n in f.needs)]
     if not usable:
         return None

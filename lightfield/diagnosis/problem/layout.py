@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.readings import Readings
 
 Labels = NDArray[np.int_]
 
-#: Correlation lengths of a smooth error of the model: across the beam and along it, in metres.
+#: Correlation lengths of a smooth error of the model: across the beam and along it, in metres. Chosen: an
+#: eighth of a scan and a third of the range of the tow tank's layout.
 ACROSS_M, ALONG_M = 0.25, 1.5
+#: A coordinate that varies by less, in metres or radians, does not vary.
+SAME = 1e-6
+#: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
+#: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
+PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
+#: Added to the distance of readings in air, in metres, to tell them from those in water: beyond any tank.
+AIR_APART_M = 1e4
 
 
 @dataclass(frozen=True)
@@ -82,17 +90,19 @@ class Layout:
 
     def varies(self, name: str) -> bool:
         """Does a coordinate ("x_m", "y_m", "z_m") take different values?"""
-        return bool(np.ptp(getattr(self, name)) > 1e-6)
+        return bool(np.ptp(getattr(self, name)) > SAME)
 
 
-def layout_of(readings: Any) -> Layout:
+def layout_of(readings: Readings) -> Layout:
     """The layout of a reading table."""
     x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
     time = np.asarray(readings.time_s, float)
     wavelength = np.asarray(readings.wavelength_nm, float)
     air = np.asarray(readings.medium) == "air"
-    _, channel = np.unique(np.nan_to_num(np.round(wavelength, 3), nan=-1.0), return_inverse=True)
-    _, plane = np.unique(np.round(z, 3) + 1e4 * air, return_inverse=True)
+    _, channel = np.unique(
+        np.nan_to_num(np.round(wavelength, WAVELENGTH_DECIMALS), nan=-1.0), return_inverse=True
+    )
+    _, plane = np.unique(np.round(z, LINE_DECIMALS) + AIR_APART_M * air, return_inverse=True)
     known = bool(np.isfinite(time).all())
     sequence = time if known else np.arange(len(z), dtype=float)
     by_time = np.argsort(sequence, kind="stable")

@@ -17,17 +17,33 @@ from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
 
 #: Assumed when a table has hardly any standard errors: relative part, constant part over the largest reading.
+#: Chosen: a spectrometer's; the summary says so, and a factor on both is estimated from the readings.
 ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
+#: Standard deviation of a normal distribution over its median absolute deviation (Rousseeuw and Croux 1993,
+#: doi:10.1080/01621459.1993.10476408).
+MAD_TO_SIGMA = 1.4826
 #: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
 #: the same in two bands.
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
+#: A quoted error so many times the curve's was marked as poor on purpose: errors of ten samples scatter by a
+#: quarter.
 _TALL = 2.0
-#: Fewer standard errors than this say nothing about the others.
+#: Fewer standard errors than this say nothing about the others: the curve has three coefficients.
 FEWEST_STATED = 4
+#: Fit of the variance curve: rounds of reweighting; spread of ln(variance) that is no scatter; spreads at
+#: which a weight is a half; smallest variance over the median one. Chosen: the curve of 300 errors that
+#: scatter by 11 % is good to 3 % (test_noise.py).
+_CURVE_ROUNDS, _LEAST_SPREAD, _HALF_WEIGHT, _SMALLEST_VARIANCE = 8, 0.05, 4.0, 1e-4
+#: A group has a factor of its own when so many errors are off by so many standard errors of their median,
+#: which is 1.25 = sqrt(pi / 2) times that of a mean.
+_FEWEST_IN_GROUP, _GROUP_SIGMA, _MEDIAN_ERROR = 8, 5.0, 1.25
 #: So many readings are whitened as one; of more, so many at a time.
 FEW, BLOCK = 512, 128
-#: Shared variance that is left out between blocks, in units of the reading's own.
-_LEFT_OUT = 1e-4
+#: Shared variance that is left out between blocks, in units of the reading's own: chi-square and determinant
+#: stay right to that part (test_chain.py); and over the largest one, what rounding leaves of it.
+_LEFT_OUT, _ROUNDING = 1e-4, 1e-11
+#: Added to a correlation matrix, so that readings of one moment leave it positive definite.
+_JITTER = 1e-9
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -60,20 +76,20 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     fitted = np.full(known.sum(), np.median(variance))
     robust = np.ones_like(fitted)
     curve = np.zeros(3)
-    for _ in range(8):
+    for _ in range(_CURVE_ROUNDS):
         weight = robust / fitted
         curve = nnls(basis[known] * weight[:, None], variance * weight)[0]
-        fitted = np.maximum(basis[known] @ curve, 1e-4 * np.median(variance))
+        fitted = np.maximum(basis[known] @ curve, _SMALLEST_VARIANCE * np.median(variance))
         misfit = np.log(variance / fitted)
-        spread = 1.4826 * np.median(np.abs(misfit - np.median(misfit))) + 0.05
-        robust = 1 / (1 + (misfit / (4 * spread)) ** 2)
-    smooth = np.maximum(basis @ curve, 1e-4 * np.median(variance))
+        spread = MAD_TO_SIGMA * np.median(np.abs(misfit - np.median(misfit))) + _LEAST_SPREAD
+        robust = 1 / (1 + (misfit / (_HALF_WEIGHT * spread)) ** 2)
+    smooth = np.maximum(basis @ curve, _SMALLEST_VARIANCE * np.median(variance))
     factor = np.ones_like(smooth)
     for label in np.unique(group):
         members = (group == label)[known]
-        if members.sum() >= 8:
+        if members.sum() >= _FEWEST_IN_GROUP:
             shift = float(np.median(misfit[members]))
-            if abs(shift) > 5 * 1.25 * spread / np.sqrt(members.sum()):
+            if abs(shift) > _GROUP_SIGMA * _MEDIAN_ERROR * spread / np.sqrt(members.sum()):
                 factor[group == label] = np.exp(shift)
     sigma = top * np.sqrt(smooth * factor)
     # A reading whose own error is far above the curve was marked as poor on purpose.
@@ -171,7 +187,7 @@ class Noise:
             def between(a: Labels, b: Labels) -> Array:
                 return self._smooth(a, b, tolerance) / np.outer(own[a], own[b])
 
-            few = max(_LEFT_OUT, 1e-11 * float(variance.max()))
+            few = max(_LEFT_OUT, _ROUNDING * float(variance.max()))
             self._smooth_columns[tolerance] = own[:, None] * low_rank(between, variance, few)
         return self._smooth_columns[tolerance]
 
@@ -195,7 +211,7 @@ class Noise:
         lag = np.abs(np.subtract.outer(lay.position[a], lay.position[a])).astype(int)
         one_channel = lay.channel[a][:, None] == lay.channel[a][None]
         powers = rho ** np.arange(lag.max() + 1)
-        return np.asarray(np.where(one_channel, powers[lag], 0.0) + 1e-9 * np.eye(len(a)))
+        return np.asarray(np.where(one_channel, powers[lag], 0.0) + _JITTER * np.eye(len(a)))
 
     def covariance(self, rho: float, phi: float, tolerance: float, rows: Labels | None = None) -> Array:
         """phi S R S + plane gain + stage + tolerated smooth model error + Monte Carlo, shape (n, n)."""

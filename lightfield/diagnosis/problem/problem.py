@@ -16,6 +16,9 @@ from lightfield.fitting.parameter import FitParameter, Model
 
 Explanation = tuple[Candidate, ...]
 
+#: Steps of a fit at most, and what a further one would have to gain in chi-square.
+_STEPS, _LEFT = 40, 1e-3
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -48,9 +51,9 @@ class Problem:
         explanation: Explanation,
         whiten: Whiten,
         starts: Sequence[Array],
-        max_steps: int = 40,
+        max_steps: int = _STEPS,
         value: Array | None = None,
-        tolerance: float = 1e-3,
+        tolerance: float = _LEFT,
     ) -> Fit:
         """The best of the fits from several starts."""
         model = self.model(explanation)

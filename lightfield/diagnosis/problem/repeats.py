@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, Labels, layout_of
+from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA
+from lightfield.readings import Readings
 
 #: Visits of one place from which a gain error can be told from the readings' own errors.
 FEWEST_VISITS = 3
-#: Deviations beyond this many robust standard deviations are outliers, not repositioning.
+#: Readings fainter than this many of their errors say nothing of a gain.
+_BRIGHT_SIGMA = 10
+#: Deviations beyond this many robust standard deviations are outliers, not repositioning. Chosen: of 20 good
+#: ones one in a thousand sets is.
 _OUTLIER = 4.0
+#: Relative variance to which the gain is solved for: that of a millionth.
+_SOLVED = 1e-12
 #: The value assumed without repeats counts like this many degrees of freedom: three repeats that agree by
 #: chance must not promise perfect repositioning.
 _PRIOR_DOF = 1.0
@@ -37,7 +43,7 @@ class Repeats:
     deviation: Array
     stderr: Array
     time_s: Array
-    place: Any
+    place: Labels
     reference: bool
 
     @property
@@ -46,7 +52,7 @@ class Repeats:
         return int(np.bincount(self.place).max())
 
 
-def repeats_of(readings: Any) -> Repeats | None:
+def repeats_of(readings: Readings) -> Repeats | None:
     """The repeated readings of a table: those of the reference positions if any are marked, else all.
 
     Parameters
@@ -60,11 +66,12 @@ def repeats_of(readings: Any) -> Repeats | None:
     """
     layout = layout_of(readings)
     value, stderr = np.asarray(readings.value, float), np.asarray(readings.stderr, float)
-    usable = ~np.asarray(readings.saturated) & np.isfinite(stderr) & (stderr > 0) & (value > 10 * stderr)
+    usable = ~np.asarray(readings.saturated) & np.isfinite(stderr) & (stderr > 0)
+    usable &= value > _BRIGHT_SIGMA * stderr
     marked = usable & (np.asarray(readings.role) == "reference")
     for chosen in (marked, usable):
         columns = (layout.x_m, layout.y_m, layout.z_m, layout.air, layout.channel)
-        _, place = np.unique(np.round(np.stack(columns, axis=1), 4), axis=0, return_inverse=True)
+        _, place = np.unique(np.round(np.stack(columns, axis=1), PLACE_DECIMALS), axis=0, return_inverse=True)
         rows: list[tuple[float, float, float, int]] = []
         for label in np.flatnonzero(np.bincount(place[chosen]) >= FEWEST_VISITS):
             here = np.flatnonzero(chosen & (place == label))
@@ -91,7 +98,8 @@ def plane_gain(repeats: Repeats, assumed: float) -> float:
     """Relative gain error of a visit beyond the stated errors of the readings.
 
     The variance at which the deviations, a straight line in time taken out where four visits allow it (a
-    drift of the lamp is an effect, not an error), have their expected chi-square (Paule and Mandel 1982).
+    drift of the lamp is an effect, not an error), have their expected chi-square (Paule and Mandel 1982,
+    doi:10.6028/jres.087.022).
 
     Parameters
     ----------
@@ -104,7 +112,7 @@ def plane_gain(repeats: Repeats, assumed: float) -> float:
         columns.append((repeats.time_s - repeats.time_s.mean()) / np.ptp(repeats.time_s))
     tangent = np.stack(columns, axis=1)
     rest = repeats.deviation - tangent @ np.linalg.lstsq(tangent, repeats.deviation, rcond=None)[0]
-    spread = max(1.4826 * float(np.median(np.abs(rest))), float(np.median(repeats.stderr)))
+    spread = max(MAD_TO_SIGMA * float(np.median(np.abs(rest))), float(np.median(repeats.stderr)))
     kept = np.abs(rest) < _OUTLIER * spread
     tangent, deviation, error = tangent[kept], repeats.deviation[kept], repeats.stderr[kept]
     dof = len(deviation) - int(np.linalg.matrix_rank(tangent))
@@ -117,7 +125,7 @@ def plane_gain(repeats: Repeats, assumed: float) -> float:
         left = whitened - basis @ np.linalg.lstsq(basis, whitened, rcond=None)[0]
         return float(left @ left) - dof
 
-    found = brentq(excess, 0.0, 1.0, xtol=1e-12) if excess(0.0) > 0 > excess(1.0) else 0.0
+    found = brentq(excess, 0.0, 1.0, xtol=_SOLVED) if excess(0.0) > 0 > excess(1.0) else 0.0
     # Wavelengths of one visit share its gain: they are no further evidence.
     independent = min(dof, count - 1)
     pooled = (independent * found + _PRIOR_DOF * assumed**2) / (independent + _PRIOR_DOF)

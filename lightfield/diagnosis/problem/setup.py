@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Setting, candidates
-from lightfield.diagnosis.problem.layout import Layout, layout_of
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget, errors_stated
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT
+from lightfield.fitting.forward import READOUT, SceneForward
 from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
 from lightfield.scene.scene import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
-#: Assumed when the table does not say, in per cent and mm.
+#: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat
+#: to, and what nobody asks of a formula; the verdict lists what was assumed.
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
 #: A radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to 10 % in
 #: water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp powers.
@@ -37,6 +38,24 @@ GAIN_ROOM = 12.0
 _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
+#: Half widths are looked for up to this, in degrees.
+_WIDEST_DEG = 80.0
+#: Absorption is looked for up to so much above the guess, in 1/m: light is lost within a metre.
+_ABSORPTION_ROOM_PER_M = 3.0
+#: Steps of finite differences: of absorption in 1/m and of the logarithm of a width, and of that of a gain,
+#: which is exact.
+_STEP, _GAIN_STEP = 1e-4, 1e-5
+#: Part of the largest reading that a place of most light reads at least: a gain is positive.
+_LEAST_READING = 1e-3
+#: The gain is guessed where the scene has most light: at a tenth of the places, and at so many at least.
+_FEWEST_BRIGHTEST = 3
+#: Wavelengths in nm, closer than this, are one.
+_SAME_NM = 10.0**-WAVELENGTH_DECIMALS
+#: Readings above this part of the largest one are bright; light below that part of the most is none.
+_BRIGHT, _NO_LIGHT = 0.05, 1e-60
+#: Keeps a quotient by no light finite.
+_TINY = 1e-300
+#: A fit needs so many readings more than it has parameters.
 _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
 #: which the model may be wrong in its own way.
@@ -47,7 +66,7 @@ MOST_TRACED = 3000
 TRACES = 3
 
 
-def budget_of(readings: Any) -> Budget:
+def budget_of(readings: Readings) -> Budget:
     """The stated error budget; what is missing is estimated from repeats or assumed, and named."""
     stated, assumed = readings.budget, []
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
@@ -84,7 +103,7 @@ def budget_of(readings: Any) -> Budget:
     )
 
 
-def calibration_of(readings: Any) -> float | None:
+def calibration_of(readings: Readings) -> float | None:
     """Relative standard error of an absolute calibration, stated or assumed; None on a relative scale."""
     if readings.scale != "absolute":
         return None
@@ -92,7 +111,7 @@ def calibration_of(readings: Any) -> float | None:
     return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
 
 
-def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
+def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
     """Nuisance parameters: gain per channel, half width of the beam, absorption (see `spectral`).
 
     On an absolute scale the gain is 1 within the error of the calibration, which is its range; its start is
@@ -110,12 +129,12 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitPara
     start = dict.fromkeys(READOUT, 0.0)  # a gain is found from the light: a background would hide it
     light = value - scene.detector.background
     free = []
-    if layout.angle_rad.max() > 1e-6 and scene.lamp.profile not in ("isotropic", "pencil", "table"):
+    if layout.angle_rad.max() > SAME and scene.lamp.profile not in ("isotropic", "pencil", "table"):
         hwhm, seen = scene.lamp.hwhm_deg, forward.light.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
-        low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, 80.0)
+        low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, _WIDEST_DEG)
         begin = start["lamp.hwhm_deg"] = min(begin, high)
-        free.append(FitParameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), 1e-4, "log"))
+        free.append(FitParameter("lamp.hwhm_deg", np.log(low), np.log(high), np.log(begin), _STEP, "log"))
     if scene.water.absorption_at and scene.water.base == "none":
         free += _spectrum(scene, layout, len(names) == 1)
     elif layout.varies("z_m") and not layout.air.all():
@@ -125,20 +144,20 @@ def base_parameters(forward: Any, layout: Layout, value: Array) -> tuple[FitPara
             start["water.absorption_per_m"] = begin = max(now + more, clearest)
         else:
             begin = now
-        low, high = min(clearest, now), max(now, begin) + 3.0
-        free.append(FitParameter("water.absorption_per_m", low, high, begin, 1e-4))
+        low, high = min(clearest, now), max(now, begin) + _ABSORPTION_ROOM_PER_M
+        free.append(FitParameter("water.absorption_per_m", low, high, begin, _STEP))
     unit = forward.predict(start)
-    least = 1e-3 * float(np.abs(value).max())  # a gain is positive, whatever the brightest places read
+    least = _LEAST_READING * float(np.abs(value).max())
     gains = []
     for k, name in enumerate(names):
         mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
-        brightest = mine[np.argsort(unit[mine])[-max(3, len(mine) // 10) :]]
-        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], 1e-300)))
+        brightest = mine[np.argsort(unit[mine])[-max(_FEWEST_BRIGHTEST, len(mine) // 10) :]]
+        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], _TINY)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
         begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
         low, high = (-room, room) if forward.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
-        gains.append(FitParameter(name, low, high, begin, 1e-5, "log"))
+        gains.append(FitParameter(name, low, high, begin, _GAIN_STEP, "log"))
     return (*gains, *free)
 
 
@@ -165,19 +184,19 @@ def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[FitParameter
     """Absorption at each wavelength, where the readings tell it from the gain."""
     out = []
     for wavelength, now in scene.water.absorption_at:
-        z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < 1e-3)]
-        if len(z) and (np.ptp(z) > 1e-6 or (one_gain and layout.varies("z_m"))):
-            out.append(FitParameter(f"{AT}{wavelength:g}nm", 0.0, now + 3.0, now, 1e-4))
+        z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < _SAME_NM)]
+        if len(z) and (np.ptp(z) > SAME or (one_gain and layout.varies("z_m"))):
+            out.append(FitParameter(f"{AT}{wavelength:g}nm", 0.0, now + _ABSORPTION_ROOM_PER_M, now, _STEP))
     return out
 
 
-def spectral(scene: Scene, readings: Any) -> Scene:
+def spectral(scene: Scene, readings: Readings) -> Scene:
     """The scene with an absorption of its own at each wavelength of the readings, if its water is unknown.
 
     Water is never grey over the visible: one absorption for all wavelengths would make its colour an effect.
     """
     wet = np.asarray(readings.medium) != "air"
-    wavelengths = np.unique(np.round(np.asarray(readings.wavelength_nm, float)[wet], 3))
+    wavelengths = np.unique(np.round(np.asarray(readings.wavelength_nm, float)[wet], WAVELENGTH_DECIMALS))
     if scene.water.base != "none" or len(wavelengths) < 2:
         return scene
     given = scene.water.absorption_at or ((float(wavelengths[0]), 0.0),)
@@ -195,7 +214,7 @@ def _least_absorption(scene: Scene, layout: Layout) -> float:
 
 
 def problem_of(
-    forward: Any, readings: Any, effects: Iterable[Effect], without_diffuse: str | None
+    forward: SceneForward, readings: Readings, effects: Iterable[Effect], without_diffuse: str | None
 ) -> tuple[Problem, dict[str, str]]:
     """The problem, and the effects that cannot be tested with reasons.
 
@@ -252,12 +271,12 @@ def _check_size(layout: Layout, source: str) -> None:
 
 
 def _check_reach(
-    forward: Any, readings: Any, value: Array, keep: Array, base: tuple[FitParameter, ...]
+    forward: SceneForward, readings: Readings, value: Array, keep: Array, base: tuple[FitParameter, ...]
 ) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
-    bright = (keep > 0) & (value > 0.05 * value[keep > 0].max())
-    beyond = np.flatnonzero(bright & ~(light > 1e-60 * light.max()))
+    bright = (keep > 0) & (value > _BRIGHT * value[keep > 0].max())
+    beyond = np.flatnonzero(bright & ~(light > _NO_LIGHT * light.max()))
     if len(beyond):
         x, y, z = (float(getattr(readings, k)[beyond[0]]) for k in ("x_m", "y_m", "z_m"))
         raise FitError(
@@ -270,7 +289,7 @@ def _check_reach(
 
 
 def source_of(
-    scene: Scene, diffuse: DiffuseSource | str | None, readings: Any
+    scene: Scene, diffuse: DiffuseSource | str | None, readings: Readings
 ) -> tuple[DiffuseSource | None, str | None]:
     """What gives scattered and reflected light, or why nothing does.
 
@@ -291,7 +310,8 @@ def source_of(
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
     at = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
-    if len(at) > MOST_TRACED and (places := len(np.unique(np.round(at, 4), axis=0))) > MOST_TRACED:
+    places = len(np.unique(np.round(at, PLACE_DECIMALS), axis=0)) if len(at) > MOST_TRACED else 0
+    if places > MOST_TRACED:
         if has_diffuse_light(scene):
             raise FitError(
                 "too many places to trace the scene's scattered and reflected light",
@@ -312,7 +332,7 @@ def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
     """The source, which gives what it has been asked for before from memory."""
     if source is None:
         return None
-    made: dict[tuple[Any, ...], Diffuse] = {}
+    made: dict[tuple[object, ...], Diffuse] = {}
 
     def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
         key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))

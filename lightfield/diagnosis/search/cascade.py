@@ -19,20 +19,24 @@ from lightfield.diagnosis.search.search import (
     Fitted,
     Tried,
     accepted,
+    at_lowest_minima,
     bic,
     fit_pairs,
     fit_singles,
     search_pairs,
     search_singles,
-    settled,
     weights,
 )
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Level at which an explanation is given up; a true one is lost in one case of a hundred.
-ALPHA_EXPLANATION = 0.01
-#: Relative evidence that makes one of several accepted explanations the answer.
+#: Level at which an explanation is given up; a true one is lost in one case of a hundred. It must pass better
+#: than the base model does, by twice its p, but need not pass better than at the other.
+ALPHA_EXPLANATION, _EASILY = 0.01, 0.2
+#: Relative evidence that makes one of several accepted explanations the answer: odds of 19, where evidence
+#: begins to be called strong (20; Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
 CONVINCING = 0.95
+#: Where nothing was accepted, so many of what came nearest are looked at.
+_NEAREST = 3
 
 
 @dataclass(frozen=True)
@@ -84,15 +88,20 @@ class Finding:
         return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
 
     @property
+    def best(self) -> Tried | None:
+        """The best explanation."""
+        return self.accepted[0] if self.accepted else None
+
+    @property
     def whiten(self) -> Whiten:
         """Whitening under which the best explanation was judged."""
-        best = self.accepted[0].test if self.accepted else None
-        return best.whiten if best is not None else self.level.bench.whiten
+        test = self.best.test if self.best else None
+        return test.whiten if test is not None else self.level.bench.whiten
 
     @property
     def contenders(self) -> list[Tried]:
         """What was accepted; failing that, what came nearest."""
-        return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:3]
+        return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:_NEAREST]
 
     @property
     def determined(self) -> bool:
@@ -145,14 +154,14 @@ def search(
         return levels[-1]
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
-        found = settled(problem, found)
+        found = at_lowest_minima(problem, found)
         return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
 
     exact = prepare_level(0.0)
     if exact.adequacy.passes(alpha):
         return finding(0, exact, [], [])
     # What passes must pass better than the base model does.
-    level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, 0.2))
+    level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, _EASILY))
 
     def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
         began("one effect at a time", level.tolerance)
@@ -177,7 +186,7 @@ def search(
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
-    level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, 0.2))
+    level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, _EASILY))
     _, singles = one_more(tolerant, fitted)
     if found := accepted(singles, level_alpha):
         return finding(1, tolerant, found, singles)

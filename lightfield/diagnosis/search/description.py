@@ -16,14 +16,19 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.own_errors import from_valleys, objective, settled
+from lightfield.diagnosis.search.own_errors import from_valleys, objective, under_own_errors
 from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
 #: Effects that describe the readings worse than the best one by this factor in chi-square will not do.
 FAR_FROM_BEST = 4.0
-#: A description by effects is used when it lowers the sum of squares per degree of freedom by this factor.
+#: A description by effects is used when it lowers the sum of squares by this factor.
 _WORTH = 1.1
+#: A model misses the readings when the nominal p of one of its tests is below this. Chosen: below what some
+#: 25 tests make by chance in one table of a hundred; the description is not yet a finding.
+_MISSED = 1e-4
+#: Pairs are sought beside so many of the best single effects.
+_SINGLES = 4
 
 
 @dataclass(frozen=True)
@@ -62,11 +67,11 @@ def describe(
     def misses(whiten: Whitener, fit: Fit) -> bool:
         unknowns = whitened_unknowns(problem, whiten)
         test = AdequacyTest(problem, whiten, unknowns, lambda: few, errors_stated)
-        return min(test(fit).tests.values()) < 1e-4
+        return min(test(fit).tests.values()) < _MISSED
 
     test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
     at_base = test(base)
-    if min(at_base.tests.values()) > 1e-4:
+    if min(at_base.tests.values()) > _MISSED:
         return Description((), base)
     known = fit_singles(problem, test, base, at_base, known_before)
     if not known:
@@ -84,10 +89,12 @@ def describe(
     missing = problem.forward.light.to_trace([fit.values])
     if misses(whiten, best[1]) and misses(own, fit):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
-        first = ranked[: 1 if missing else 4]
+        first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        asked = problem.forward.light.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
+        asked = problem.forward.light.to_trace(
+            [under_own_errors(problem, *best, whiten, whiten.noise)[1].values]
+        )
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
     known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]

@@ -15,8 +15,10 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.profile import restarted
 from lightfield.fitting.least_squares import Fit
 
-#: Water that differs by so much, relatively, from the traced one is also looked for at the traced one.
+#: Water that differs by so much, relatively, from the traced one is also looked for at that one. Chosen.
 FAR_FROM_TRACED = 0.2
+#: Fits under errors that the fit before has left behind.
+_ROUNDS = 2
 
 
 def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
@@ -25,11 +27,11 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
     return replace(noise, photon_modes=modes, response_error=smooth)
 
 
-def settled(
+def under_own_errors(
     problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
 ) -> tuple[Whitener, Fit]:
     """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
-    for _ in range(2):
+    for _ in range(_ROUNDS):
         whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
         fit = problem.fit(explanation, whiten, [fit.u])
     return whiten, fit
@@ -40,14 +42,14 @@ def from_valleys(
 ) -> tuple[Whitener, Fit]:
     """The same for a single effect: water between two traced ones may look right only because neither trace
     says much of it, so that dense water is looked for at the traced one as well."""
-    found = [settled(problem, explanation, fit, whiten, noise)]
+    found = [under_own_errors(problem, explanation, fit, whiten, noise)]
     more = problem.forward.light.factor_to_traced(found[0][1].values)
     if abs(more - 1) > FAR_FROM_TRACED:
         (candidate,), u = explanation, fit.u.copy()
         for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
             u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
         there = problem.fit(explanation, whiten, [u], max_steps=0)
-        found.append(settled(problem, explanation, there, whiten, noise))
+        found.append(under_own_errors(problem, explanation, there, whiten, noise))
     return min(found, key=objective)
 
 
@@ -58,7 +60,7 @@ def from_shapes(
     best = from_valleys(problem, explanation, fit, whiten, noise)
     other = restarted(problem, explanation, best[1], best[0])
     if other is not best[1]:
-        best = min(best, settled(problem, explanation, other, whiten, noise), key=objective)
+        best = min(best, under_own_errors(problem, explanation, other, whiten, noise), key=objective)
     return best
 
 

@@ -32,11 +32,18 @@ from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.description import Description, describe
-from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_response_error
+from lightfield.diagnosis.search.own_errors import from_shapes, under_own_errors, with_response_error
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
+#: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
+#: Rounds of leaving out outliers and fitting anew.
+_OUTLIER_ROUNDS = 3
+#: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
+_SPARE_FOR_SERIAL = 25
+#: Correlations closer than this are one.
+_SAME_RHO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,7 @@ def _without_outliers(
     problem = replace(problem, keep=usable)
     whiten = _plain(problem, quoted, fit.prediction, more)
     fit = problem.fit(explanation, whiten, [fit.u])
-    for _ in range(3):
+    for _ in range(_OUTLIER_ROUNDS):
         basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
         bad = outliers(fit.residual, basis, problem.keep)
         if not bad.any():
@@ -184,7 +191,7 @@ def _prepared(
         reference = problem.fit(explanation, whiten, [reference.u])
     still = _rich(problem, whiten, reference, with_time=False)
     serial = Serial()
-    if problem.keep.sum() - still.shape[1] > 25:
+    if problem.keep.sum() - still.shape[1] > _SPARE_FOR_SERIAL:
         serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
@@ -235,7 +242,7 @@ def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Be
 def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
     """Whitened noise, given the uncertainty of the serial correlation in place, shape (n, REPLICATES)."""
     for i, rho in enumerate(serial.levels):
-        if abs(rho - whiten.rho) > 1e-3:
+        if abs(rho - whiten.rho) > _SAME_RHO:
             mine = slice(i, None, len(serial.levels))
             other = Whitener(whiten.noise, rho, whiten.phi, whiten.tolerance)
             white[:, mine] = whiten(other.coloured(white[:, mine]))
@@ -266,7 +273,7 @@ class OwnErrors:
 
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
-        settle = from_shapes if len(explanation) == 1 else settled
+        settle = from_shapes if len(explanation) == 1 else under_own_errors
         problem, noise = self.prepared.problem, self.prepared.noise
         whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
         growth = whiten.log_determinant - self.main.whiten.log_determinant

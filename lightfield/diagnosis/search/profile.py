@@ -12,8 +12,14 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 
-_POINTS = 9
-_STEPS = 15
+#: Points of a profile over the range of a shape, steps of a fit at each, what they may leave of chi-square.
+_POINTS, _STEPS, _LEFT = 9, 15, 1e-2
+#: Steps from every point of a grid before the best is fitted to the end.
+ROUGH_STEPS = 4
+#: Chi-square, in units of the scale, by which a minimum must be lower to be another one.
+_LOWER = 0.1
+#: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
+_ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
 
 
 def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
@@ -31,7 +37,8 @@ def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
 
 def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
     """The fit, or a better one begun at another shape: a few steps from each, all the way from the best."""
-    rough = [problem.fit(explanation, whiten, [s], max_steps=4) for s in with_shapes(fit, explanation)]
+    starts = with_shapes(fit, explanation)
+    rough = [problem.fit(explanation, whiten, [s], max_steps=ROUGH_STEPS) for s in starts]
     if not rough:
         return fit
     other = problem.fit(explanation, whiten, [min(rough, key=lambda f: f.chi2).u])
@@ -54,7 +61,7 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float) ->
             held = parameter.held(float(value))
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
-            row.append(least_squares(model, problem.value, whiten, row[-1].u, problem.keep, _STEPS, 1e-2))
+            row.append(least_squares(model, problem.value, whiten, row[-1].u, problem.keep, _STEPS, _LEFT))
         chi2 = [f.chi2 for f in row] + [np.inf]
         for k in range(1, len(row)):
             if chi2[k] < min(chi2[k - 1], chi2[k + 1]):  # another valley: down to its bottom
@@ -69,7 +76,7 @@ def profiled(
     """The lowest minimum over the shapes, and the standard errors that the profile asks for.
 
     The stated error is such that one of it covers all that lies within 1, two of it all within 4 of the
-    lowest chi-square (Rolke, Lopez and Conrad 2005, Nucl. Instrum. Meth. A 551, 493, for the intervals).
+    lowest chi-square (Rolke, Lopez and Conrad 2005, doi:10.1016/j.nima.2005.05.068, for the intervals).
 
     Parameters
     ----------
@@ -87,7 +94,7 @@ def profiled(
     for _ in range(2 if shapes else 0):
         points = [there for path in shapes for there in _along(problem, fit, whiten, path, phi)]
         lowest = min(points, key=lambda f: f.chi2)
-        if lowest.chi2 > fit.chi2 - 0.1 * phi:
+        if lowest.chi2 > fit.chi2 - _LOWER * phi:
             break
         other = problem.fit(explanation, whiten, [lowest.u])
         fit = other if other.chi2 < fit.chi2 else fit
@@ -95,7 +102,8 @@ def profiled(
     errors = dict.fromkeys(best if points else (), 0.0)
     for there in points:
         worse = max(there.chi2 - fit.chi2, 0.0) / phi
-        if worse <= 4.0:
+        sigmas = 1.0 if worse <= _ONE_SIGMA else 2.0
+        if worse <= _TWO_SIGMA:
             for path, value in there.values.items():
-                errors[path] = max(errors[path], abs(value - best[path]) / (1.0 if worse <= 1.0 else 2.0))
+                errors[path] = max(errors[path], abs(value - best[path]) / sigmas)
     return fit, errors

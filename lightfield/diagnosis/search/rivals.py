@@ -7,21 +7,31 @@ knowledge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Projected size, in sigma, that is found with 95 % probability at the family-wise level of about 25 tests.
-DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * 25)) - special.ndtri(0.05))
-#: Explanations nearer than this belong to one class: naming one of them is little better than a guess.
+#: What would have been seen would have been missed with this probability.
+MISSED = 0.05
+#: Tests that share the level, roughly: forms of effects and unknowns of a usual layout.
+_TESTS = 25
+#: Projected size, in sigma, that is found with 95 % probability at the family-wise level of so many tests.
+DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * _TESTS)) - special.ndtri(MISSED))
+#: Explanations nearer than this belong to one class: the best method there is names the wrong one of two in
+#: Phi(-D/2) = 7 of 100 cases.
 SAME_CLASS_SIGMA = 3.0
+#: Steps of the fit of an imitation, and what it may leave of chi-square: a hundredth of a sigma.
+_STEPS, _LEFT = 60, 1e-4
+#: Rivals by BIC whose distance is worked out.
+_RIVALS = 4
 
 
 @dataclass(frozen=True)
@@ -36,13 +46,13 @@ class Rival:
 def separation(problem: Problem, whiten: Whiten, truth: Fit, rival: Tried, phi: float) -> Rival:
     """Distance from the readings under `truth` to the nearest that the rival can produce."""
     imitation = problem.fit(
-        rival.explanation, whiten, [rival.fit.u], max_steps=60, value=truth.prediction, tolerance=1e-4
+        rival.explanation, whiten, [rival.fit.u], max_steps=_STEPS, value=truth.prediction, tolerance=_LEFT
     )
     return Rival(rival, float(np.sqrt(max(imitation.chi2, 0.0) / phi)), imitation)
 
 
 def nearest_rival(
-    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float, at_most: int = 4
+    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float, at_most: int = _RIVALS
 ) -> Rival | None:
     """The explanation of the same size by other effects that comes nearest to the best one."""
     others: dict[tuple[str, ...], Tried] = {}
@@ -79,7 +89,7 @@ def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
         if score.testable and score.template.candidate.name not in out:
             parameter = score.template.candidate.amplitudes[0]
             level = adequacy.critical_p / (1 if score.template.candidate.one_sided else 2)
-            sigmas = -special.stdtrit(adequacy.nu, level) - special.ndtri(0.05)
+            sigmas = -special.stdtrit(adequacy.nu, level) - special.ndtri(MISSED)
             size = float(sigmas) * np.sqrt(scale) / score.length
             room = max(parameter.high - parameter.start, parameter.start - parameter.low)
             at = min(size, room)
@@ -138,8 +148,6 @@ def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) 
     sizes : dict
         Size of each effect's first amplitude, in its coordinate.
     """
-    from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
-
     first: dict[str, Score] = {}
     spans: dict[str, list[Array]] = {}
     for score in scores:
@@ -160,8 +168,3 @@ def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) 
         for j in range(len(names)):
             D[j, k] = 0.0 if j == k else float(np.linalg.norm(beside(basis, vectors[j][:, None])))
     return Isolability(names, np.array([sizes[n] for n in names]), delta, D)
-
-
-def without_noise(problem: Problem, fit: Fit) -> Problem:
-    """The same problem with the readings replaced by a fit's prediction."""
-    return replace(problem, value=fit.prediction)

@@ -13,14 +13,18 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.profile import profiled, restarted
+from lightfield.diagnosis.search.profile import ROUGH_STEPS, profiled, restarted
 from lightfield.fitting.least_squares import Fit
 
 Fitted = tuple[Explanation, Fit]
 
-#: Explanations worse than the best by more than this in BIC are out of the question.
+#: Explanations worse than the best by more than this in BIC are out of the question: their weight is 4e-6.
+#: Kass and Raftery (1995, doi:10.1080/01621459.1995.10476572) call 10 "very strong".
 FAR_BEHIND = 25.0
-_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED = 8, 16, 7, 14
+#: How many pairs are begun, of those that look best at the base model and beside a single effect, of so many
+#: single effects; how many explanations are tested, and how many singles however far behind. Chosen: time
+#: against thoroughness.
+_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED, _SINGLES_TESTED = 8, 16, 7, 14, 3
 #: Steps after which a pair shows what it is worth, anew and when it was fitted before under other errors; how
 #: many are then fitted to the end, and how many when that will do.
 _ROUGH, _FEW, _FINISHED, _QUICK = 5, 2, 14, 3
@@ -28,6 +32,13 @@ _ROUGH, _FEW, _FINISHED, _QUICK = 5, 2, 14, 3
 _REFITTED = 8
 #: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
 _RESTARTED, _PROFILED = 5, 3
+#: Part of its range within which a score may start an amplitude, alone and in a pair, where it is surer; off
+#: a one-sided zero, where nothing has a slope, by half of the typical size if it is within a tenth of it.
+_ALONE, _IN_A_PAIR, _NEAR_ZERO, _OFF_ZERO = 0.3, 0.5, 0.1, 0.5
+#: Keeps the normal equations of two templates that are one solvable.
+_RIDGE = 1e-8
+#: Of the grid of a shape so many are fitted to the end.
+_SHAPES_FINISHED = 2
 
 
 @dataclass(frozen=True)
@@ -99,14 +110,14 @@ def _clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float
         low = parameter.start + part * (parameter.low - parameter.start)
         high = parameter.start + part * (parameter.high - parameter.start)
         value = float(np.clip(parameter.start + amplitude, low, high))
-        if parameter.start <= parameter.low and value <= parameter.low + 0.1 * typical:
-            value = parameter.low + 0.5 * typical
+        if parameter.start <= parameter.low and value <= parameter.low + _NEAR_ZERO * typical:
+            value = parameter.low + _OFF_ZERO * typical
         out.append(value)
     return out
 
 
 def _start(
-    base: Array, scores: Iterable[tuple[Score, Array]], order: Explanation, part: float = 0.3
+    base: Array, scores: Iterable[tuple[Score, Array]], order: Explanation, part: float = _ALONE
 ) -> Array:
     by_key = {score.key: (score, amplitude) for score, amplitude in scores}
     pieces = [base]
@@ -127,7 +138,8 @@ class Own(Protocol):
 
 
 def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
-    """Bayesian information criterion with a known variance scale; ranks, never decides."""
+    """Bayesian information criterion with a known variance scale (Schwarz 1978,
+    doi:10.1214/aos/1176344136); ranks, never decides."""
     return fit.chi2 / phi + np.log(n) * sum(len(c.parameters) for c in explanation)
 
 
@@ -167,8 +179,8 @@ def fit_singles(
             chosen = [done]
         elif len(chosen) > 1:
             # A few steps from every grid point of the shape, then all the way from the best.
-            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=4) for s in chosen]
-            best = sorted(rough, key=lambda f: f.chi2)[:2]
+            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=ROUGH_STEPS) for s in chosen]
+            best = sorted(rough, key=lambda f: f.chi2)[:_SHAPES_FINISHED]
             chosen = [f.u for f in best]
         else:
             chosen = [*chosen, problem.default_start(base.u, (candidate,))]
@@ -190,7 +202,7 @@ def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[flo
             continue
         gain = float(np.linalg.norm(score.direction.T @ single.fit.residual) ** 2)
         pair = (held, candidate)
-        start = _start(single.fit.u, [(score, amplitude)], (candidate,), part=0.5)
+        start = _start(single.fit.u, [(score, amplitude)], (candidate,), part=_IN_A_PAIR)
         promise = single.fit.chi2 - gain
         if candidate.key not in found or promise < found[candidate.key][0]:
             found[candidate.key] = (promise, pair, start)
@@ -207,7 +219,7 @@ def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[floa
             continue
         columns = np.hstack([one.direction, two.direction])
         gram = columns.T @ columns
-        weights = np.linalg.solve(gram + 1e-8 * np.eye(len(gram)), columns.T @ base.residual)
+        weights = np.linalg.solve(gram + _RIDGE * np.eye(len(gram)), columns.T @ base.residual)
         q = one.direction.shape[1]
         amplitudes = (one.to_amplitude @ weights[:q], two.to_amplitude @ weights[q:])
         if any(c.one_sided and a[0] <= 0 for c, a in zip((first, second), amplitudes, strict=True)):
@@ -215,7 +227,7 @@ def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[floa
         promise = base.chi2 - float(weights @ (columns.T @ base.residual))
         key = (first.key, second.key)
         if key not in found or promise < found[key][0]:
-            start = _start(base.u, zip((one, two), amplitudes, strict=True), (first, second), part=0.5)
+            start = _start(base.u, zip((one, two), amplitudes, strict=True), (first, second), part=_IN_A_PAIR)
             found[key] = (promise, (first, second), start)
     return list(found.values())
 
@@ -250,7 +262,7 @@ def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) 
 
 def search_singles(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Single effects, best first, the near ones tested."""
-    return _tested(_ranked(problem, test, fits, own), 3, _TESTED) if fits else []
+    return _tested(_ranked(problem, test, fits, own), _SINGLES_TESTED, _TESTED) if fits else []
 
 
 def fit_pairs(
@@ -322,7 +334,7 @@ def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
     return inside or list(out.values())
 
 
-def settled(problem: Problem, found: list[Tried]) -> list[Tried]:
+def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
     """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors."""
     out = []
     for i, one in enumerate(found):

@@ -1,5 +1,5 @@
-"""Where to measure next so that two explanations part (T-optimal design, linear in the rival's
-parameters)."""
+"""Where to measure next so that two explanations part (T-optimal design, Atkinson and Fedorov 1975,
+doi:10.1093/biomet/62.1.57; linear in the rival's parameters)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,20 @@ from lightfield.scene import Tank
 
 #: Part of the photons that the trace at possible places is worth.
 ROUGH = 0.25
-#: Relative error that no number of repeats at one place will beat.
+#: Relative error that no number of repeats at one place will beat. Chosen: about what a stay at a distance
+#: repeats to (`setup.PLANE_GAIN_PERCENT`).
 FLOOR = 0.0025
+#: Spots that are advised, and readings at each.
 SPOTS, REPEATS = 3, 4
 #: Two spots closer than this part of the largest distance are one.
 _APART = 0.04
+#: Possible places: how many across and along; from and to which part of the distances that were read; how far
+#: to the sides at least, as a part of the largest distance; and up and down, as a part of that.
+_ACROSS, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 12, 0.6, 1.15, 0.1, 0.6
+#: Within a tank: parts of its half width and of its length, and metres from floor and top.
+_WITHIN_SIDES, _WITHIN_END, _FROM_FLOOR_M = 0.97, 0.98, 0.03
+#: Added to the diagonal of an information matrix, relative and alone, so that it can be solved.
+_RIDGE, _RIDGE_ALONE = 1e-9, 1e-12
 
 
 @dataclass(frozen=True)
@@ -48,17 +57,18 @@ class Advice:
 def possible_places(problem: Problem, tank: Tank | None) -> Places:
     """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any."""
     lay = problem.layout
-    across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), 0.1 * float(lay.z_m.max()))
-    x = np.linspace(-across, across, 17)
-    y = np.array([-0.6 * across, 0.0, 0.6 * across]) if lay.varies("y_m") else np.array([0.0])
-    z = np.linspace(0.6 * float(lay.z_m.min()), 1.15 * float(lay.z_m.max()), 12)
+    least = _LEAST_ACROSS * float(lay.z_m.max())
+    across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), least)
+    x = np.linspace(-across, across, _ACROSS)
+    y = np.array([-_UP * across, 0.0, _UP * across]) if lay.varies("y_m") else np.array([0.0])
+    z = np.linspace(_NEAREST * float(lay.z_m.min()), _FARTHEST * float(lay.z_m.max()), _ALONG)
     media = np.unique(lay.air.astype(float))
     gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
     inside = np.ones(len(gx), bool)
     if tank is not None:
         (_, side), (floor, top), (_, end) = tank.box_m
-        inside = (np.abs(gx) < 0.97 * side) & (gz < 0.98 * end)
-        inside &= (gy > floor + 0.03) & (gy < top - 0.03)
+        inside = (np.abs(gx) < _WITHIN_SIDES * side) & (gz < _WITHIN_END * end)
+        inside &= (gy > floor + _FROM_FLOOR_M) & (gy < top - _FROM_FLOOR_M)
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 
@@ -152,7 +162,7 @@ def _way(
     own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
     slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival)
     information = imitation.jacobian.T @ imitation.jacobian
-    information += np.diag(1e-9 * np.diag(information) + 1e-12)
+    information += np.diag(_RIDGE * np.diag(information) + _RIDGE_ALONE)
     # The truth is known to its own errors only; where they move it, the imitation follows.
     follows = np.linalg.solve(information, imitation.jacobian.T @ truth.jacobian)
     moves = replace(truth.model, forward=there).jacobian(truth.u, under_truth) - slopes @ follows

@@ -1,40 +1,22 @@
-"""Readings set aside, as data and in words."""
+"""Readings set aside, in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
-
-from lightfield.diagnosis.verdict.trust import Trust
-from lightfield.diagnosis.verdict.verdict import NextMeasurement, SetAside, Spot
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
+from lightfield.diagnosis.verdict.parts import NextMeasurement, SetAside, Spot
 
 #: Readings set aside that the sentence names one by one.
 _NAMED_ASIDE = 3
-
-
-def entries(readings: Any, trust: Trust) -> list[SetAside]:
-    """Outliers, farthest first, then saturated readings."""
-    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
-    saturated = np.flatnonzero(np.asarray(readings.saturated)).tolist()
-
-    def entry(i: int, sigma: float | None) -> SetAside:
-        wavelength = float(readings.wavelength_nm[i])
-        return SetAside(
-            row=i, reason="saturated" if sigma is None else "outlier",
-            x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
-            medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
-            off_sigma=sigma,
-        )  # fmt: skip
-
-    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
+#: So often a reading that was set aside is to be repeated: once could be another slip.
+REPEATS = 3
 
 
 def advice(aside: list[SetAside]) -> NextMeasurement:
     """What to do about readings set aside that are no slips."""
     one = aside[0]
-    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=3)
+    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
     sentence = (
         "Look for what stands between lamp and detector, and repeat the readings set aside (the farthest at "
         f"{place(one, False)}): what repeats is a structure of the light, what does not is a slip."
@@ -46,7 +28,7 @@ def place(one: SetAside, waves: bool) -> str:
     """Where a reading was taken."""
     medium = "" if one.medium == "water" else f" in {one.medium}"
     colour = f", {one.wavelength_nm:g} nm" if waves and one.wavelength_nm is not None else ""
-    x, y, z = (round(v, 4) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
+    x, y, z = (round(v, PLACE_DECIMALS) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
     return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
 
 

@@ -162,12 +162,12 @@ def _contradicted(known: Prepared, level: Level, sigma: float) -> Level:
     return replace(level, base=base, adequacy=replace(level.adequacy, p=p))
 
 
-def judged(prepared: Prepared, problem: Problem, finding: Finding) -> list[Judged]:
+def judged_power(prepared: Prepared, problem: Problem, finding: Finding) -> list[Judged]:
     """What the readings say of the lamp's power: one entry on an absolute scale, none on a relative one."""
     power, calibration = _power(problem), prepared.noise.budget.calibration
     if power is None or calibration is None:
         return []
-    best = finding.accepted[0] if finding.accepted else Tried((), finding.level.base, 0.0)
+    best = finding.best or Tried((), finding.level.base, 0.0)
     found = any(c.name == EFFECT for c in best.explanation)
     phi = best.adequacy.phi if best.adequacy else finding.level.phi
     if found:

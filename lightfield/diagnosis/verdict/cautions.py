@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import special
 
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.verdict import Explanation, Reason
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
+from lightfield.readings import Readings
 
-#: Factors on the stated variance from which on they are spoken of; the first only if it is no chance.
-_NOTED_SCALE, _NOTED_SMALL = 1.5, 0.25
+#: Factors on the stated variance from which on they are spoken of; the first only if its chance is less than
+#: the third. Chosen: test_diagnosis.py has one that is spoken of and one that is not.
+_NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.25, 1e-3
 
 
 def variance_scale(prepared: Prepared, finding: Finding) -> float:
@@ -21,7 +21,7 @@ def variance_scale(prepared: Prepared, finding: Finding) -> float:
 
 
 def cautions(
-    readings: Any, prepared: Prepared, finding: Finding, explanations: list[Explanation]
+    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[AcceptedExplanation]
 ) -> list[str]:
     """Sentences beside the verdict: what the table leaves open, what the noise and the fit say of it."""
     out = [str(w) for w in readings.warnings]
@@ -31,7 +31,7 @@ def cautions(
             "floor and a part in proportion were estimated from the readings instead"
         )
     scale, nu = variance_scale(prepared, finding), finding.level.adequacy.nu
-    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < 0.001:
+    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(
             f"the readings scatter {np.sqrt(scale):.1f} times as much as their errors say: these are too "
             "small, or something changes from reading to reading"

@@ -3,40 +3,76 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from lightfield import __version__
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.families import Coordinate, coordinates
+from lightfield.diagnosis.adequacy.families import coordinates
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.verdict import aside_words, stated, words
+from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
-from lightfield.diagnosis.verdict.ladder import Step, bright
-from lightfield.diagnosis.verdict.plausibility import exchanged, hints
-from lightfield.diagnosis.verdict.refutation import Judged, entries, judged
-from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
-from lightfield.diagnosis.verdict.verdict import (
+from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     DetectionLimit,
     Estimate,
-    Explanation,
     Kind,
+    Misfit,
     NearestRival,
     NextMeasurement,
     Reason,
     Rung,
+    SetAside,
     Spot,
-    Verdict,
 )
+from lightfield.diagnosis.verdict.plausibility import exchanged, hints
+from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
+from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.readings import Readings
+from lightfield.scene import Scene
 
-#: A family of unknown factors is named when it takes away this part of the misfit.
+#: Why an effect cannot be told from what the base model moves.
+ABSORBED = "absorbed by gain, beam width and absorption with these readings"
+#: A family of unknown factors is named when it takes away this part of the misfit. Chosen: a third; of a
+#: misfit that is a function of one coordinate alone it takes nearly all (test_families.py).
 _NAMED = 0.35
+
+
+@dataclass(frozen=True)
+class Found:
+    """All that a verdict is made of.
+
+    Parameters
+    ----------
+    steps : list of Step
+        The ladder with its fits.
+    untestable : dict
+        Effects that cannot be tested here, with reasons.
+    lamp : sequence of Judged
+        What absolute readings say of the lamp's power.
+    seed : int
+        Of the bootstrap.
+    """
+
+    forward: SceneForward
+    readings: Readings
+    prepared: Prepared
+    finding: Finding
+    steps: list[Step]
+    untestable: dict[str, str]
+    trust: Trust
+    lamp: Sequence[Judged] = ()
+    seed: int = 0
 
 
 def estimates(
@@ -72,14 +108,14 @@ def estimates(
     return out
 
 
-def units_of(scene: Any) -> dict[str, str]:
+def units_of(scene: Scene) -> dict[str, str]:
     """Unit of every scene parameter."""
     return {path: parameter.unit for path, parameter in scene.parameters().items()}
 
 
-def _rungs(
-    steps: list[Step], forward: Any, scale: float, units: dict[str, str], best: Tried | None
-) -> list[Rung]:
+def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
+    best, scale = found.finding.best, found.finding.level.phi
+
     def values(step: Step) -> dict[str, Estimate]:
         # The last rung is the best explanation: its errors are stated once, not in two ways.
         if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
@@ -95,24 +131,20 @@ def _rungs(
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
             parameters=values(s),
-            scene=forward.scene_at(s.fit.values).to_toml(),
+            scene=found.forward.scene_at(s.fit.values).to_toml(),
         )
-        for s in steps
+        for s in found.steps
     ]
 
 
-def _explanations(
-    finding: Finding, prepared: Prepared, steps: list[Step], units: dict[str, str], hold_out: bool
-) -> list[Explanation]:
-    from lightfield.diagnosis.verdict.ladder import held_out, percent
-
-    problem, level = prepared.problem, finding.level
+def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[AcceptedExplanation]:
+    finding, problem, level = found.finding, found.prepared.problem, found.finding.level
     counted, n = bright(problem), int(problem.keep.sum())
     out = []
     for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
         assert tried.adequacy is not None
         if k == 0:
-            left_out = steps[-1].held_out_percent
+            left_out = found.steps[-1].held_out_percent
         elif hold_out:
             left_out = held_out(
                 problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
@@ -120,7 +152,7 @@ def _explanations(
         else:
             left_out = float("nan")
         out.append(
-            Explanation(
+            AcceptedExplanation(
                 effects=[c.name for c in tried.explanation],
                 families=[c.effect.family for c in tried.explanation],
                 forms=[c.form.name for c in tried.explanation],
@@ -135,7 +167,8 @@ def _explanations(
     return out
 
 
-def _limits(finding: Finding, best: Tried | None, units: dict[str, str]) -> dict[str, DetectionLimit]:
+def _limits(finding: Finding, units: dict[str, str]) -> dict[str, DetectionLimit]:
+    best = finding.best
     adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
     named = {c.name for c in best.explanation} if best else set()
     return {
@@ -164,12 +197,12 @@ def sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
     return curve
 
 
-def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two: Tried) -> NextMeasurement:
-    problem, level = prepared.problem, finding.level
-    places = possible_places(problem, forward.scene.tank)
+def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
+    problem, level = found.prepared.problem, found.finding.level
+    places = possible_places(problem, found.forward.scene.tank)
     last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
     n = len(places.x_m)
-    there = forward.at(
+    there = found.forward.at(
         ROUGH,
         x_m=places.x_m,
         y_m=places.y_m,
@@ -177,36 +210,25 @@ def _advice(forward: Any, prepared: Prepared, finding: Finding, one: Tried, two:
         medium=np.where(places.air > 0, "air", "water"),
         time_s=np.full(n, last),
     )
-    curve = sigma_curve(prepared, level.bench.phi * level.phi)
-    found = where_next(problem, finding.whiten, one, two, level.phi, places, there, curve)
+    curve = sigma_curve(found.prepared, level.bench.phi * level.phi)
+    best = where_next(problem, found.finding.whiten, one, two, level.phi, places, there, curve)
     readings = [
-        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=found.repeats)
-        for x, y, z, a in zip(
-            found.places.x_m, found.places.y_m, found.places.z_m, found.places.air, strict=True
-        )
+        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats)
+        for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
     advice = NextMeasurement(
         sentence="",
         between=[list(one.names), list(two.names)],
         readings=readings,
-        separation_now_sigma=found.now_sigma,
-        separation_predicted_sigma=found.predicted_sigma,
+        separation_now_sigma=best.now_sigma,
+        separation_predicted_sigma=best.predicted_sigma,
     )
-    if found.predicted_sigma < SAME_CLASS_SIGMA:
+    if best.predicted_sigma < SAME_CLASS_SIGMA:
         return advice.model_copy(update={"sentence": words.other_kind(one.names, two.names), "readings": []})
     return advice.model_copy(update={"sentence": words.next_reading(one.names, two.names, advice)})
 
 
-def _where(best: Coordinate) -> str:
-    if best.period_deg is not None:
-        return f"with a period of {best.period_deg:.2g} degrees"
-    unit = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}.get(
-        best.name, ""
-    )
-    return f"most near {best.worst_at:.3g} {unit}".rstrip()
-
-
-def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str, NextMeasurement]:
+def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, NextMeasurement]:
     problem, noise = prepared.problem, prepared.noise
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
     scale = error_scale(prepared, finding)
@@ -219,142 +241,122 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[str | None, str,
     lay = problem.layout
     spot = Spot(
         x_m=float(lay.x_m[worst]), y_m=float(lay.y_m[worst]), z_m=float(lay.z_m[worst]),
-        medium="air" if lay.air[worst] else "water", repeats=3,
+        medium="air" if lay.air[worst] else "water", repeats=aside_words.REPEATS,
     )  # fmt: skip
-    about = f" where the misfit is largest (x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m)"
-    if best is not None and best.name == "time":
-        sentence = (
-            "Repeat one reference position every few minutes: the misfit follows the time, not the place."
-        )
-    else:
-        sentence = (
-            f"Repeat readings{about} at another time: what repeats is a structure, what does not is noise."
-        )
-    advice = NextMeasurement(sentence=sentence, readings=[spot])
-    return (best.name if best else None), (_where(best) if best else ""), advice
+    misfit: Misfit | None = None
+    if best is not None:
+        misfit = Misfit(coordinate=best.name, worst_at=best.worst_at, period_deg=best.period_deg)
+    return misfit, NextMeasurement(sentence=words.repeat(spot, misfit), readings=[spot])
 
 
-def verdict_of(
-    forward: Any,
-    readings: Any,
-    prepared: Prepared,
-    finding: Finding,
-    steps: list[Step],
-    untestable: dict[str, str],
-    trust: Trust,
-    seed: int,
-    alpha: float,
-    advise: bool,
-    lamp: Sequence[Judged] = (),
-) -> Verdict:
+def _set_aside(found: Found) -> list[SetAside]:
+    """Outliers, farthest first, then saturated readings."""
+    readings, trust = found.readings, found.trust
+    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
+
+    def entry(i: int, sigma: float | None) -> SetAside:
+        wavelength = float(readings.wavelength_nm[i])
+        return SetAside(
+            row=i, reason="saturated" if sigma is None else "outlier",
+            x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
+            medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
+            off_sigma=sigma,
+        )  # fmt: skip
+
+    saturated = np.flatnonzero(readings.saturated).tolist()
+    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
+
+
+def _untestable(found: Found) -> dict[str, str]:
+    """What these readings cannot show, with reasons."""
+    scores = found.finding.levels[0].adequacy.scores
+    testable = {s.template.candidate.name for s in scores if s.testable}
+    others = (s.template.candidate.name for s in scores if not s.testable)
+    return found.untestable | {name: ABSORBED for name in others if name not in testable}
+
+
+def kind_of(finding: Finding) -> Kind:
+    """The kind of verdict that a finding is."""
+    if finding.best is not None:
+        return "identified" if finding.identified else "ambiguous"
+    return "none" if finding.size == 0 else "unexplained"
+
+
+def verdict_of(found: Found, advise: bool = True) -> Verdict:
     """The verdict as plain data.
 
     Parameters
     ----------
-    lamp : sequence of Judged
-        What absolute readings say of the lamp's power.
+    advise : bool
+        Work out held-out errors and the next measurement.
     """
-    problem, level, units = prepared.problem, finding.level, units_of(forward.scene)
-    best = finding.accepted[0] if finding.accepted else None
-    absorbed = {
-        s.template.candidate.name: "absorbed by gain, beam width and absorption with these readings"
-        for s in finding.levels[0].adequacy.scores
-        if not s.testable
-    }
-    testable = {s.template.candidate.name for s in finding.levels[0].adequacy.scores if s.testable}
-    untestable = untestable | {k: v for k, v in absorbed.items() if k not in testable}
-    kind: Kind = "none" if finding.size == 0 else "unexplained"
-    if best is not None:
-        kind = "identified" if finding.identified else "ambiguous"
-    rival = None
+    prepared, finding, trust = found.prepared, found.finding, found.trust
+    problem, level, units = prepared.problem, finding.level, units_of(found.forward.scene)
+    best, kind, untestable = finding.best, kind_of(finding), _untestable(found)
+    rival: NearestRival | None = None
     advice: NextMeasurement | None = None
-    coordinate, where = None, ""
+    misfit: Misfit | None = None
     if best is not None:
         near = nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
         if near is not None:
             rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
         if kind == "ambiguous" and other is not None and advise:
-            advice = _advice(forward, prepared, finding, best, other)
+            advice = _advice(found, best, other)
     elif kind == "unexplained" and not finding.withheld:
-        coordinate, where, advice = _unexplained(prepared, finding)
-    aside = aside_words.entries(readings, trust)
+        misfit, advice = _unexplained(prepared, finding)
+    aside = _set_aside(found)
     # A misfit that has a coordinate says more than any doubt.
-    doubt = trust.doubt if coordinate is None else None
-    if doubt is not None and trust.structure is not None:
-        coordinate, advice = trust.structure.coordinate, aside_words.advice(aside)
-    tolerance = prepared.noise.budget.tolerance
-    within_tolerance = level.tolerance > 0
-    within = f" within {100 * tolerance:g} %" if within_tolerance else ""
-    if finding.levels[0].adequacy.scale_taken:
-        within += " with the errors taken on trust"
-    explanations = _explanations(finding, prepared, steps, units, advise)
-    limits = _limits(finding, best, units)
+    doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
+    if doubt is not None and doubt.structure is not None:
+        coordinate, advice = doubt.structure.coordinate, aside_words.advice(aside)
+    explanations = _explanations(found, units, advise)
     counted = bright(problem)
-    sigma = standard_errors(prepared, finding)
-    floor = (
-        float(100 * np.sqrt(np.mean((sigma[counted] / prepared.noise.prediction[counted]) ** 2)))
-        if counted.any()
-        else 0.0
-    )
-    scale = variance_scale(prepared, finding)
-    noise = words.at_noise(trust.noise_percent, prepared.errors_stated, scale)
+    sigma = standard_errors(prepared, finding)[counted] / prepared.noise.prediction[counted]
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
-    own_effects = entries(
-        forward.scene,
+    own_effects = stated_effects(
+        found.forward.scene,
         # What cannot be trusted contradicts no scene either.
-        [] if doubt is not None else [*lamp, *judged(prepared, finding, untestable)],
+        [] if doubt is not None else [*found.lamp, *judged_effects(prepared, finding, untestable)],
         (p.path for p in problem.base),
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),
     )
-
-    def say(told: Sequence[Explanation], next_one: NearestRival | None) -> words.Said:
-        new = {k: v for k, v in limits.items() if all(k != entry.effect for entry in own_effects)}
-        return words.said(kind, told, next_one, new, coordinate, where, within, finding.determined, noise)
-
-    said = stated.said(kind, explanations, rival, own_effects, say)
-    if doubt is not None:
-        said = words.Said.of(f"Unexplained: {doubt}.")
-    waves = int(problem.layout.channel.max()) > 0
+    budget = prepared.noise.budget
     return Verdict(
         verdict=kind,
-        **said.then(aside_words.sentence(aside, problem.layout.size, waves)).fields,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         nearest_rival=rival,
-        detection_limits=limits,
+        detection_limits=_limits(finding, units),
         untestable=untestable,
         unexplained_coordinate=coordinate,
-        doubt=doubt,
-        ladder=_rungs(steps, forward, level.phi, units, best),
-        noise_floor_percent=floor,
+        misfit=misfit,
+        reason_to_doubt=doubt,
+        ladder=_rungs(found, units),
+        noise_floor_percent=float(100 * np.sqrt(np.mean(sigma**2))) if counted.any() else 0.0,
         noise_percent=trust.noise_percent,
         next_measurement=advice,
         stated=own_effects,
-        assumed=list(prepared.noise.budget.assumed),
+        assumed=list(budget.assumed),
         warnings=[
-            *hints(forward, problem, steps[-1].fit, prepared.noise.budget.calibration),
-            *exchanged(forward, problem, finding),
-            *cautions(readings, prepared, finding, explanations),
+            *hints(found.forward, problem, found.steps[-1].fit, budget.calibration),
+            *exchanged(found.forward, problem, finding),
+            *cautions(found.readings, prepared, finding, explanations),
         ],
         base_p=finding.levels[0].adequacy.p,
-        within_tolerance=within_tolerance,
-        variance_scale=scale,
+        within_tolerance=level.tolerance > 0,
+        tolerance_percent=100 * budget.tolerance,
+        errors_stated=prepared.errors_stated,
+        errors_on_trust=finding.levels[0].adequacy.scale_taken,
+        determined=finding.determined,
+        variance_scale=variance_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
         outliers=[int(i) for i in np.flatnonzero(trust.aside)],
-        saturated=[int(i) for i in np.flatnonzero(np.asarray(readings.saturated))],
+        saturated=[int(i) for i in np.flatnonzero(found.readings.saturated)],
         set_aside=aside,
         readings=problem.layout.size,
-        seed=seed,
+        several_wavelengths=bool(problem.layout.channel.max() > 0),
+        seed=found.seed,
+        lightfield_version=__version__,
     )
-
-
-def taken_back(verdict: Verdict, contradiction: str) -> dict[str, Any]:
-    """What changes in a verdict that something found later contradicts."""
-    named = words.join(verdict.effects) if verdict.effects else "the base model"
-    doubt = f"{named} would explain the readings, but {contradiction}"
-    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
-    aside = aside_words.sentence(verdict.set_aside, verdict.readings, waves)
-    said = words.Said.of(f"Unexplained: {doubt}.").then(aside)
-    return {"verdict": "unexplained", "effects": [], "doubt": doubt, **said.fields}

@@ -12,8 +12,11 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Readings below this part of the largest one of their plane do not count in the error in per cent.
+#: Readings below this part of the largest one of their plane do not count in the error in per cent. Chosen:
+#: with dark ones it would be the error of the dark.
 BRIGHT = 0.05
+#: Steps of a fit without one plane, from the fit with it; what the fit of a rung may leave of chi-square.
+_STEPS, _LEFT = 12, 1e-5
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     for k in range(int(plane.max()) + 1):
         others = replace(problem, keep=problem.keep * (plane != k))
         if others.keep.sum() > len(fit.u):
-            refit = others.fit(explanation, whiten, [fit.u], max_steps=12)
+            refit = others.fit(explanation, whiten, [fit.u], max_steps=_STEPS)
             prediction[plane == k] = refit.prediction[plane == k]
     return percent(problem, prediction, counted)
 
@@ -117,7 +120,7 @@ def climb(
             starts_k = [np.concatenate([fit.u, own])]
             if k == len(order):
                 starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
-            fit = problem.fit(part, whiten, starts_k, tolerance=1e-5)
+            fit = problem.fit(part, whiten, starts_k, tolerance=_LEFT)
         label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(

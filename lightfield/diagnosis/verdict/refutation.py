@@ -15,14 +15,15 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
 from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
-from lightfield.diagnosis.verdict.verdict import Estimate, StatedEffect
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
@@ -31,7 +32,8 @@ Judgement = Literal["supported", "undecided", "contradicted", "absent"]
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
 REMOVABLE_SIGMA = 3.0
-#: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two.
+#: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two (Wilks 1938,
+#: doi:10.1214/aoms/1177732360); test_refutation.py refits at the limit.
 _ONE_SIDE, _TWO_SIDES = float(special.chdtri(1, 0.10)), float(special.chdtri(1, 0.05))
 
 
@@ -90,10 +92,10 @@ def _start(problem: Problem, explanation: Explanation, like: Fit) -> Array:
 def _sigmas(worse: float, parameters: int) -> float:
     """Growth of chi-square by holding some parameters, as standard deviations of a Gaussian."""
     p = float(special.chdtrc(parameters, max(worse, 0.0)))
-    return float(-special.ndtri(p / 2)) if p > 1e-300 else float(np.sqrt(worse))
+    return float(-special.ndtri(p / 2)) if p > TINY else float(np.sqrt(worse))
 
 
-def settled(prepared: Prepared, finding: Finding) -> Finding:
+def pruned(prepared: Prepared, finding: Finding) -> Finding:
     """The finding whose explanations leave out what the scene has and the readings do as well without."""
     accepted = [_without(prepared.problem, one) for one in finding.accepted]
     if all(one is other for one, other in zip(accepted, finding.accepted, strict=True)):
@@ -109,12 +111,12 @@ def _without(problem: Problem, tried: Tried) -> Tried:
         fit = problem.fit(rest, tried.test.whiten, [_start(problem, rest, tried.fit)])
         worse = (fit.chi2 - tried.fit.chi2) / tried.adequacy.phi
         adequacy = tried.test(fit)
-        if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(0.01):
+        if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(ALPHA):
             tried = replace(tried, explanation=rest, fit=fit, adequacy=adequacy, bic=tried.bic + worse)
     return tried
 
 
-def judged(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
+def judged_effects(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
     """Every testable effect that the scene has, in the order of the table of effects.
 
     Parameters
@@ -130,7 +132,7 @@ def judged(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) 
 
 
 def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
-    whiten, best = finding.whiten, finding.accepted[0] if finding.accepted else None
+    whiten, best = finding.whiten, finding.best
     explanation = best.explanation if best else ()
     fit = best.fit if best else finding.level.base
     mine = next((c for c in explanation if c.name == candidate.name), None)
@@ -175,7 +177,7 @@ def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
     (parameter,), (off,) = candidate.amplitudes, candidate.neutral
     i = free.paths.index(parameter.path)
     others = [k for k, at in enumerate(free.at_bound()) if k != i and not at]
-    along = beside(orthonormal(free.jacobian[:, others], 1e-9), free.jacobian[:, [i]])[:, 0]
+    along = beside(orthonormal(free.jacobian[:, others], INDEPENDENT), free.jacobian[:, [i]])[:, 0]
     curvature = float(along @ along)
     if curvature == 0:
         return None
@@ -189,7 +191,7 @@ def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
     return max(abs(u - off) for u in ends)
 
 
-def entries(
+def stated_effects(
     scene: Scene,
     judged: Iterable[Judged],
     free: Iterable[str],

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, StatedEffect
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, NearestRival, StatedEffect
 from lightfield.diagnosis.verdict.words import Said, join
 
-Say = Callable[[Sequence[Explanation], NearestRival | None], Said]
+Say = Callable[[Sequence[AcceptedExplanation], NearestRival | None], Said]
 #: Judgements that contradict the scene.
 REFUTED = ("absent", "contradicted")
 #: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
@@ -40,9 +40,9 @@ def _value(estimate: Estimate) -> str:
     return f"{estimate.value:.4g}{error}{unit}"
 
 
-def said(
+def with_stated(
     kind: str,
-    explanations: Sequence[Explanation],
+    explanations: Sequence[AcceptedExplanation],
     rival: NearestRival | None,
     stated: Sequence[StatedEffect],
     say: Say,

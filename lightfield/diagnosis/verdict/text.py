@@ -1,11 +1,45 @@
-"""The verdict as text for a terminal."""
+"""The words of a verdict, made last and from its data alone: headline, support, text for a terminal."""
 
 from __future__ import annotations
 
-from lightfield.diagnosis.verdict import aside_words, stated, words
-from lightfield.diagnosis.verdict.verdict import Verdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+from lightfield.diagnosis.verdict import aside_words, stated, words
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
+
+if TYPE_CHECKING:
+    from lightfield.diagnosis.verdict.verdict import Verdict
+
+#: Explanations, and readings set aside, that a terminal is shown.
 _SHOWN, _LISTED = 8, 20
+
+
+def words_of(verdict: Verdict) -> words.Said:
+    """Headline and what supports it."""
+    why = verdict.reason_to_doubt
+    told = _found(verdict) if why is None else words.Said.of(f"Unexplained: {words.doubt(why)}.")
+    aside = aside_words.sentence(verdict.set_aside, verdict.readings, verdict.several_wavelengths)
+    return told.then(aside)
+
+
+def _found(verdict: Verdict) -> words.Said:
+    """What was found, where nothing speaks against believing it."""
+    within = f" within {verdict.tolerance_percent:g} %" if verdict.within_tolerance else ""
+    if verdict.errors_on_trust:
+        within += " with the errors taken on trust"
+    noise = words.at_noise(verdict.noise_percent, verdict.errors_stated, verdict.variance_scale)
+    own = {entry.effect for entry in verdict.stated}
+    limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
+
+    def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
+        return words.said(
+            verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise
+        )
+
+    return stated.with_stated(
+        verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say
+    )
 
 
 def summary(verdict: Verdict) -> str:

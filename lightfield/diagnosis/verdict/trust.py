@@ -9,22 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.aside import Structure, structure
-from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.adequacy.aside import structure
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.ladder import bright
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.fitting.least_squares import Fit
 
 #: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing:
 #: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
 SANE_NOISE_PERCENT = 10.0
-#: Errors may be quoted too small by this factor in variance before their scale is no longer believed.
+#: Errors may be quoted too small by this factor in variance before a scale that a misfit widens is no longer
+#: believed. Chosen: half of `score_tests.VARIANCE_EXCESS`, which readings without a misfit may show.
 CREDIBLE = 2.0
 #: A constant that scatters no more than this times as much as the model about the readings is as good as it,
-#: where the scene's own light varies by so many times the noise.
+#: where the scene's own light varies by so many times the noise. Chosen: benchmarks/garbage has constants.
 _AS_GOOD, _VARIES = 1.5, 3.0
-#: Readings ask for more than the bound of a parameter by so many standard deviations.
+#: Readings ask for more than the bound of a parameter by so many standard deviations: of clear water, whose
+#: absorption lies at 0, one table in a thousand (test_trust.py has three).
 _BEYOND_SIGMA = 3.0
 
 
@@ -40,17 +43,14 @@ class Trust:
         (Reading - model) / standard error.
     aside : array of bool, shape (n,)
         Readings set aside as gross outliers.
-    doubt : str or None
+    doubt : Doubt or None
         Why no effect can be named, and none ruled out.
-    structure : Structure or None
-        What the readings set aside have in common, if that is the doubt.
     """
 
     noise_percent: float | None
     off_sigma: Array
     aside: NDArray[np.bool_]
-    doubt: str | None
-    structure: Structure | None
+    doubt: Doubt | None
 
 
 def error_scale(prepared: Prepared, finding: Finding) -> float:
@@ -58,7 +58,7 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
 
     A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
     """
-    best = finding.accepted[0].adequacy if finding.accepted else None
+    best = finding.best.adequacy if finding.best else None
     scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
     unexplained = finding.size is None and not finding.withheld
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
@@ -80,39 +80,27 @@ def trust_of(
         Readings left out because they are saturated.
     """
     problem, counted = prepared.problem, bright(prepared.problem)
-    fit = finding.accepted[0].fit if finding.accepted else finding.level.base
+    fit = finding.best.fit if finding.best else finding.level.base
     sigma, misfit = standard_errors(prepared, finding), problem.value - fit.prediction
     aside = (problem.keep == 0) & ~saturated
     noise = float(100 * np.median(sigma[counted] / problem.value[counted])) if counted.any() else None
     rate = prepared.noise.budget.outlier_rate
-    doubt, common = _doubt(prepared, finding, fit, noise), None
+    doubt = _doubt(prepared, finding, fit, noise)
     if doubt is None:
         common = structure(aside, misfit, ~saturated, problem.layout, fit.prediction, rate, rng)
-    if common is not None:
-        lie = "they lie together" if common.coordinate else "there are"
-        doubt = f"readings that no known effect reaches are no slips: {lie} {common.where}"
-    return Trust(noise, misfit / sigma, aside, doubt, common)
+        doubt = None if common is None else Doubt(reason=DoubtReason.SET_ASIDE, structure=common)
+    return Trust(noise, misfit / sigma, aside, doubt)
 
 
-def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) -> str | None:
+def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) -> Doubt | None:
     if noise is None:
-        return "these readings do not look like a beam through water: no bright one is left"
+        return Doubt(reason=DoubtReason.NOTHING_BRIGHT)
     if noise > SANE_NOISE_PERCENT:
-        return (
-            f"the noise is {noise:.0f} % of a typical bright reading, too much to name an effect or to rule "
-            "one out; these may be no readings of a beam through water"
-        )
+        return Doubt(reason=DoubtReason.NOISE, noise_percent=noise)
     if _flat(prepared, finding, fit, noise):
-        return (
-            "these readings do not look like a beam through water: they do not change from place to place, "
-            "where the lamp's light does"
-        )
+        return Doubt(reason=DoubtReason.FLAT)
     if finding.size is not None and (pinned := _pinned(prepared, finding, fit)):
-        return (
-            "these readings do not look like a beam through water: they ask for more than "
-            + " and ".join(pinned)
-            + " allows, the edge of what is possible"
-        )
+        return Doubt(reason=DoubtReason.PINNED, pinned=pinned)
     return None
 
 
@@ -130,16 +118,16 @@ def _flat(prepared: Prepared, finding: Finding, fit: Fit, noise: float) -> bool:
     return constant <= _AS_GOOD * fit.chi2 / spare and max(contrast, default=0.0) > _VARIES * noise
 
 
-def _pinned(prepared: Prepared, finding: Finding, fit: Fit) -> list[str]:
+def _pinned(prepared: Prepared, finding: Finding, fit: Fit) -> dict[str, float]:
     """Gains, width and absorption at a bound beyond which the readings push them."""
-    out, bound = [], fit.at_bound()
-    free = orthonormal(fit.jacobian[:, ~bound], 1e-9)
+    out, bound = {}, fit.at_bound()
+    free = orthonormal(fit.jacobian[:, ~bound], INDEPENDENT)
     for i, parameter in enumerate(prepared.problem.base):
         if not bound[i] or parameter.low == parameter.high:
             continue
         outward = -1.0 if fit.u[i] - parameter.low < parameter.high - fit.u[i] else 1.0
         column = outward * beside(free, fit.jacobian[:, i : i + 1])[:, 0]
-        pull = float(column @ fit.residual) / max(float(np.linalg.norm(column)), 1e-300)
+        pull = float(column @ fit.residual) / max(float(np.linalg.norm(column)), TINY)
         if pull > _BEYOND_SIGMA * np.sqrt(finding.level.phi):
-            out.append(f"{parameter.path} = {fit.values[parameter.path] + 0.0:.3g}")
+            out[parameter.path] = fit.values[parameter.path]
     return out

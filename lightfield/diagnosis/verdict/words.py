@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from lightfield.diagnosis.verdict.verdict import (
+from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
     DetectionLimit,
-    Explanation,
+    Doubt,
+    DoubtReason,
+    Misfit,
     NearestRival,
     NextMeasurement,
     Reason,
+    Spot,
 )
 from lightfield.fitting import effects
+
+#: Units of the coordinates that a misfit depends on, or that readings set aside share.
+UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
+_CALLED = {"plane": "z", "angle": "the angle from the axis", "wavelength": "the wavelength"}
+_NO_BEAM = "these readings do not look like a beam through water"
+#: Explanations that the sentence names one by one.
+_NAMED = 4
+#: Errors within these factors of the stated ones are "as stated".
+_AS_STATED = 0.8, 1.25
 
 
 @dataclass(frozen=True)
@@ -47,11 +61,6 @@ class Said:
         """The same with one more support, unless that is empty."""
         return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
 
-    @property
-    def fields(self) -> dict[str, Any]:
-        """As fields of the verdict."""
-        return {"sentence": self.sentence, "headline": self.headline, "support": list(self.support)}
-
 
 def _plain(name: str) -> str:
     return "CDOM" if name == "cdom" else name.replace("_", " ")
@@ -69,11 +78,10 @@ def join(names: Sequence[str]) -> str:
 
 def said(
     kind: str,
-    explanations: Sequence[Explanation],
+    explanations: Sequence[AcceptedExplanation],
     rival: NearestRival | None,
     limits: Mapping[str, DetectionLimit],
-    coordinate: str | None,
-    where: str,
+    misfit: Misfit | None,
     within: str,
     determined: bool,
     noise: str = "",
@@ -82,8 +90,6 @@ def said(
 
     Parameters
     ----------
-    where : str
-        Where an unexplained misfit is largest.
     within : str
         "" or the tolerance that the statement needs.
     determined : bool
@@ -119,20 +125,75 @@ def said(
             return Said.of(
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )
-        listed = " or ".join(join(e.effects) for e in explanations[:4])
-        others = len(explanations) - 4
+        listed = " or ".join(join(e.effects) for e in explanations[:_NAMED])
+        others = len(explanations) - _NAMED
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
         what = f"{_sentence(listed)}{more}: these readings cannot tell"
         if rival is None:
             return Said.of(f"{what}{within}.")
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
         return Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
-    about = (
-        f"; it depends on {coordinate} alone, {where}"
-        if coordinate
-        else "; it is not a function of one coordinate"
-    )
-    return Said.of(f"Unexplained by any one or two known effects{about}.")
+    about = "it is not a function of one coordinate"
+    if misfit is not None:
+        about = f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
+    return Said.of(f"Unexplained by any one or two known effects; {about}.")
+
+
+def _largest(misfit: Misfit) -> str:
+    """Where an unexplained misfit is largest."""
+    if misfit.period_deg is not None:
+        return f"with a period of {misfit.period_deg:.2g} degrees"
+    return f"most near {misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
+
+
+def doubt(why: Doubt) -> str:
+    """Why nothing is named or ruled out, as the verdict says it."""
+    if why.reason is DoubtReason.NOTHING_BRIGHT:
+        return f"{_NO_BEAM}: no bright one is left"
+    if why.reason is DoubtReason.NOISE:
+        return (
+            f"the noise is {why.noise_percent:.0f} % of a typical bright reading, too much to name an effect "
+            "or to rule one out; these may be no readings of a beam through water"
+        )
+    if why.reason is DoubtReason.FLAT:
+        return f"{_NO_BEAM}: they do not change from place to place, where the lamp's light does"
+    if why.reason is DoubtReason.PINNED:
+        pinned = " and ".join(f"{path} = {value + 0.0:.3g}" for path, value in why.pinned.items())
+        return f"{_NO_BEAM}: they ask for more than {pinned} allows, the edge of what is possible"
+    if why.reason is DoubtReason.SET_ASIDE and why.structure is not None:
+        return f"readings that no known effect reaches are no slips: {_in_common(why.structure)}"
+    named = join(why.named) if why.named else "the base model"
+    return f"{named} would explain the readings, but {not_confirmed(why)}"
+
+
+def not_confirmed(why: Doubt) -> str:
+    """How a fresh render contradicts a fit."""
+    missed = f"{why.rendered_percent:.2g} % against {why.fitted_percent:.2g} %"
+    return f"the fresh render does not confirm the fit ({missed})"
+
+
+def _in_common(found: Structure) -> str:
+    """What readings set aside have in common."""
+    if found.box_m is not None:
+        ends = (_ends(*(round(end, PLACE_DECIMALS) + 0.0 for end in span)) for span in found.box_m)
+        where = ", ".join(f"{axis} = {span}" for axis, span in zip("xyz", ends, strict=True))
+        return f"they lie together at neighbouring places, {where} m"
+    if found.span is None:
+        return f"there are more of them than the {100 * found.rate:g} % that slips explain"
+    if found.coordinate == "signal":
+        return "they lie together among readings of equal size"
+    if found.coordinate == "time":
+        first, last = found.span
+        return f"they lie together in the scan, readings {first:.0f} to {last:.0f}"
+    name = str(found.coordinate)
+    where = f"where {_CALLED.get(name, name)} is {_ends(*found.span)} {UNITS.get(name, '')}".rstrip()
+    return f"they lie together {where}"
+
+
+def _ends(low: float, high: float) -> str:
+    """ "0.1 to 0.2", or "0.1" where that is all."""
+    first, last = f"{low:.3g}", f"{high:.3g}"
+    return first if first == last else f"{first} to {last}"
 
 
 def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:
@@ -153,8 +214,26 @@ def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) 
     origin = "estimated from the scatter"
     if errors_stated:
         factor = variance_scale**0.5
-        origin = "as stated" if 0.8 < factor < 1.25 else f"{factor:.2g} times the stated one"
+        low, high = _AS_STATED
+        origin = "as stated" if low < factor < high else f"{factor:.2g} times the stated one"
     return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
+
+
+def repeat(spot: Spot, misfit: Misfit | None) -> str:
+    """What to do about a misfit that nothing explains.
+
+    Parameters
+    ----------
+    spot : Spot
+        Where it is largest.
+    """
+    if misfit is not None and misfit.coordinate == "time":
+        return "Repeat one reference position every few minutes: the misfit follows the time, not the place."
+    where = f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
+    return (
+        f"Repeat readings where the misfit is largest ({where}) at another time: what repeats is a "
+        "structure, what does not is noise."
+    )
 
 
 def other_kind(first: Sequence[str], second: Sequence[str]) -> str:

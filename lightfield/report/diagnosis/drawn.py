@@ -59,7 +59,7 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     base = finding.level.base.prediction
     verdict = found.verdict
     return DiagnosisView(
-        verdict.model_dump(mode="json"),
+        verdict,
         DrawnReadings(
             _tidy(readings.x_m),
             _tidy(readings.y_m),

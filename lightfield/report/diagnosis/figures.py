@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
+from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.view import DiagnosisView, Group, Separation
 from lightfield.report.style import (
     DATA,
@@ -200,13 +200,11 @@ def signature_figure(view: DiagnosisView, most: int = 4) -> Figure:
     return fig
 
 
-def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: float) -> Figure:
+def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float) -> Figure:
     """Error of every rung falling towards the noise floor; the last rung rendered afresh."""
     at = np.arange(len(ladder))
-    error = np.array([rung["error_percent"] for rung in ladder], float)
-    held_out = np.array(
-        [np.nan if rung.get("held_out_percent") is None else rung["held_out_percent"] for rung in ladder]
-    )
+    error = np.array([rung.error_percent for rung in ladder], float)
+    held_out = np.array([np.nan if r.held_out_percent is None else r.held_out_percent for r in ladder])
     texts = [f"{value:.2g} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error]
     error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
     with figure(max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder))), 4.0) as fig:
@@ -243,11 +241,11 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
                 weight="bold",
             )
         for x, rung in zip(at, ladder, strict=True):
-            if rung.get("rendered_error_percent") is not None:
+            if rung.rendered_error_percent is not None:
                 axis.errorbar(
                     [x],
-                    [rung["rendered_error_percent"]],
-                    [rung.get("rendered_stderr_percent") or 0.0],
+                    [rung.rendered_error_percent],
+                    [rung.rendered_stderr_percent or 0.0],
                     fmt="*",
                     color=FORMULA,
                     markersize=12,
@@ -260,7 +258,7 @@ def ladder_figure(ladder: Sequence[Mapping[str, Any]], noise_floor_percent: floa
             plain_log_axis(axis.yaxis)
         else:
             axis.set_ylim(0, 1.18 * everything.max())
-        axis.set_xticks(at, [_wrapped(str(rung["label"])) for rung in ladder])
+        axis.set_xticks(at, [_wrapped(rung.label) for rung in ladder])
         axis.set_xlim(-0.4, len(ladder) - 0.4)
         axis.grid(False, axis="x")
         axis.set_ylabel("rms error (%)")

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
+    DetectionLimit,
+    NearestRival,
+    Rung,
+    SetAside,
+)
 from lightfield.diagnosis.verdict.stated import lines
-from lightfield.diagnosis.verdict.verdict import StatedEffect
+from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
@@ -18,7 +23,7 @@ from lightfield.report.diagnosis.figures import (
     signature_figure,
 )
 from lightfield.report.diagnosis.view import DiagnosisView
-from lightfield.report.page import fill, page_figure, write_page
+from lightfield.report.page import PageFigure, fill, page_figure, write_page
 from lightfield.report.tank import tank_figure
 
 TAGS = {
@@ -45,11 +50,11 @@ def diagnosis_page(view: DiagnosisView) -> str:
     view : DiagnosisView
     """
     verdict = view.verdict
-    kind, text = TAGS[verdict["verdict"]]
+    kind, text = TAGS[verdict.verdict]
     readings = view.readings
-    advice = verdict.get("next_measurement") or {}
-    spots = advice.get("readings") or []
-    figures: dict[str, Any] = {
+    advice = verdict.next_measurement
+    spots = advice.readings if advice else []
+    figures: dict[str, PageFigure | None] = {
         "data": page_figure(
             data_figure(view),
             "data",
@@ -65,7 +70,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "Residuals by position",
         ),
         "ladder": page_figure(
-            ladder_figure(verdict["ladder"], verdict["noise_floor_percent"]),
+            ladder_figure(verdict.ladder, verdict.noise_floor_percent),
             "ladder",
             "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
             "Error of each rung of the ladder against the noise floor",
@@ -100,46 +105,42 @@ def diagnosis_page(view: DiagnosisView) -> str:
     return fill(
         "diagnosis.html",
         title=view.title,
-        verdict=verdict["headline"],
+        verdict=verdict.headline,
         tag={"kind": kind, "text": text},
-        lead=[*verdict["support"], *_lead(verdict)],
-        rungs=[_rung(rung) for rung in verdict["ladder"]],
-        explanations=[_explanation(each) for each in verdict["explanations"]],
-        rival=_rival(verdict),
-        next_sentence=advice.get("sentence") or "No further reading is asked for.",
-        spots=[
-            [f"{s['x_m']:g}", f"{s['y_m']:g}", f"{s['z_m']:g}", s.get("medium", "water"), s.get("repeats", 1)]
-            for s in spots
-        ],
-        limits=[_limit(name, each) for name, each in verdict["detection_limits"].items()],
-        untestable=[(_words(name), reason) for name, reason in verdict["untestable"].items()],
-        stated=lines([StatedEffect.model_validate(each) for each in verdict.get("stated", [])]),
-        assumed=verdict["assumed"],
-        warnings=verdict.get("warnings", []),
-        aside=[_aside(each) for each in verdict.get("set_aside", [])],
+        lead=[*verdict.support, *_lead(verdict)],
+        rungs=[_rung(rung) for rung in verdict.ladder],
+        explanations=[_explanation(each) for each in verdict.explanations],
+        rival=_rival(verdict.nearest_rival),
+        next_sentence=(advice.sentence if advice else "") or "No further reading is asked for.",
+        spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
+        limits=[_limit(name, each) for name, each in verdict.detection_limits.items()],
+        untestable=[(_words(name), reason) for name, reason in verdict.untestable.items()],
+        stated=lines(verdict.stated),
+        assumed=verdict.assumed,
+        warnings=verdict.warnings,
+        aside=[_aside(each) for each in verdict.set_aside],
         provenance=view.provenance,
         scene_toml=view.scene_toml,
         **figures,
     )
 
 
-def _aside(each: Mapping[str, Any]) -> list[str]:
+def _aside(each: SetAside) -> list[str]:
     """A reading set aside: row, place, and how far it lies from the model."""
-    wavelength, off = each["wavelength_nm"], each["off_sigma"]
-    place = (f"{round(each[axis], 4) + 0.0:.4g}" for axis in ("x_m", "y_m", "z_m"))
+    wavelength, off = each.wavelength_nm, each.off_sigma
+    place = (f"{round(v, 4) + 0.0:.4g}" for v in (each.x_m, each.y_m, each.z_m))
     return [
-        str(each["row"]),
+        str(each.row),
         *place,
-        each["medium"],
+        each.medium,
         "–" if wavelength is None else f"{wavelength:g}",
-        each["reason"] if off is None else f"{off:+.1f}",
+        each.reason if off is None else f"{off:+.1f}",
     ]
 
 
-def _lead(verdict: Mapping[str, Any]) -> list[str]:
-    ladder = verdict["ladder"]
-    first, last = ladder[0]["error_percent"], ladder[-1]["error_percent"]
-    floor = verdict["noise_floor_percent"]
+def _lead(verdict: Verdict) -> list[str]:
+    ladder, floor = verdict.ladder, verdict.noise_floor_percent
+    first, last = ladder[0].error_percent, ladder[-1].error_percent
     lines = []
     if len(ladder) > 1:
         lines.append(
@@ -149,62 +150,54 @@ def _lead(verdict: Mapping[str, Any]) -> list[str]:
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
-    run = int(verdict.get("run", 1))
-    if run > 1:
+    if verdict.run > 1:
         lines.append(
-            f"This is look {run} at these readings. Every look spends some of their power: keep a plane or a "
-            "day untouched."
+            f"This is look {verdict.run} at these readings. Every look spends some of their power: keep a "
+            "plane or a day untouched."
         )
     return lines
 
 
-def _rung(rung: Mapping[str, Any]) -> list[str]:
-    rendered = rung.get("rendered_error_percent")
+def _rung(rung: Rung) -> list[str]:
+    rendered = rung.rendered_error_percent
     fresh = "–" if rendered is None else f"{rendered:.3g}"
-    if rendered is not None and rung.get("rendered_stderr_percent"):
-        fresh += f" ± {rung['rendered_stderr_percent']:.1g}"
+    if rendered is not None and rung.rendered_stderr_percent:
+        fresh += f" ± {rung.rendered_stderr_percent:.1g}"
     return [
-        _words(str(rung["label"])),
-        _percent(rung["error_percent"]),
-        _percent(rung["chi2_per_dof"]),
-        _optional(rung.get("held_out_percent")),
+        _words(rung.label),
+        _percent(rung.error_percent),
+        _percent(rung.chi2_per_dof),
+        _optional(rung.held_out_percent),
         fresh,
     ]
 
 
-def _explanation(each: Mapping[str, Any]) -> dict[str, Any]:
+def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     values = []
-    for path, estimate in each["parameters"].items():
-        unit = "" if estimate.get("unit", "1") == "1" else f" {estimate['unit']}"
-        error = (
-            f" ± {estimate['stderr']:.2g}"
-            if estimate.get("stderr") is not None
-            else f" ({estimate.get('reason')})"
-        )
-        values.append(f"{path} = {estimate['value']:.4g}{error}{unit}")
+    for path, estimate in each.parameters.items():
+        unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+        error = f" ± {estimate.stderr:.2g}" if estimate.stderr is not None else f" ({estimate.reason})"
+        values.append(f"{path} = {estimate.value:.4g}{error}{unit}")
     return {
-        "effects": " + ".join(_words(name) for name in each["effects"]),
-        "weight": f"{each['weight']:.2f}",
-        "error": _percent(each["error_percent"]),
-        "held_out": _optional(each.get("held_out_percent")),
+        "effects": " + ".join(_words(name) for name in each.effects),
+        "weight": f"{each.weight:.2f}",
+        "error": _percent(each.error_percent),
+        "held_out": _optional(each.held_out_percent),
         "values": values,
     }
 
 
-def _rival(verdict: Mapping[str, Any]) -> str:
-    rival = verdict.get("nearest_rival")
-    if not rival:
+def _rival(rival: NearestRival | None) -> str:
+    if rival is None:
         return ""
-    names = " + ".join(_words(name) for name in rival["effects"])
-    return f"The nearest other explanation, {names}, is {rival['separation_sigma']:.1f} sigma away."
+    names = " + ".join(_words(name) for name in rival.effects)
+    return f"The nearest other explanation, {names}, is {rival.separation_sigma:.1f} sigma away."
 
 
-def _limit(name: str, each: Mapping[str, Any]) -> dict[str, str]:
-    unit = "" if each["unit"] == "1" else f" {each['unit']}"
-    text = (
-        f"{each['value']:.2g}{unit}" if each["within_range"] else "none: not even its largest plausible size"
-    )
-    return {"effect": _words(name), "parameter": each["parameter"], "limit": text}
+def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
+    unit = "" if each.unit == "1" else f" {each.unit}"
+    text = f"{each.value:.2g}{unit}" if each.within_range else "none: not even its largest plausible size"
+    return {"effect": _words(name), "parameter": each.parameter, "limit": text}
 
 
 def _optional(value: float | None) -> str:

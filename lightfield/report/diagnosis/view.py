@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.scene import Tank
 
 
@@ -96,8 +96,7 @@ class DiagnosisView:
 
     Parameters
     ----------
-    verdict : mapping
-        The verdict as `diagnose --json` writes it.
+    verdict : Verdict
     readings : DrawnReadings
     predictions : sequence of Prediction
         Base model first, best explanation last; one for "nothing missing".
@@ -113,7 +112,7 @@ class DiagnosisView:
         The fitted scene.
     """
 
-    verdict: Mapping[str, Any]
+    verdict: Verdict
     readings: DrawnReadings
     predictions: Sequence[Prediction]
     signatures: Sequence[Signature] = ()

@@ -20,8 +20,8 @@ from lightfield.diagnosis.search.preparation import bench, prepare
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.compose import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
+from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.plausibility import hints
-from lightfield.diagnosis.verdict.verdict import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward

@@ -11,7 +11,8 @@ import pytest
 from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
-from lightfield.diagnosis.verdict.verdict import StatedEffect, Verdict
+from lightfield.diagnosis.verdict.parts import StatedEffect
+from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.least_squares import least_squares
 from lightfield.fitting.parameter import Model
 from lightfield.report.diagnosis.drawn import view_of

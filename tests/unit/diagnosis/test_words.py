@@ -6,12 +6,22 @@ import json
 
 import pytest
 
+from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
-from lightfield.diagnosis.verdict.verdict import Estimate, Explanation, NearestRival, Reason
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
+    Doubt,
+    DoubtReason,
+    Estimate,
+    Misfit,
+    NearestRival,
+    Reason,
+    Spot,
+)
 
 
-def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
-    return Explanation(
+def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanation:
+    return AcceptedExplanation(
         effects=list(effects), families=["water"] * len(effects), forms=["linear"] * len(effects), weight=0.5,
         parameters={"water.scattering_per_m": Estimate(value=0.1, reason=reason)},
         chi2_per_dof=1.0, error_percent=1.0, held_out_percent=None, adequacy_p=0.5,
@@ -29,7 +39,7 @@ def explanation(*effects: str, reason: Reason | None = None) -> Explanation:
     ],
 )
 def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | None, said: str) -> None:
-    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, {}, None, "", "", True)
+    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, {}, None, "", True)
     assert text == words.Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
@@ -75,9 +85,86 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
 ) -> None:
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
-    said = words.said(kind, found, rival, {}, None, "", " within 1 %", True)
-    assert said.fields == {"sentence": sentence, "headline": headline, "support": support}
+    said = words.said(kind, found, rival, {}, None, " within 1 %", True)
+    assert said == words.Said(sentence, headline, tuple(support))
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)
     assert more.sentence == f"{against} {sentence} {aside}"
     assert more.headline == f"{against} {headline}" and more.support == (*support, aside)
+
+
+NO_BEAM = "these readings do not look like a beam through water"
+NO_SLIPS = "readings that no known effect reaches are no slips: they lie together"
+
+
+@pytest.mark.parametrize(
+    ("reason", "found", "said"),
+    [
+        (DoubtReason.NOTHING_BRIGHT, {}, f"{NO_BEAM}: no bright one is left"),
+        (DoubtReason.NOISE, {"noise_percent": 13.6},
+         "the noise is 14 % of a typical bright reading, too much to name an effect or to rule one out; "
+         "these may be no readings of a beam through water"),
+        (DoubtReason.FLAT, {},
+         f"{NO_BEAM}: they do not change from place to place, where the lamp's light does"),
+        (DoubtReason.PINNED, {"pinned": {"gain": 0.74, "water.absorption_per_m": -0.0}},
+         f"{NO_BEAM}: they ask for more than gain = 0.74 and water.absorption_per_m = 0 allows, the edge of "
+         "what is possible"),
+        (DoubtReason.NOT_CONFIRMED,
+         {"named": ["beam_tilt", "cdom"], "fitted_percent": 0.4, "rendered_percent": 2.13},
+         "beam tilt and CDOM would explain the readings, but the fresh render does not confirm the fit "
+         "(2.1 % against 0.4 %)"),
+        (DoubtReason.NOT_CONFIRMED, {"fitted_percent": 0.4, "rendered_percent": 2.13},
+         "the base model would explain the readings, but the fresh render does not confirm the fit (2.1 % "
+         "against 0.4 %)"),
+    ],
+)  # fmt: skip
+def test_a_doubt_is_said_from_its_data(reason: DoubtReason, found: dict, said: str) -> None:
+    assert words.doubt(Doubt(reason=reason, **found)) == said
+
+
+@pytest.mark.parametrize(
+    ("structure", "said"),
+    [
+        (Structure("plane", 0.0, span=(4.5, 4.5)), f"{NO_SLIPS} where z is 4.5 m"),
+        (Structure("angle", 0.0, span=(1.234, 2.0)), f"{NO_SLIPS} where the angle from the axis is 1.23 to 2 "
+         "degrees"),
+        (Structure("y/z", 0.0, span=(0.1, 0.2)), f"{NO_SLIPS} where y/z is 0.1 to 0.2"),
+        (Structure("wavelength", 0.0, span=(450.0, 500.0)),
+         f"{NO_SLIPS} where the wavelength is 450 to 500 nm"),
+        (Structure("signal", 0.0, span=(3.0, 9.0)), f"{NO_SLIPS} among readings of equal size"),
+        (Structure("time", 0.0, span=(41.0, 45.0)), f"{NO_SLIPS} in the scan, readings 41 to 45"),
+        (Structure("place", 0.0, box_m=((-0.1, 0.1), (-1e-17, 0.0), (5.5, 5.5))),
+         f"{NO_SLIPS} at neighbouring places, x = -0.1 to 0.1, y = 0, z = 5.5 m"),
+        (Structure(None, 0.0, rate=0.02),
+         "readings that no known effect reaches are no slips: there are more of them than the 2 % that slips "
+         "explain"),
+    ],
+)  # fmt: skip
+def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structure, said: str) -> None:
+    assert words.doubt(Doubt(reason=DoubtReason.SET_ASIDE, structure=structure)) == said
+
+
+@pytest.mark.parametrize(
+    ("misfit", "said"),
+    [
+        (None, "it is not a function of one coordinate"),
+        (Misfit(coordinate="time", worst_at=12.34), "it depends on time alone, most near 12.3 minutes"),
+        (Misfit(coordinate="signal", worst_at=0.5), "it depends on signal alone, most near 0.5"),
+        (Misfit(coordinate="angle", worst_at=2.0, period_deg=1.52),
+         "it depends on angle alone, with a period of 1.5 degrees"),
+    ],
+)  # fmt: skip
+def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
+    text = words.said("unexplained", [], None, {}, misfit, "", False)
+    assert text == words.Said.of(f"Unexplained by any one or two known effects; {said}.")
+
+
+def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
+    spot = Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
+    time = Misfit(coordinate="time", worst_at=3.0)
+    assert words.repeat(spot, time).startswith("Repeat one reference position every few minutes:")
+    for other in (None, Misfit(coordinate="x", worst_at=0.3)):
+        assert words.repeat(spot, other) == (
+            "Repeat readings where the misfit is largest (x = 0.30, y = 0.00, z = 6.50 m) at another time: "
+            "what repeats is a structure, what does not is noise."
+        )

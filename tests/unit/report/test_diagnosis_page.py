@@ -1,13 +1,12 @@
 """The diagnosis page says each kind of verdict first, and shows what it rests on."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.verdict import aside_words, words
-from lightfield.diagnosis.verdict.verdict import SetAside
+from lightfield.diagnosis.verdict.parts import SetAside
+from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.scene import Tank
@@ -30,7 +29,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     out[2] = True
     readings = DrawnReadings(x, 0 * x, z, 0 * x + 525, value, sigma, ["water"] * z.size, out)
     estimate = {"value": 0.0312, "stderr": 0.0007, "unit": "1/m", "reason": None}
-    explanation = {
+    explanation: dict[str, object] = {
         "effects": ["scattering"],
         "families": ["water"],
         "forms": ["henyey-greenstein"],
@@ -42,7 +41,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         "adequacy_p": 0.4,
     }
     skirt = {**explanation, "effects": ["beam_skirt"], "weight": 0.3}
-    rungs = [
+    rungs: list[dict[str, object]] = [
         {"label": "base", "error_percent": 6.1, "chi2_per_dof": 212.0, "held_out_percent": 7.3},
         {
             "label": "+ scattering",
@@ -53,16 +52,9 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
             "rendered_stderr_percent": 0.06,
         },
     ]
-    sentences = {
-        "none": "No missing effect detectable; scattering above 0.004 per metre would have been seen.",
-        "identified": "Identified: scattering; the next rival is 7 sigma away.",
-        "ambiguous": "Scattering or a beam skirt: these data cannot tell (1.8 sigma).",
-        "unexplained": "Unexplained by any one or two known effects; the misfit depends on x.",
-    }
     found = kind in ("identified", "ambiguous")
     verdict = {
         "verdict": kind,
-        **words.Said.of(sentences[kind]).fields,
         "effects": ["scattering"] if found else [],
         "explanations": {"identified": [explanation], "ambiguous": [explanation, skirt]}.get(kind, []),
         "nearest_rival": {"effects": ["beam_skirt"], "separation_sigma": 1.8} if found else None,
@@ -82,7 +74,9 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         },
         "untestable": {"beam_ellipticity": "no readings off the axis in y"},
         "unexplained_coordinate": "x_m" if kind == "unexplained" else None,
-        "ladder": rungs if found else rungs[:1],
+        "ladder": [
+            {"effects": [], "parameters": {}, "scene": "", **rung} for rung in (rungs if found else rungs[:1])
+        ],
         "noise_floor_percent": 0.4,
         "next_measurement": {
             "sentence": "Twelve readings at x = 1.2 m, z = 3 m would separate them by 10 sigma.",
@@ -97,6 +91,17 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         if kind == "ambiguous"
         else None,
         "assumed": ["plane gain 0.3 %"],
+        "base_p": 0.001,
+        "within_tolerance": False,
+        "tolerance_percent": 0.3,
+        "errors_stated": True,
+        "errors_on_trust": False,
+        "determined": True,
+        "variance_scale": 1.0,
+        "serial_correlation": 0.0,
+        "outliers": [2],
+        "saturated": [],
+        "readings": z.size,
         "warnings": ["scan order = plane order: time and distance cannot be told apart"],
         "run": 2,
     }
@@ -105,7 +110,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         predictions.append(Prediction("+ scattering", base + glow))
     signatures = [Signature("scattering", 0.7 * glow), Signature("beam skirt", 0.67 * glow)]
     return DiagnosisView(
-        verdict=verdict,
+        verdict=Verdict.model_validate(verdict),
         readings=readings,
         predictions=predictions,
         signatures=signatures[: len(verdict["explanations"])],
@@ -125,8 +130,9 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
 def test_every_verdict_is_said_first(kind):
     html = diagnosis_page(example(kind))
     view = example(kind)
-    sentence = view.verdict["sentence"]
-    assert html.index(sentence) < html.index("<h2>")
+    assert html.index(view.verdict.headline) < html.index("<h2>")
+    for said in view.verdict.support:
+        assert html.index(said) < html.index("<h2>")
     for needed in ("base", "noise floor 0.4 %", "plane gain 0.3 %", "no readings off the axis in y"):
         assert needed in html
     assert ("What would explain it" in html) == (kind == "ambiguous")
@@ -174,14 +180,7 @@ def test_groups_name_only_what_differs():
 
 
 def test_the_distance_of_rivals_stands_below_the_headline():
-    view = example("ambiguous")
-    said = words.said(
-        "ambiguous",
-        [SimpleNamespace(effects=[name], parameters={}) for name in ("scattering", "beam_skirt")],
-        SimpleNamespace(effects=["beam_skirt"], separation_sigma=1.8),
-        {}, None, "", "", True,
-    )  # fmt: skip
-    html = diagnosis_page(dataclasses.replace(view, verdict={**view.verdict, **said.fields}))
+    html = diagnosis_page(example("ambiguous"))
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
 
@@ -193,16 +192,14 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
         one | {"wavelength_nm": 525.0, "off_sigma": -46.2},
         one | {"row": 3, "reason": "saturated", "wavelength_nm": None, "off_sigma": None},
     ]
-    out = aside_words.sentence([SetAside(**each) for each in aside], 245, False)
-    said = words.Said.of(view.verdict["sentence"]).then(out)
-    assert said.sentence.endswith(
+    set_aside = [SetAside(**each) for each in aside]
+    verdict = view.verdict.model_copy(update={"set_aside": set_aside, "readings": 245})
+    assert verdict.sentence.endswith(
         "1 of 245 readings was set aside: x = 0.3, y = 0, z = 4.5 m, 46 sigma below the model. "
         "1 saturated reading was left out."
     )
-    html = diagnosis_page(
-        dataclasses.replace(view, verdict={**view.verdict, **said.fields, "set_aside": aside})
-    )
-    assert f">{view.verdict['sentence']}<" in html
+    html = diagnosis_page(dataclasses.replace(view, verdict=verdict))
+    assert f">{view.verdict.headline}<" in html
     assert ">1 of 245 readings was set aside: x = 0.3" in html
     cells = "".join(f"<td>{c}</td>" for c in ("17", "0.3", "0", "4.5", "water", "525", "-46.2"))
     assert cells in html and "<td>saturated</td>" in html

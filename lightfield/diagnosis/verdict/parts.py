@@ -1,0 +1,179 @@
+"""What a verdict is made of, as data."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from lightfield.diagnosis.adequacy.structure import Structure
+
+Kind = Literal["none", "identified", "ambiguous", "unexplained"]
+
+
+class Part(BaseModel):
+    """Plain data that nothing changes."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+
+class _Word(str, Enum):
+    """A reason: programs compare it, reports print it as it is. (`enum.StrEnum` is of Python 3.11.)"""
+
+    __str__ = str.__str__
+
+
+class Reason(_Word):
+    """Why a fitted number has no error, as every report says it."""
+
+    HELD = "held"
+    AT_BOUNDARY = "at boundary"
+    DID_NOT_MOVE = "did not move the model"
+    UNDETERMINED = "undetermined"
+    TOO_WIDE = "undetermined: error wider than the allowed range"
+
+
+class Estimate(Part):
+    """A fitted number."""
+
+    value: float
+    stderr: float | None = Field(None, description="standard error; absent for the reason given")
+    unit: str = "1"
+    reason: Reason | None = Field(None, description="why there is no error")
+
+
+class AcceptedExplanation(Part):
+    """A smallest set of effects beside which nothing is missing."""
+
+    effects: list[str]
+    families: list[str]
+    forms: list[str] = Field(description="functional form of each effect")
+    weight: float = Field(description="relative evidence among the accepted sets and nothing else")
+    parameters: dict[str, Estimate] = Field(description="by dotted path, nuisance parameters included")
+    chi2_per_dof: float = Field(description="in units of the quoted errors and the error budget")
+    error_percent: float = Field(description="rms residual over readings above 5 % of their plane's maximum")
+    held_out_percent: float | None = Field(description="the same, each plane predicted from the others")
+    adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")
+
+
+class NearestRival(Part):
+    """The next explanation and its distance."""
+
+    effects: list[str]
+    separation_sigma: float
+
+
+class DetectionLimit(Part):
+    """Smallest size that would have been seen with 95 % probability."""
+
+    parameter: str
+    value: float
+    unit: str
+    within_range: bool = Field(description="false: not even its largest plausible size would have been seen")
+
+
+class Rung(Part):
+    """One step of the ladder from the base model to the explanation."""
+
+    label: str
+    effects: list[str]
+    error_percent: float
+    chi2_per_dof: float
+    held_out_percent: float | None
+    parameters: dict[str, Estimate]
+    scene: str = Field(description="the fitted scene as TOML; `compare --scene` of it gives this rung again")
+    rendered_error_percent: float | None = Field(None, description="error of a fresh render of that scene")
+    rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
+
+
+class StatedEffect(Part):
+    """An effect that the scene itself has, and what the readings say of it."""
+
+    effect: str | None = Field(description="absent for what no effect of the table sets free")
+    judgement: Literal["supported", "undecided", "contradicted", "absent", "held"] = Field(
+        description="contradicted: of another size; absent: that, and met as well without it; undecided: "
+        "these readings do not tell; held: not tested, taken as stated"
+    )
+    stated: dict[str, float] = Field(description="the scene's values by dotted path")
+    neutral: dict[str, float] = Field(default_factory=dict, description="what would switch it off")
+    fitted: dict[str, Estimate] = Field(
+        default_factory=dict, description="the same when fitted beside the best explanation"
+    )
+    limit: float | None = Field(
+        None,
+        description="95 % limit of its one amplitude's distance from the neutral value",
+    )
+    sigma_from_stated: float | None = None
+    sigma_to_remove: float | None = None
+    reason: str | None = Field(None, description="why it was held")
+
+
+class Spot(Part):
+    """Readings to take."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    medium: str
+    repeats: int
+
+
+class NextMeasurement(Part):
+    """What to measure next, and what it would decide."""
+
+    sentence: str
+    between: list[list[str]] = Field(
+        default_factory=list, description="the two explanations it would separate"
+    )
+    readings: list[Spot] = Field(default_factory=list)
+    separation_now_sigma: float | None = None
+    separation_predicted_sigma: float | None = None
+
+
+class SetAside(Part):
+    """A reading that took no part in the fit."""
+
+    row: int = Field(description="row of the table, from 0")
+    reason: Literal["outlier", "saturated"]
+    x_m: float
+    y_m: float
+    z_m: float
+    medium: str
+    wavelength_nm: float | None
+    off_sigma: float | None = Field(description="(reading - model) / standard error; none if saturated")
+
+
+class Misfit(Part):
+    """An unexplained misfit that depends on one coordinate alone."""
+
+    coordinate: str
+    worst_at: float = Field(
+        description="where along it the readings depart most, in m, degrees, minutes or nm"
+    )
+    period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
+
+
+class DoubtReason(_Word):
+    """Why no effect can be named, and none ruled out."""
+
+    NOTHING_BRIGHT = "no bright reading is left"
+    NOISE = "too much noise"
+    FLAT = "the readings do not change from place to place"
+    PINNED = "the readings ask for what is impossible"
+    SET_ASIDE = "readings set aside are no slips"
+    NOT_CONFIRMED = "a fresh render does not confirm the fit"
+
+
+class Doubt(Part):
+    """Why nothing is named or ruled out whatever was found."""
+
+    reason: DoubtReason
+    noise_percent: float | None = Field(None, description="median error of a bright reading")
+    pinned: dict[str, float] = Field(
+        default_factory=dict, description="parameters of the base model at the edge of what is possible"
+    )
+    structure: Structure | None = Field(None, description="what the readings set aside have in common")
+    named: list[str] = Field(default_factory=list, description="effects that were not confirmed")
+    fitted_percent: float | None = Field(None, description="error of the fit that was not confirmed")
+    rendered_percent: float | None = Field(None, description="error of the fresh render of it")

@@ -1,0 +1,170 @@
+"""From prepared readings to a finding: the rate of false alarms, and each answer where it is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from toy_problem import Toy, candidate, layout, waves
+
+from lightfield.diagnosis.adequacy import robust, score_tests, templates
+from lightfield.diagnosis.search import cascade, preparation
+from lightfield.diagnosis.search import search as searching
+from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
+
+
+@pytest.fixture(autouse=True)
+def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preparation, "REPLICATES", 199)
+
+
+def toy(**more: np.ndarray) -> Toy:
+    lay = layout()
+    columns = {**waves(lay), **more}
+    return Toy.of([candidate(name) for name in columns], columns, lay)
+
+
+def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> Finding:
+    prepared = made.prepared(problem, tolerance)
+    return search(prepared, tolerance, np.random.default_rng(seed), alpha)
+
+
+def alarms(sets: int, alpha: float, factor: float = 1.0) -> int:
+    """How often something is said to be missing where nothing is."""
+    made, rng = toy(), np.random.default_rng(9)
+    return sum(found(made, made.drawn(rng, factor), alpha=alpha, seed=k).size != 0 for k in range(sets))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.6])
+def test_false_alarms_keep_their_level(factor: float) -> None:
+    """50 sets at 5 %, errors as stated or 1.6 times as large: within the upper limit of 99.9 %."""
+    assert alarms(50, 0.05, factor) <= stats.binom.isf(0.001, 50, 0.05)
+
+
+@pytest.mark.slow
+def test_false_alarms_are_as_many_as_stated() -> None:
+    """1500 sets at 5 %, two-sided limits of 99.9 %."""
+    low, high = stats.binom.isf([0.9995, 0.0005], 1500, 0.05)
+    assert low <= alarms(1500, 0.05) <= high
+
+
+def test_one_effect_is_the_answer() -> None:
+    """Named, with the size of the regression; the missing weight is the base model's."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=3.0)
+    answer = found(made, problem)
+    assert (answer.size, [t.names for t in answer.accepted]) == (1, [("odd",)])
+    assert answer.identified and answer.weights[0] > CONVINCING
+    size = made.regression(problem, "odd")[0][-1]
+    assert answer.accepted[0].fit.values["toy.odd"] == pytest.approx(size, rel=1e-3)
+    assert answer.level.tolerance == 0 and len(answer.levels) == 1
+
+
+def test_two_effects_are_the_answer() -> None:
+    made = toy()
+    answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0, dusk=3.0))
+    assert (answer.size, answer.accepted[0].names) == (2, ("dusk", "odd"))
+    assert answer.identified
+
+
+def test_a_duplicate_of_an_effect_leaves_the_answer_open() -> None:
+    """The same column under two names: both are accepted, each with half of the evidence."""
+    lay = layout()
+    made = toy(copy=-2.0 * waves(lay)["odd"])
+    answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0))
+    assert (answer.size, {t.names for t in answer.accepted}) == (1, {("odd",), ("copy",)})
+    assert answer.weights == pytest.approx([0.5, 0.5], abs=1e-3)
+    assert not answer.identified
+
+
+def test_the_base_model_is_a_rival_too() -> None:
+    """Of an effect that is hardly needed: weights by BIC of base and effect, chi-square by regression."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(3), odd=0.6)
+    answer = found(made, problem, alpha=0.5)
+    (one,) = answer.accepted
+    assert one.names == ("odd",) and one.adequacy is not None
+    scale = answer.level.bench.phi * one.adequacy.phi
+    base, with_odd = (made.regression(problem, *names)[2] / scale for names in ([], ["odd"]))
+    assert one.bic == pytest.approx(with_odd + np.log(60), rel=1e-3)
+    odds = np.exp(0.5 * (base - with_odd - np.log(60)))
+    assert answer.weights == pytest.approx([odds / (1 + odds)], rel=0.02)
+    assert 0.05 < answer.weights[0] < 0.95
+
+
+def test_what_no_effect_describes_is_not_explained() -> None:
+    """A bump of no effect's shape, 20 sigma; and what comes nearest is still told."""
+    made = toy()
+    lay = made.problem.layout
+    bump = 20 * np.exp(-(((lay.x_m - lay.x_m[3]) / 0.05) ** 2)) * (lay.z_m > 6)
+    noise = np.random.default_rng(1).standard_normal(lay.size)
+    answer = found(made, made.with_value(made.base + made.sigma * (bump + noise)))
+    assert (answer.size, answer.accepted, answer.weights) == (None, [], [])
+    assert not answer.identified and not answer.determined
+    assert len(answer.contenders) == 3
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "there", "size"), [(0.0, True, 1), (0.01, True, 1), (0.0, False, None), (0.01, False, 0)]
+)
+def test_a_misfit_within_the_tolerance_is_of_no_interest(tolerance: float, there: bool, size: int) -> None:
+    """A smooth column of 1 % of the light at most, beside noise of 0.2 %: explained by its effect, whatever
+    is tolerated, for an exact formula is not blurred; without it unexplained, or nothing within 1 %."""
+    made = toy()
+    lay = made.problem.layout
+    smooth = 0.01 * np.cos(1.5 * lay.x_m) * np.sin(1.2 * lay.z_m)
+    made.problem.forward.columns["toy.smooth"] = smooth * made.base
+    if there:
+        effects = (*made.problem.candidates, candidate("smooth"))
+        made = replace(made, problem=replace(made.problem, candidates=effects))
+    sharp = replace(made, sigma=made.sigma / 5)
+    answer = found(sharp, sharp.drawn(np.random.default_rng(1), smooth=1.0), tolerance)
+    assert answer.size == size
+    assert (answer.level.tolerance > 0) == (tolerance > 0 and not there)
+
+
+def test_an_answer_that_is_withheld_is_none() -> None:
+    made = toy()
+    answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0)).without_answer()
+    assert (answer.size, answer.accepted, answer.withheld) == (None, [], True)
+    assert not answer.without_answer().withheld, "there was none any more"
+
+
+def test_the_same_readings_and_seed_give_the_same_finding() -> None:
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=0.3)
+    one, two = (found(made, problem) for _ in range(2))
+    assert one.level.adequacy.p == two.level.adequacy.p
+    assert (one.size, one.weights) == (two.size, two.weights)
+
+
+#: Numbers that were chosen, each with a smaller and a larger one.
+CHOSEN = [
+    (score_tests, "_SCAN_POWER", 0.4, 1.0), (score_tests, "_VISIBLE", 0.02, 0.1),
+    (score_tests, "_FEWEST_BESIDE_ALL", 4, 12), (score_tests, "ABSORBED", 1e-4, 1e-2),
+    (score_tests, "INDEPENDENT", 1e-12, 1e-6), (score_tests, "VARIANCE_EXCESS", 2.0, 9.0),
+    (templates, "BUMP_WIDTH_M", 0.03, 0.12), (templates, "_ACROSS_TERMS", 5, 15),
+    (templates, "SLOWEST_RIPPLE", 3.0, 6.0), (templates, "_STEPS", np.linspace(-0.3, 0.3, 7), np.zeros(1)),
+    (robust, "SMALLEST_SCALE", 0.25, 0.8), (preparation, "REPLICATES", 149, 499),
+    (searching, "FAR_BEHIND", 12.0, 60.0), (searching, "_PAIRS_FROM_BASE", 3, 30),
+    (searching, "_RIDGE", 1e-11, 1e-5), (searching, "_ROUGH", 3, 12), (cascade, "_EASILY", 0.1, 0.4),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "smaller", "larger"), CHOSEN, ids=lambda v: v if isinstance(v, str) else ""
+)
+def test_an_answer_hangs_on_no_number_that_was_chosen(
+    monkeypatch: pytest.MonkeyPatch, module: object, name: str, smaller: object, larger: object
+) -> None:
+    """Nothing, one effect or two, with a smaller and with a larger value of each number."""
+    made, rng = toy(), np.random.default_rng(4)
+    for effects in ({}, {"odd": 3.0}, {"odd": 3.0, "dusk": -3.0}):
+        problem = made.drawn(rng, **effects)
+        for value in (smaller, larger):
+            monkeypatch.setattr(module, name, value)
+            answer = found(made, problem)
+            assert answer.size == len(effects), value
+            assert [t.names for t in answer.accepted] == ([tuple(sorted(effects))] if effects else [])

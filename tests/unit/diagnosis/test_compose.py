@@ -1,0 +1,240 @@
+"""Every kind of verdict, put together from findings made by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.adequacy.robust import Serial
+from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
+from lightfield.diagnosis.search.preparation import Prepared, bench
+from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
+from lightfield.diagnosis.verdict.ladder import climb
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Reason
+from lightfield.diagnosis.verdict.trust import Trust
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting import effects
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.parameter import FitParameter
+
+TOLERANCE = 0.003
+
+
+class Case:
+    """Readings of a tilted beam, with every fit that a finding about them is made of."""
+
+    def __init__(self, factor: Any = None) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(preparation, "REPLICATES", 99)
+            self._make(factor)
+
+    def _make(self, factor: Any) -> None:
+        self.table, scene = readings({"lamp.tilt_x_deg": 0.25}, seed=3, factor=factor)
+        self.forward = SceneForward(scene, self.table)
+        chosen = [effects.get(name) for name in ("beam_tilt", "beam_offset", "background")]
+        self.problem, _ = problem_of(self.forward, self.table, chosen, None)
+        problem, n = self.problem, self.problem.layout.size
+        budget = Budget(0.0, 0.0, TOLERANCE)
+        noise = Noise(problem.layout, self.table.stderr, np.abs(problem.value), budget, np.zeros(n))
+        start = problem.model().start
+        first = problem.fit((), lambda columns: columns / problem.value.max(), [start])
+        self.prepared = Prepared(problem, noise, Serial(), first, (), True)
+        made = bench(self.prepared, 0.0, np.random.default_rng(0))
+        base = problem.fit((), made.whiten, [start])
+        self.level = Level(0.0, made, base, made.test(base))
+        self.tried = {c.name: self._fitted(c) for c in problem.candidates}
+
+    def _fitted(self, candidate: Any) -> Tried:
+        made, base = self.level.bench, self.level.base
+        starts = [self.problem.default_start(base.u, (candidate,), k) for k in (1.0, -1.0)]
+        fit = self.problem.fit((candidate,), made.whiten, starts)
+        return Tried((candidate,), fit, fit.chi2, made.test(fit), made.test)
+
+    def finding(self, size: int | None, *accepted: Tried, weights: list[float] | None = None) -> Finding:
+        """A finding in which nothing else was tried."""
+        n = int(self.problem.keep.sum())
+        tried = list(self.tried.values())
+        return Finding(size, self.level, [self.level], list(accepted), weights or [], tried, n)
+
+    def verdict(self, finding: Finding, doubt: Doubt | None = None, aside: tuple[int, ...] = ()) -> Verdict:
+        """What is said of it."""
+        best, n = finding.best, self.problem.layout.size
+        starts = [finding.level.base, *([best.fit] if best else [])]
+        explanation = best.explanation if best else ()
+        steps = climb(self.problem, explanation, finding.whiten, starts, 1.0, with_held_out=False)
+        left_out = np.zeros(n, bool)
+        left_out[list(aside)] = True
+        trust = Trust(0.5, np.where(left_out, -9.0, 0.0), left_out, doubt)
+        return verdict_of(
+            Found(self.forward, self.table, self.prepared, finding, steps, {"cdom": "one band"}, trust), False
+        )
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return Case()
+
+
+def read_back(verdict: Verdict) -> None:
+    assert Verdict.model_validate(json.loads(verdict.model_dump_json())) == verdict
+
+
+def test_nothing_is_missing(case: Case) -> None:
+    verdict = case.verdict(case.finding(0))
+    assert (verdict.verdict, verdict.effects, verdict.explanations) == ("none", [], [])
+    assert verdict.headline == "No missing effect detectable."
+    assert set(verdict.detection_limits) == {"beam_tilt", "beam_offset", "background"}
+    assert f"background above {verdict.detection_limits['background'].value:.2g}" in verdict.support[0]
+    assert [rung.label for rung in verdict.ladder] == ["base"]
+    assert verdict.untestable == {"cdom": "one band"}
+    read_back(verdict)
+
+
+def test_nothing_is_missing_within_the_tolerance(case: Case) -> None:
+    tolerant = replace(case.level, tolerance=TOLERANCE)
+    verdict = case.verdict(replace(case.finding(0), level=tolerant))
+    assert verdict.headline == "No missing effect detectable within 0.3 %."
+    assert (verdict.within_tolerance, verdict.tolerance_percent) == (True, pytest.approx(0.3))
+    assert "a significant misfit is smaller than the tolerance and was ignored" in verdict.warnings
+
+
+def test_one_answer(case: Case) -> None:
+    """Named with its family and the rival; its numbers are those of the fit, its limit is not asked for."""
+    tilt = case.tried["beam_tilt"]
+    verdict = case.verdict(case.finding(1, tilt, weights=[CONVINCING + 0.01]))
+    assert (verdict.verdict, verdict.effects) == ("identified", ["beam_tilt"])
+    assert verdict.headline == "Beam tilt is missing in the model."
+    (explanation,) = verdict.explanations
+    estimate = explanation.parameters["lamp.tilt_x_deg"]
+    assert estimate.value == tilt.fit.values["lamp.tilt_x_deg"]
+    assert estimate.stderr == pytest.approx(tilt.fit.stderr(tilt.adequacy.phi)["lamp.tilt_x_deg"])
+    assert explanation.weight == CONVINCING + 0.01
+    assert "beam_tilt" not in verdict.detection_limits
+    assert verdict.nearest_rival is not None and verdict.nearest_rival.effects == ["beam_offset"]
+    assert f"beam offset, is {verdict.nearest_rival.separation_sigma:.1f} sigma away" in verdict.sentence
+    assert [rung.label for rung in verdict.ladder] == ["base", "+ beam_tilt"]
+    read_back(verdict)
+
+
+def test_two_answers(case: Case) -> None:
+    two = (case.tried["beam_tilt"], case.tried["beam_offset"])
+    verdict = case.verdict(case.finding(1, *two, weights=[0.6, 0.4]))
+    assert verdict.verdict == "ambiguous"
+    assert verdict.headline == "Beam tilt or beam offset: these readings cannot tell."
+    assert verdict.effects == ["beam_tilt"]
+    assert [e.weight for e in verdict.explanations] == [0.6, 0.4]
+
+
+def test_weak_evidence_is_no_answer(case: Case) -> None:
+    verdict = case.verdict(case.finding(1, case.tried["beam_tilt"], weights=[CONVINCING]))
+    assert verdict.verdict == "ambiguous"
+    assert verdict.headline == (
+        "Perhaps beam tilt: it would explain the misfit, but the evidence against chance is weak."
+    )
+
+
+def test_as_many_parameters_as_readings_explain_anything(case: Case) -> None:
+    tilt = case.tried["beam_tilt"]
+    finding = replace(case.finding(1, tilt, weights=[1.0]), n=len(tilt.fit.u))
+    verdict = case.verdict(finding)
+    assert (verdict.verdict, verdict.determined) == ("ambiguous", False)
+    assert "with as many parameters as there are readings anything can" in verdict.sentence
+
+
+def test_what_explains_at_the_edge_of_the_plausible_is_a_perhaps(case: Case) -> None:
+    """A tilt whose range ends where the readings want more: ambiguous, for that reason, and a warning."""
+    tilt = case.tried["beam_tilt"]
+    (candidate,), at = tilt.explanation, 0.1
+    amplitude = replace(candidate.amplitudes[0], low=-at, high=at)
+    narrow = case._fitted(replace(candidate, amplitudes=(amplitude,)))
+    assert narrow.at_bound
+    verdict = case.verdict(case.finding(1, narrow, weights=[1.0]))
+    assert verdict.verdict == "ambiguous"
+    assert verdict.explanations[0].parameters["lamp.tilt_x_deg"].reason is Reason.AT_BOUNDARY
+    assert "only with a parameter at the edge of what is plausible" in verdict.sentence
+    assert any("lamp.tilt_x_deg lies at the edge of its plausible range" in w for w in verdict.warnings)
+
+
+def test_a_misfit_of_one_coordinate_is_located() -> None:
+    """20 % are missing near x = 0.3 m. It says more than any doubt, and asks for readings there."""
+    case = Case(lambda t: 1 - 0.2 * np.exp(-(((t.x_m - 0.3) / 0.06) ** 2)))
+    doubt = Doubt(reason=DoubtReason.FLAT)
+    verdict = case.verdict(case.finding(None), doubt)
+    assert (verdict.verdict, verdict.unexplained_coordinate, verdict.doubt) == ("unexplained", "x", None)
+    assert verdict.misfit is not None and verdict.misfit.worst_at == pytest.approx(0.3, abs=0.01)
+    assert verdict.headline == (
+        "Unexplained by any one or two known effects; it depends on x alone, most near 0.3 m."
+    )
+    assert verdict.next_measurement is not None
+    assert verdict.next_measurement.readings[0].x_m == pytest.approx(0.3, abs=0.11)
+    read_back(verdict)
+
+
+def test_a_doubt_is_all_that_is_said(case: Case) -> None:
+    doubt = Doubt(reason=DoubtReason.NOISE, noise_percent=14.2)
+    finding = case.finding(1, case.tried["beam_tilt"], weights=[1.0]).without_answer()
+    verdict = case.verdict(finding, doubt)
+    assert (verdict.verdict, verdict.effects, verdict.stated) == ("unexplained", [], [])
+    assert verdict.doubt is not None and verdict.headline == f"Unexplained: {verdict.doubt}."
+    assert "14 % of a typical bright reading" in verdict.doubt
+    assert verdict.misfit is None and verdict.next_measurement is None
+    read_back(verdict)
+
+
+def test_readings_set_aside_that_lie_together_are_located(case: Case) -> None:
+    doubt = Doubt(
+        reason=DoubtReason.SET_ASIDE, structure=Structure("x/z", 0.001, span=(0.0667, 0.0706), rate=0.02)
+    )
+    verdict = case.verdict(case.finding(0).without_answer(), doubt, aside=(4, 7))
+    assert verdict.unexplained_coordinate == "x/z"
+    assert "are no slips: they lie together where x/z is 0.0667 to 0.0706." in verdict.headline
+    assert [one.row for one in verdict.set_aside] == verdict.outliers == [4, 7]
+    assert verdict.support[-1].startswith("2 of 105 readings were set aside")
+    assert verdict.next_measurement is not None
+    assert verdict.next_measurement.readings[0].x_m == case.table.x_m[4]
+    read_back(verdict)
+
+
+@pytest.mark.parametrize(
+    ("size", "accepted", "identified", "kind"),
+    [(0, [], False, "none"), (None, [], False, "unexplained"), (1, [1], True, "identified"),
+     (1, [1, 2], False, "ambiguous"), (2, [1], False, "ambiguous")],
+)  # fmt: skip
+def test_kinds(size: int | None, accepted: list, identified: bool, kind: str) -> None:
+    best = accepted[0] if accepted else None
+    assert kind_of(cast(Any, SimpleNamespace(size=size, best=best, identified=identified))) == kind
+
+
+def test_an_error_or_the_reason_why_there_is_none() -> None:
+    """Of parameters that are held, at a bound, without a derivative, vaguely known, and known to 0.1."""
+    names = ("held", "bound", "still", "vague", "known")
+    slopes = np.zeros((3, 5))
+    slopes[0, 1], slopes[1, 3], slopes[2, 4] = 1.0, 1e-3, 10.0
+    bounds = {"held": (2.0, 2.0)}
+    parameters = tuple(FitParameter(n, *bounds.get(n, (0.0, 10.0)), 1.0, 1e-3) for n in names)
+    u = np.array([2.0, 10.0, 1.0, 1.0, 1.0])
+    fit = SimpleNamespace(
+        paths=names, u=u, jacobian=slopes, values=dict(zip(names, u, strict=True)),
+        model=SimpleNamespace(parameters=parameters),
+        at_bound=lambda: np.array([False, True, False, False, False]),
+        stderr=lambda scale: {**dict.fromkeys(names, np.nan), "vague": 1e3, "known": 0.1 * np.sqrt(scale)},
+    )  # fmt: skip
+    found = estimates(cast(Any, fit), 4.0, {"known": "m"}, {"known": 0.15})
+    assert {n: e.reason for n, e in found.items()} == {
+        "held": Reason.HELD, "bound": Reason.AT_BOUNDARY, "still": Reason.DID_NOT_MOVE,
+        "vague": Reason.TOO_WIDE, "known": None,
+    }  # fmt: skip
+    assert (found["known"].stderr, found["known"].unit) == (pytest.approx(0.2), "m")
+    assert estimates(cast(Any, fit), 1.0, {}, {"known": 0.15})["known"].stderr == 0.15
+    assert found["held"].stderr is None
