@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import GAIN_ROOM
 from lightfield.diagnosis.search.cascade import Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.rivals import Limit
+from lightfield.diagnosis.search.rivals import MISSED, Limit
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
@@ -78,7 +78,7 @@ def power_limits(problem: Problem, base: Fit, calibration: float | None) -> dict
         return {}
     (allowed,) = power.amplitudes
     error = float(np.hypot(calibration, np.sqrt(base.covariance(1.0)[(base.paths.index(GAIN),) * 2])))
-    factor = float(np.exp((AGREES_SIGMA - special.ndtri(0.05)) * error))
+    factor = float(np.exp((AGREES_SIGMA - special.ndtri(MISSED)) * error))
     reachable = allowed.start * factor < allowed.high
     return {EFFECT: Limit(EFFECT, allowed.path, allowed.start * (factor - 1), reachable)}
 
