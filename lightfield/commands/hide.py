@@ -80,21 +80,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.experiments.hide import hide
+    from lightfield.experiments.hide import Secret, hide
+    from lightfield.experiments.measure import PHOTONS, Instrument
 
     output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,
-        args.effect,
+        Secret(args.effect, args.strength, values),
         args.seed,
+        Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
         layout=args.layout,
         order="plane" if args.plane_order else "random",
-        noise=args.noise,
-        plane_gain=args.plane_gain / 100,
-        position_m=args.position / 1000,
-        strength=args.strength,
-        values=values,
-        photons=args.max_photons,
+        photons=args.max_photons or PHOTONS,
     )
     folder = made.save(args.output)
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
