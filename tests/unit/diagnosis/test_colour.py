@@ -68,7 +68,7 @@ def test_the_colour_of_unknown_water_is_no_effect() -> None:
     for name in ("cdom", "chlorophyll", "sediment"):
         assert "free at every wavelength" in found.verdict.untestable[name]
     again = fit_readings(table, Scene.from_toml(rung.scene))
-    assert again.error_percent == pytest.approx(rung.error_percent, rel=1e-3)
+    assert again.statistics.error_percent == pytest.approx(rung.error_percent, rel=1e-3)
 
 
 def test_an_effect_is_found_beside_the_colour() -> None:
