@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lightfield.commands._tracing import given
+from lightfield.commands._options import LARGEST_SEED, given
 from lightfield.errors import UsageError
 from lightfield.storage.files import atomic_path, locked_folder, output_file
 
@@ -66,7 +66,8 @@ def _fit(
     from lightfield.studies.compare.text import as_data, as_text
 
     if "seed" in options:
-        options["seed"] += 1  # seed 0 is that of the response which the render is to check
+        # Seed 0 is that of the response which the render is to check.
+        options["seed"] = options["seed"] % LARGEST_SEED + 1
     source = partial(response_for, cache=not args.no_cache)
     report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))

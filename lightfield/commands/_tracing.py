@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
-from lightfield.commands._options import seed_number
+from lightfield.commands._options import TRACING, add_option, given
 from lightfield.commands._terminal import console
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
@@ -18,21 +17,9 @@ from lightfield.scene import Scene
 
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how well to trace."""
-    default = Settings()
-    group = parser.add_argument_group("tracing")
-    group.add_argument(
-        "--rel-error",
-        type=float,
-        metavar="E",
-        help=f"relative standard error to reach in 95 %% of the lit cells (default {default.rel_error:g})",
-    )
-    group.add_argument(
-        "--max-photons",
-        type=float,
-        metavar="N",
-        help=f"stop there even if the error is not reached (default {default.max_photons:g})",
-    )
-    group.add_argument("--seed", type=seed_number, help=f"same seed, same result (default {default.seed})")
+    default, group = Settings(), parser.add_argument_group("tracing")
+    for name in TRACING:
+        add_option(group, f"--{name.replace('_', '-')}", getattr(default, name))
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
@@ -45,12 +32,6 @@ def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
             cache=not args.no_cache,
             progress=report,
         )
-
-
-def given(args: argparse.Namespace) -> dict[str, Any]:
-    """Those of error, photon budget and seed that the user gave."""
-    options = {name: getattr(args, name) for name in ("rel_error", "max_photons", "seed")}
-    return {name: value for name, value in options.items() if value is not None}
 
 
 @contextmanager

@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings
+from lightfield.commands._options import given
 from lightfield.commands._terminal import console
-from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
+from lightfield.commands._tracing import add_tracing_arguments, balance, traced
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder

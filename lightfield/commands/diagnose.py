@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._options import seed_number
+from lightfield.commands._options import add_option
 from lightfield.commands._stages import stage_line
 from lightfield.errors import UsageError
 from lightfield.storage.files import atomic_path, locked_folder, output_file
@@ -36,12 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
     parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.01)")
-    parser.add_argument("--seed", type=seed_number, default=0, help="of the bootstrap")
-    parser.add_argument(
-        "--no-trace",
-        action="store_true",
-        help="leave out what only the renderer knows: scattering, walls, surface",
-    )
+    add_option(parser, "--seed", 0)
+    add_option(parser, "--no-trace")
     parser.add_argument(
         "--no-render", action="store_true", help="do not render the explained scene afresh at the end"
     )
@@ -94,7 +90,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
             diffuse=None if args.no_trace else "trace",
             only=names,
             alpha=ALPHA if args.alpha is None else args.alpha,
-            seed=args.seed,
+            seed=args.seed or 0,
             progress=stage,
         )
         if found.steps[1:] and not (args.no_trace or args.no_render):

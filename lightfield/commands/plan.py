@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lightfield.commands._options import add_option
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
@@ -27,11 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument(
-        "--no-trace",
-        action="store_true",
-        help="leave out scattering, walls, surface (needs no trace)",
-    )
+    add_option(parser, "--no-trace")
 
 
 def run(args: argparse.Namespace) -> int:

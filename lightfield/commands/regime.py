@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._options import seed_number
+from lightfield.commands._options import add_option, given
 from lightfield.commands._terminal import console
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
+
+DEFAULTS = {"rel_error": 0.01, "max_photons": 4e6, "seed": 0}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,16 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the results (default: regime)",
     )
-    parser.add_argument(
-        "--rel-error", type=float, default=0.01, metavar="E", help="of each trace (default 0.01)"
-    )
-    parser.add_argument(
-        "--max-photons", type=float, default=4e6, metavar="N", help="of each trace (default %(default)g)"
-    )
-    parser.add_argument("--seed", type=seed_number, default=0, metavar="N", help="same seed, same result")
-    parser.add_argument(
-        "--workers", type=int, default=0, metavar="N", help="local processes (default: this one)"
-    )
+    for name, default in DEFAULTS.items():
+        add_option(parser, f"--{name.replace('_', '-')}", default)
+    add_option(parser, "--workers", "this one")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,13 +55,14 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
-    plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))
+    settings = SweepSettings(**{**DEFAULTS, **given(args)}, maps=False)
+    plan = regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with progress_bar(plan) as report:
-        done = run_sweep(plan, store, workers=args.workers, report=report)
+        done = run_sweep(plan, store, workers=args.workers or 0, report=report)
     print("\n".join(summary(plan, done, store)))
     dataset = regime_of(open_store(store))
-    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
+    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
         table.add_column(head, justify="left" if head == "receiver" else "right")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from lightfield.commands._options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.estimate import size
@@ -25,17 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the figures (default: the store's name + -figures)",
     )
-    parser.add_argument(
-        "--case", action="append", default=[], metavar="PATH=VALUE",
-        help="hold a parameter at this value (the nearest step); may be repeated",
-    )  # fmt: skip
+    add_option(parser, "--case")
 
 
 def run(args: argparse.Namespace) -> int:
     """Say what the store holds and draw it."""
     data = open_store(args.store)
     print("\n".join(contents(data, args.store)))
-    data = choose(data, args.case)
+    data = choose(data, args.case or [])
     if not (data.status == 1).any():
         raise OutputError(
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from lightfield.commands._options import LARGEST_SEED, TRACING, add_option, given
 from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -69,26 +70,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say whether every file of a store is as it was written, and stop",
     )
     group = parser.add_argument_group("tracing")
-    group.add_argument(
-        "--rel-error",
-        type=float,
-        metavar="E",
-        help=f"relative standard error asked of a trace (default {default.rel_error:g})",
-    )
-    group.add_argument(
-        "--max-photons",
-        type=float,
-        metavar="N",
-        help=f"photon budget of a trace (default {default.max_photons:g})",
-    )
-    group.add_argument(
-        "--seed", type=int, metavar="N", help=f"same seed, same result (default {default.seed})"
-    )
+    for name in TRACING:
+        add_option(group, f"--{name.replace('_', '-')}", getattr(default, name))
     group.add_argument("--no-maps", action="store_true", help="keep the derived quantities alone")
     group = parser.add_argument_group("workers")
-    group.add_argument(
-        "--workers", type=int, default=0, metavar="N", help="local processes (default: compute in this one)"
-    )
+    add_option(group, "--workers", "this one")
     group.add_argument("--scheduler", metavar="ADDRESS", help="an existing Dask scheduler")
     group.add_argument(
         "--memory", type=float, metavar="GB", help="memory limit of a local worker (default: its share)"
@@ -125,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         done = run_sweep(
             plan,
             args.output,
-            workers=args.workers,
+            workers=args.workers or 0,
             scheduler=args.scheduler,
             memory_gb=args.memory,
             report=report,
@@ -145,16 +131,10 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
                 found=f"{name} = {value!r}",
                 rule=", ".join(f"{n} ({t.__name__})" for n, t in known.items()),
             )
-    given = {
-        name: getattr(args, name)
-        for name in ("rel_error", "max_photons", "seed")
-        if getattr(args, name) is not None
-    }
-    settings = replace(SweepSettings(), **{**planned, **given}, **({"maps": False} if args.no_maps else {}))
-    for name, low, high in (("rel_error", 1e-4, 1.0), ("max_photons", 1e3, 1e12), ("seed", 0, 2**31)):
-        if not low <= getattr(settings, name) <= high:
-            raise UsageError(f"impossible {name}", found=getattr(settings, name), rule=f"{low:g} to {high:g}")
-    return settings
+    chosen = {**planned, **given(args), **({"maps": False} if args.no_maps else {})}
+    if not 0 <= chosen.get("seed", 0) <= LARGEST_SEED:
+        raise UsageError("impossible seed", found=chosen["seed"], rule=f"0 to {LARGEST_SEED}")
+    return SweepSettings(**chosen)
 
 
 def summary(plan: Plan, done: Progress, path: Path) -> list[str]:

@@ -168,7 +168,7 @@ def hide(
     *,
     layout: str = "line",
     order: Order = "random",
-    photons: float = PHOTONS,
+    max_photons: float = PHOTONS,
 ) -> Hidden:
     """A measurement of the scene with effects hidden in it.
 
@@ -182,7 +182,7 @@ def hide(
         Its errors of planes and positions are stated in the table's error budget.
     layout, order : str
         As `layouts.scan` takes them.
-    photons : float
+    max_photons : float
         Budget of the render.
 
     Raises
@@ -205,7 +205,7 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    light = rendered(truth, table, instrument.noise, rng, photons)
+    light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     told = {
         "hidden": list(secret.names),

@@ -73,7 +73,7 @@ class Light:
 
 
 def rendered(
-    truth: Scene, table: Readings, noise: float, rng: np.random.Generator, photons: float = PHOTONS
+    truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = PHOTONS
 ) -> Light:
     """The full render at the places of a table, with an error that is small beside the noise."""
     from lightfield.render.at_readings import rendered_light  # loads the renderer
@@ -83,7 +83,7 @@ def rendered(
         table,
         seed=int(rng.integers(1, 1_000_000)),
         rel_error=ERROR_OF_NOISE * noise,
-        max_photons=photons,
+        max_photons=max_photons,
         symmetry=True,
     )
     return Light(light, stderr)

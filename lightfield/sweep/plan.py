@@ -14,6 +14,7 @@ from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, band_wavelengths, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, TRACED, Acts
 from lightfield.scene.all_parameters import only, without
@@ -49,6 +50,9 @@ class SweepSettings:
     max_photons: float = 2e6
     seed: int = 0
     maps: bool = True
+
+    def __post_init__(self) -> None:
+        Settings(self.rel_error, self.max_photons)  # refuses what no trace can have
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,9 @@ def test_the_storys_page_states_its_numbers(found):
     assert base.statistics.error_percent == pytest.approx(float(stated), rel=0.01)
     by_hand = fit_readings(done.readings, Scene.load(STORY / "scene.toml"), ["scattering"], diffuse="trace")
     for stated in re.findall(r"Error \*\*([\d.]+) %\*\*", page):
-        assert by_hand.statistics.error_percent == pytest.approx(float(stated), rel=0.03), "the page rounds by 2 %"
+        assert by_hand.statistics.error_percent == pytest.approx(float(stated), rel=0.03), (
+            "the page rounds by 2 %"
+        )
     spread = 1 + 3 / np.sqrt(2 * len(done.readings))
     assert done.verdict.ladder[-1].error_percent < spread * done.verdict.noise_floor_percent
 
