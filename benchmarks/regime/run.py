@@ -22,8 +22,7 @@ from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.regime import LEVELS, reach, rows
-from lightfield.studies.regime_sweep import regime_of, regime_plan
+from lightfield.studies.regime import LEVELS, reach, regime_of, regime_plan, rows
 from lightfield.sweep.plan import SweepSettings
 from lightfield.sweep.runner import run_sweep
 

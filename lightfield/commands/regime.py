@@ -50,18 +50,17 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
     from lightfield.studies import regime
-    from lightfield.studies.regime_sweep import regime_of, regime_plan
     from lightfield.sweep.plan import SweepSettings
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
     settings = SweepSettings(**{**DEFAULTS, **given(args)}, maps=False)
-    plan = regime_plan(scene, settings)
+    plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with progress_bar(plan) as report:
         done = run_sweep(plan, store, workers=args.workers or 0, report=report)
     print("\n".join(summary(plan, done, store)))
-    dataset = regime_of(open_store(store))
+    dataset = regime.regime_of(open_store(store))
     dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
