@@ -30,7 +30,7 @@ def main() -> None:
     found = diagnose(made.readings, made.believed).rendered()
     ladder = [rung.model_dump() for rung in found.verdict.ladder]
     save_png(ladder_figure(ladder, found.verdict.noise_floor_percent), ROOT / "assets/ladder.png", DPI)
-    print(found.summary())
+    print(found.as_text())
 
 
 if __name__ == "__main__":

@@ -115,7 +115,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     readings = instrument.stated(readings)
     tracing = Tracing(bench.name, trial.sequence)
     found, times = timed(readings, believed, tracing)
-    row = summary(found) | times | {"n": n, "delta": 0.0}
+    row = as_data(found) | times | {"n": n, "delta": 0.0}
     if truth.stratum == "null":
         return row
     sigma = instrument.sigma(clean)
@@ -151,7 +151,7 @@ def timed(readings: Any, believed: Any, tracing: Tracing) -> tuple[Diagnosis, di
     }
 
 
-def summary(found: Diagnosis) -> Row:
+def as_data(found: Diagnosis) -> Row:
     """What a diagnosis says, as plain data."""
     verdict = found.verdict
     explanations = [

@@ -57,7 +57,7 @@ def progress_bar(name: str) -> Iterator[Progress]:
         yield report
 
 
-def balance(rendering: Rendering) -> str:
+def as_text(rendering: Rendering) -> str:
     """Photons, error and energy balance in two lines."""
     energy = rendering.energy
     unit = energy.emitted if energy.emitted else 1.0

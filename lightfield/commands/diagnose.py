@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(json_schema(), indent=2))
         return 0
     if args.list:
-        _print_table()
+        print(as_text())
         return 0
     if args.data is None or args.scene is None:
         raise UsageError(
@@ -98,7 +98,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
             found = found.rendered()
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
-    print(found.summary())
+    print(found.as_text())
     if args.json:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
@@ -110,12 +110,14 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     return 0
 
 
-def _print_table() -> None:
+def as_text() -> str:
+    """The table of effects for people."""
     from lightfield.fitting.effects import table
 
+    lines = []
     for effect in table().values():
-        print(f"{effect.name} ({effect.family}): {effect.physics}")
+        lines.append(f"{effect.name} ({effect.family}): {effect.physics}")
         for form in effect.forms:
-            print(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
-        print(f"    looks like: {effect.signature}")
-        print(f"    check: {effect.laboratory}")
+            lines.append(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
+        lines += [f"    looks like: {effect.signature}", f"    check: {effect.laboratory}"]
+    return "\n".join(lines)

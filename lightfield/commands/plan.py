@@ -48,12 +48,12 @@ def run(args: argparse.Namespace) -> int:
 
         diffuse = response_for
     made = plan(layout, scene, diffuse)
-    print(_text(made))
+    print(as_text(made))
     for warning in layout.warnings:
         print(f"warning: {warning}")
     if args.json:
         with atomic_path(args.json) as temporary:
-            temporary.write_text(json.dumps(_data(made), indent=2) + "\n", encoding="utf-8")
+            temporary.write_text(json.dumps(as_data(made), indent=2) + "\n", encoding="utf-8")
     return 0
 
 
@@ -62,7 +62,7 @@ def _unit(made: Plan, path: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _text(made: Plan) -> str:
+def as_text(made: Plan) -> str:
     from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
 
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
@@ -104,7 +104,7 @@ def _text(made: Plan) -> str:
     return "\n".join(lines)
 
 
-def _data(made: Plan) -> dict[str, Any]:
+def as_data(made: Plan) -> dict[str, Any]:
     iso = made.isolability
     return {
         "readings": made.readings,

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from rich.table import Table
 
-    from lightfield.commands.sweep import progress_bar, summary
+    from lightfield.commands.sweep import as_text, progress_bar
     from lightfield.maps.dataset import write_netcdf
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
@@ -59,7 +59,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     store = folder / "regime.zarr"
     with progress_bar(plan) as report:
         done = run_sweep(plan, store, workers=args.workers or 0, report=report)
-    print("\n".join(summary(plan, done, store)))
+    print(as_text(plan, done, store))
     dataset = regime.regime_of(open_store(store))
     dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
@@ -69,7 +69,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
         table.add_row(*row)
     output = console()
     output.print(table)
-    output.print(regime.verdict(dataset), highlight=False)
+    output.print(regime.as_text(dataset), highlight=False)
     for path in (
         write_netcdf(dataset, folder / "regime.nc"),
         save_png(regime_figure(dataset), folder / "regime.png"),

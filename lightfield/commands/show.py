@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Say what the store holds and draw it."""
     data = open_store(args.store)
-    print("\n".join(contents(data, args.store)))
+    print(as_text(data, args.store))
     data = choose(data, args.case or [])
     if not (data.status == 1).any():
         raise OutputError(
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def contents(data: xr.Dataset, path: Path) -> list[str]:
+def as_text(data: xr.Dataset, path: Path) -> str:
     """Dimensions, cases, traces and size."""
     axes = axes_of(data)
     lines = [f"{path}: {data.attrs['title']}, {size(size_on_disk(path))}"]
@@ -66,4 +66,4 @@ def contents(data: xr.Dataset, path: Path) -> list[str]:
                  f"{np.sum(status == 2)} failed, {np.sum(status == 0)} to do")  # fmt: skip
     for text in sorted({str(m) for m in data.message.values[status == 2]})[:5]:
         lines.append(f"  failed: {text}")
-    return lines
+    return "\n".join(lines)

@@ -14,8 +14,9 @@ from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
+from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.estimate import describe, duration, estimate, size
+from lightfield.sweep.estimate import duration, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Progress, Report, run_sweep
@@ -96,12 +97,12 @@ def run(args: argparse.Namespace) -> int:
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
     plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
     if args.dry_run:
-        print("\n".join(describe(plan)))
+        print(estimate.as_text(plan))
         return 0
     if args.output is None:
         raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
     output_folder(args.output.parent)
-    needed = estimate(plan).memory_bytes
+    needed = estimate.estimate(plan).memory_bytes
     if args.memory is not None and needed > 1e9 * args.memory:
         raise UsageError(
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
@@ -116,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
             memory_gb=args.memory,
             report=report,
         )
-    print("\n".join(summary(plan, done, args.output)))
+    print(as_text(plan, done, args.output))
     return 1 if done.failed else 0
 
 
@@ -137,7 +138,7 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
     return SweepSettings(**chosen)
 
 
-def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
+def as_text(plan: Plan, done: Progress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
@@ -147,7 +148,7 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
         lines.append(f"{len(done.repaired)} damaged files were made good: {shown}")
     if not done.cases_done:
         lines.append("nothing was left to do")
-        return lines
+        return "\n".join(lines)
     kept = f", {done.cases_before} were there already" if done.cases_before else ""
     lines.append(
         f"this run: {done.traced} traced ({done.photons:.3g} photons), {done.cases_done} evaluated in "
@@ -163,7 +164,7 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
     if done.workers:
         many = "process" if len(done.workers) == 1 else "processes"
         lines.append(f"memory: {len(done.workers)} {many}, at most {size(max(done.workers.values()))} each")
-    return lines
+    return "\n".join(lines)
 
 
 @contextmanager

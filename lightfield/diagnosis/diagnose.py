@@ -106,9 +106,9 @@ class Diagnosis:
                 update |= compose.taken_back(verdict, contradiction)
         return replace(self, verdict=verdict.model_copy(update=update))
 
-    def summary(self) -> str:
+    def as_text(self) -> str:
         """The verdict for people, several lines."""
-        return text.summary(self.verdict)
+        return text.as_text(self.verdict)
 
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.

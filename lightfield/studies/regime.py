@@ -179,7 +179,7 @@ def rows(dataset: xr.Dataset) -> list[list[str]]:
     return table
 
 
-def verdict(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
+def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
     """One sentence for the water of a typical albedo."""
     nearest = float(dataset.albedo.sel(albedo=albedo, method="nearest"))
     depth = dataset.optical_depth.values

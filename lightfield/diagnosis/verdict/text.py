@@ -8,7 +8,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 _SHOWN, _LISTED = 8, 20
 
 
-def summary(verdict: Verdict) -> str:
+def as_text(verdict: Verdict) -> str:
     """The verdict for people: one sentence, then what supports it."""
     lines = [verdict.sentence]
     if verdict.ladder:

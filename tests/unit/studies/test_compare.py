@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.maps.dataset import to_dataset
-from lightfield.studies.compare.maps import compare, compare_plane, excess, radial_profile, verdict
+from lightfield.studies.compare.maps import as_text, compare, compare_plane, excess, radial_profile
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def test_without_a_difference_nothing_is_reported(make, formula):
         assert abs(plane.lost) < 3 * plane.lost_stderr + 1e-3
         # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
         assert (plane.excess() > 0.05).sum() == 0
-    assert "within 5 % on every plane" in verdict(comparison)
+    assert "within 5 % on every plane" in as_text(comparison)
 
 
 def test_lost_light_is_the_glow_that_was_added(make, formula):
@@ -82,10 +82,10 @@ def test_silent_cells_have_unknown_error_and_do_not_count():
     plane = compare_plane(525, 5.0, x, x, render, np.full((21, 21), np.inf), np.full((21, 21), 1e-9))
     assert (plane.excess() == 0).all()
     assert np.isnan(plane.lost)
-    assert plane.summary()["lost"] is None
+    assert plane.as_data()["lost"] is None
     assert np.isinf(plane.profile.stderr).all()
 
 
 def test_summary_is_plain_json(make, formula):
-    text = json.dumps(compare(to_dataset(make(pixels=33)), formula).summary(), allow_nan=False)
+    text = json.dumps(compare(to_dataset(make(pixels=33)), formula).as_data(), allow_nan=False)
     assert json.loads(text)["planes"][1]["z_m"] == 6.5
