@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 
+from lightfield.commands._console import console
 from lightfield.commands._options import TRACING, add_option, given
-from lightfield.commands._terminal import console
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
@@ -37,9 +39,6 @@ def traced(scene: Scene, args: argparse.Namespace) -> Rendering:
 @contextmanager
 def progress_bar(name: str) -> Iterator[Progress]:
     """Progress of a trace on standard error; nothing unless that is a terminal."""
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
     output = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Bar(*columns, console=output, disable=not output.is_terminal, transient=True) as bar:

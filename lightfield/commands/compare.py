@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings, _tracing
+from lightfield.commands._console import console
 from lightfield.commands._options import given
-from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder

@@ -6,16 +6,15 @@ import argparse
 import json
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option
-from lightfield.commands._stages import stage_line
+from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
+from lightfield.fitting.effects import table
+from lightfield.readings import Readings, read_table
+from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder, output_file
-
-if TYPE_CHECKING:
-    from lightfield.readings import Readings
-    from lightfield.scene import Scene
 
 #: Of a ladder: the base model and two effects.
 MOST_RUNGS = 3
@@ -46,8 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print, write."""
     if args.schema:
-        from lightfield.diagnosis.verdict.verdict import json_schema
-
         print(json.dumps(json_schema(), indent=2))
         return 0
     if args.list:
@@ -59,9 +56,6 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.readings import read_table
-    from lightfield.scene import Scene
-
     names = None
     if args.effects is not None:
         names = [name.strip() for name in args.effects.split(",") if name.strip()]
@@ -112,8 +106,6 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
 
 def as_text() -> str:
     """The table of effects for people."""
-    from lightfield.fitting.effects import table
-
     lines = []
     for effect in table().values():
         lines.append(f"{effect.name} ({effect.family}): {effect.physics}")

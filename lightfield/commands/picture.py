@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 
 from lightfield.commands._options import add_option
 from lightfield.errors import OutputError, UsageError
@@ -75,8 +76,6 @@ def size_of(text: str) -> tuple[int, int]:
 
 def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path:
     """Write linear light next to the PNG, as 32-bit R, G, B."""
-    import OpenEXR
-
     path = beside.with_suffix(".exr")
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lightfield.commands._options import add_option
+from lightfield.readings import read_table
+from lightfield.readings.columns import LAYOUT
+from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
@@ -34,9 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Plan and print."""
     from lightfield.diagnosis.plan import plan
-    from lightfield.readings import read_table
-    from lightfield.readings.columns import LAYOUT
-    from lightfield.scene import Scene
 
     scene = Scene.load(args.scene)
     layout = read_table(args.layout, scene, LAYOUT)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from rich.table import Table
+
+from lightfield.commands._console import console
 from lightfield.commands._options import add_option, given
-from lightfield.commands._terminal import console
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 
@@ -43,8 +45,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
-    from rich.table import Table
-
     from lightfield.commands.sweep import as_text, progress_bar
     from lightfield.maps.dataset import write_netcdf
     from lightfield.report.regime import regime_figure

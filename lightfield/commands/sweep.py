@@ -9,8 +9,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from lightfield.commands._console import console
 from lightfield.commands._options import LARGEST_SEED, TRACING, add_option, given
-from lightfield.commands._terminal import console
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
@@ -170,9 +173,6 @@ def as_text(plan: Plan, done: Progress, path: Path) -> str:
 @contextmanager
 def progress_bar(plan: Plan) -> Iterator[Report | None]:
     """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
     output = console(stderr=True)
     if not output.is_terminal:
         yield None

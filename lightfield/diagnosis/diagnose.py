@@ -26,6 +26,7 @@ from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -81,8 +82,6 @@ class Diagnosis:
         max_photons : float
             Photon budget of the trace.
         """
-        from lightfield.render.at_readings import rendered_light  # loads the renderer
-
         step, problem, verdict = self.steps[-1], self.prepared.problem, self.verdict
         light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
         model = self.forward.read(light, step.fit.values)

@@ -11,6 +11,7 @@ from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 
 #: Samples that a standard error is estimated from.
@@ -76,8 +77,6 @@ def rendered(
     truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = PHOTONS
 ) -> Light:
     """The full render at the places of a table, with an error that is small beside the noise."""
-    from lightfield.render.at_readings import rendered_light  # loads the renderer
-
     light, stderr = rendered_light(
         truth,
         table,

@@ -18,6 +18,7 @@ from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT
 from lightfield.fitting.light_source import DiffuseSource, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -301,6 +302,4 @@ def source_of(
         return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
     if callable(diffuse):
         return diffuse, None
-    from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs
-
     return response_for, None

@@ -14,6 +14,7 @@ from scipy import special
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -138,8 +139,6 @@ def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) 
     sizes : dict
         Size of each effect's first amplitude, in its coordinate.
     """
-    from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
-
     first: dict[str, Score] = {}
     spans: dict[str, list[Array]] = {}
     for score in scores:

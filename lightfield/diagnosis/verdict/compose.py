@@ -17,7 +17,7 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
-from lightfield.diagnosis.verdict.ladder import Step, bright
+from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent
 from lightfield.diagnosis.verdict.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.refutation import Judged, entries, judged
 from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
@@ -104,8 +104,6 @@ def _rungs(
 def _explanations(
     finding: Finding, prepared: Prepared, steps: list[Step], units: dict[str, str], hold_out: bool
 ) -> list[Explanation]:
-    from lightfield.diagnosis.verdict.ladder import held_out, percent
-
     problem, level = prepared.problem, finding.level
     counted, n = bright(problem), int(problem.keep.sum())
     out = []

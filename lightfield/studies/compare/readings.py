@@ -28,6 +28,7 @@ from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.studies.compare.residuals import Residuals
 
@@ -60,8 +61,6 @@ class Refit:
 
     def corrected(self, whiten: Whiten, tracing: Mapping[str, Any]) -> Refit:
         """Fitted again with light that equals a fresh render of the fitted scene."""
-        from lightfield.render.at_readings import rendered_light  # loads the renderer
-
         light, error = rendered_light(self.scene, self.forward.readings, **tracing)
         forward = self.forward.corrected(light, error, self.fit.values)
         problem = replace(self.problem, forward=forward)
