@@ -138,10 +138,9 @@ def _only_hidden(values: Mapping[str, float], names: Sequence[str]) -> None:
         if effect.name not in chosen and other:
             raise UsageError(
                 "a size of an effect that is not hidden",
-                where="--size",
                 found=", ".join(other),
-                rule=f"sizes of what --effect names: {', '.join(sorted(chosen)) or 'nothing'}",
-                remedy=f"add --effect {effect.name}",
+                rule=f"sizes of what is hidden: {', '.join(sorted(chosen)) or 'nothing'}",
+                remedy=f"hide {effect.name} too",
             )
 
 

@@ -94,7 +94,7 @@ def get(name: str) -> Effect:
         near = difflib.get_close_matches(name, effects, n=1)
         raise UsageError(
             "unknown effect", found=name, rule="one of " + ", ".join(effects),
-            remedy=f"did you mean {near[0]}?" if near else "`lightfield diagnose --list` explains them",
+            remedy=f"did you mean {near[0]}?" if near else None,
         )  # fmt: skip
     return effects[name]
 

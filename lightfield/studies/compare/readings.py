@@ -151,7 +151,7 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
         effect, form = effects.get_form(name)
         if effect.name in untestable:
             raise UsageError(
-                "this effect cannot be fitted here", where=f"--with {name}", found=untestable[effect.name],
+                "this effect cannot be fitted here", where=name, found=untestable[effect.name],
                 remedy="leave it out, or measure what it needs",
             )  # fmt: skip
         forms = [
@@ -161,14 +161,13 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
         ]
         if not forms:
             raise UsageError(
-                "this form of the effect cannot be fitted here", where=f"--with {name}",
+                "this form of the effect cannot be fitted here", where=name,
                 remedy="leave the form out, or measure what it needs",
             )  # fmt: skip
         for other in out:
             if not forms[0].effect.combines_with(other.effect):
                 raise UsageError(
                     "these effects cannot be fitted together",
-                    where="--with",
                     found=f"{other.name}, {effect.name}",
                     rule="each effect once, and what is known for direct light alone not with diffuse light",
                     remedy="leave one of them out",
