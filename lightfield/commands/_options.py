@@ -72,6 +72,12 @@ def add_option(parser: _ActionsContainer, name: str, default: object = None) -> 
     parser.add_argument(name, **option | {"help": option["help"].format(shown)})
 
 
+def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float) -> None:
+    """Declare how well to trace; the command's defaults are for the help."""
+    for name, default in zip(TRACING, (rel_error, max_photons, 0), strict=True):
+        add_option(parser, f"--{name.replace('_', '-')}", default)
+
+
 def given(args: Namespace, *names: str) -> dict[str, Any]:
     """Those options that the user gave, by default of `TRACING`."""
     options = {name: getattr(args, name) for name in names or TRACING}

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainin
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
-from lightfield.commands._options import TRACING, add_option, given
+from lightfield.commands._options import add_tracing, given
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
@@ -20,8 +20,7 @@ from lightfield.scene import Scene
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how well to trace."""
     default, group = Settings(), parser.add_argument_group("tracing")
-    for name in TRACING:
-        add_option(group, f"--{name.replace('_', '-')}", getattr(default, name))
+    add_tracing(group, default.rel_error, default.max_photons)
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from rich.table import Table
 
 from lightfield.commands._console import console
-from lightfield.commands._options import add_option, given
+from lightfield.commands._options import add_option, add_tracing, given
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 
-DEFAULTS = {"rel_error": 0.01, "max_photons": 4e6, "seed": 0}
+DEFAULTS = {"rel_error": 0.01, "max_photons": 4e6}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,8 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the results (default: regime)",
     )
-    for name, default in DEFAULTS.items():
-        add_option(parser, f"--{name.replace('_', '-')}", default)
+    add_tracing(parser, **DEFAULTS)
     add_option(parser, "--workers", "this one")
 
 
@@ -54,7 +53,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
-    settings = SweepSettings(**{**DEFAULTS, **given(args)}, maps=False)
+    settings = SweepSettings(**DEFAULTS | given(args), maps=False)
     plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with progress_bar(plan) as report:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
-from lightfield.commands._options import LARGEST_SEED, TRACING, add_option, given
+from lightfield.commands._options import LARGEST_SEED, add_option, add_tracing, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
@@ -74,8 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say whether every file of a store is as it was written, and stop",
     )
     group = parser.add_argument_group("tracing")
-    for name in TRACING:
-        add_option(group, f"--{name.replace('_', '-')}", getattr(default, name))
+    add_tracing(group, default.rel_error, default.max_photons)
     group.add_argument("--no-maps", action="store_true", help="keep the derived quantities alone")
     group = parser.add_argument_group("workers")
     add_option(group, "--workers", "this one")

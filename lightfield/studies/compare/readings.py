@@ -133,6 +133,7 @@ class FitReport:
 
 
 def correlations(fit: Fit) -> list[tuple[str, str, float]]:
+    """Pairs of parameters whose fitted values hang together, the strongest first."""
     covariance = fit.covariance()
     sigma = np.sqrt(np.diag(covariance))
     out = []
