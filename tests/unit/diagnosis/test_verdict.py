@@ -77,7 +77,7 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
     for more, said in ((0.0, False), (0.05, True)):
         fresh = light * (1 + more * (np.abs(r.x_m) > 0.3))
         monkeypatch.setattr(
-            "lightfield.render.at_readings.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f)
+            "lightfield.diagnosis.diagnose.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f)
         )
         verdict = found.rendered().verdict
         assert verdict.ladder[-1].rendered_error_percent is not None
