@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.experiments.hide import hide
+from lightfield.experiments.hide import Secret, hide
+from lightfield.experiments.measure import Instrument
 from lightfield.maps.dataset import to_dataset
 from lightfield.render.maps import render_scene
 from lightfield.report.compare.figures import maps_figure
@@ -25,11 +26,11 @@ def main() -> None:
     planes = comparison.planes[::2]
     save_png(maps_figure(planes, comparison.units, comparison.quantity), ROOT / "assets/compare.png", DPI)
 
-    made = hide(tank, ["background", "beam_tilt"], 3)
+    made = hide(tank, Secret(["background", "beam_tilt"]), 3, Instrument())
     found = diagnose(made.readings, made.believed).rendered()
     ladder = [rung.model_dump() for rung in found.verdict.ladder]
     save_png(ladder_figure(ladder, found.verdict.noise_floor_percent), ROOT / "assets/ladder.png", DPI)
-    print(found.summary())
+    print(found.as_text())
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
-from lightfield.experiments.hide import measure
+from lightfield.experiments.measure import Instrument, Light, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -83,7 +83,7 @@ def table_of(n: int, hidden: dict[str, float]) -> tuple[Any, Scene]:
     truth = believed.with_values(hidden)
     light = direct_field(truth, x, y, z)
     rng = np.random.default_rng(0)
-    return measure(believed, truth, table, rng, noise=NOISE, light=light, factor=1.0)[0], believed
+    return measure(truth, table, Light(light), Instrument(NOISE), rng)[0], believed
 
 
 def clocked(work: Callable[[], Any]) -> tuple[Any, float]:

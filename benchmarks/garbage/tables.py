@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.experiments.hide import SECONDS_PER_READING, positions
+from lightfield.experiments.layouts import SECONDS_PER_READING, positions
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from lightfield.experiments.hide import SECONDS_PER_READING, positions
+from lightfield.experiments.layouts import Order, positions, table_at
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-Order = Literal["random", "plane"]
 PLANES = [4.5, 5.5, 6.5, 7.5, 8.5]
 COLOURS = [450.0, 500.0, 550.0, 600.0, 650.0]
 WINDOW_M = 0.02
@@ -26,7 +25,7 @@ class Bench:
     Parameters
     ----------
     layout : str
-        Layout of `lightfield.experiments.hide`, or "colour": seven places per plane, five wavelengths each.
+        Of `lightfield.experiments.layouts`, or "colour": seven places per plane, five wavelengths each.
     hwhm_deg, absorption_per_m : (low, high)
         The true beam and water are somewhere in here.
     beams : int
@@ -116,26 +115,12 @@ def believed_scene(truth: Scene, rng: np.random.Generator) -> Scene:
 def table_of(bench: Bench, order: Order, rng: np.random.Generator) -> Readings:
     """Places and times of the readings, no values yet."""
     scene = Scene.from_dict(bench.scene)
-    colours = np.array([np.nan])
     if bench.layout == "colour":
         places = positions(scene, "line")
         some = np.flatnonzero(np.abs(np.round(places["x_m"] / 0.3) * 0.3 - places["x_m"]) < 1e-6)
         places = {name: column[some] for name, column in places.items()}
-        colours = np.array(COLOURS)
-    else:
-        places = positions(scene, bench.layout)
-    n = len(places["x_m"])
-    sequence = rng.permutation(n) if order == "random" else np.arange(n)
-    columns = {name: np.repeat(column, len(colours)) for name, column in places.items()}
-    bare = Readings.from_arrays(
-        **columns,
-        value=np.ones(n * len(colours)),
-        stderr=np.full(n * len(colours), np.nan),
-        wavelength_nm=np.tile(colours, n),
-        time_s=SECONDS_PER_READING * np.repeat(sequence, len(colours)),
-        quantity=scene.detector.quantity,
-    )
-    return bare.check_against(scene)
+        return table_at(places, COLOURS, scene, order, rng)
+    return table_at(positions(scene, bench.layout), [np.nan], scene, order, rng)
 
 
 def held_out_places(bench: Bench) -> dict[str, np.ndarray]:

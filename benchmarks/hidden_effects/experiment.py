@@ -21,7 +21,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
 from lightfield.experiments import unknowns
-from lightfield.experiments.hide import FLOOR, measure
+from lightfield.experiments.measure import Instrument, Light, measure
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import has_diffuse_light
 
@@ -110,29 +110,17 @@ def _run(trial: Trial, folder: Path) -> Row:
     drawn: dict[str, float] = {}
     if truth.unknown:
         factor, drawn = unknowns.draw(truth.unknown, layout_of(table), rng)
-    kind = NOISE_KINDS[trial.noise_kind]
-    readings, clean, _ = measure(
-        believed,
-        scene,
-        table,
-        rng,
-        noise=trial.noise,
-        light=light[:n],
-        light_stderr=light_error[:n],
-        factor=factor,
-        **kind,
-    )
-    stated = kind.get("plane_gain")
-    if stated:
-        readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * stated))
+    instrument = Instrument(trial.noise, **NOISE_KINDS[trial.noise_kind])
+    readings, clean = measure(scene, table, Light(light[:n], light_error[:n]), instrument, rng, factor)
+    readings = instrument.stated(readings)
     tracing = Tracing(bench.name, trial.sequence)
     found, times = timed(readings, believed, tracing)
-    row = summary(found) | times | {"n": n, "delta": 0.0}
+    row = as_data(found) | times | {"n": n, "delta": 0.0}
     if truth.stratum == "null":
         return row
-    sigma = np.hypot(trial.noise * clean, FLOOR)
+    sigma = instrument.sigma(clean)
     gain = float(clean.max() / light[:n].max())
-    gained = stated if stated is not None else PLANE_GAIN_PERCENT / 100
+    gained = instrument.plane_gain or PLANE_GAIN_PERCENT / 100
     dense = SceneForward(scene, readings).light.dense_water({})
     oracle = Oracle(believed, readings, clean, sigma, gained, tracing, dense)
     row |= {
@@ -163,7 +151,7 @@ def timed(readings: Any, believed: Any, tracing: Tracing) -> tuple[Diagnosis, di
     }
 
 
-def summary(found: Diagnosis) -> Row:
+def as_data(found: Diagnosis) -> Row:
     """What a diagnosis says, as plain data."""
     verdict = found.verdict
     explanations = [

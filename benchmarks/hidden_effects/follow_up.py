@@ -10,7 +10,8 @@ import numpy as np
 from benchmarks.hidden_effects.catalogue import Trial
 from benchmarks.hidden_effects.lights import lit_scene, scene_of
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
-from lightfield.experiments.hide import FLOOR, SAMPLES, SECONDS_PER_READING
+from lightfield.experiments.layouts import SECONDS_PER_READING
+from lightfield.experiments.measure import SAMPLES, Instrument
 from lightfield.fitting.forward import SceneForward
 from lightfield.render.at_readings import rendered_light
 
@@ -47,7 +48,7 @@ def follow(trial: Trial, found: Diagnosis, clean: np.ndarray, light: np.ndarray,
     own = SceneForward(scene, before, full=float(clean.max()))
     gains = dict.fromkeys(own.gain_names, 1.0 / float((light * own.power({})).max()))
     expected = SceneForward(scene, extra, full=float(clean.max())).read(there, gains)
-    sigma = np.hypot(trial.noise * expected, FLOOR)
+    sigma = Instrument(trial.noise).sigma(expected)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
     extra = replace(extra, value=expected + sigma * rng.standard_normal(n), stderr=quoted)
     again = diagnose(_joined(before, extra), found.forward.scene, diffuse=diffuse, advise=False)

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from benchmarks.hidden_effects.experiment import Tracing, summary, timed
+from benchmarks.hidden_effects.experiment import Tracing, as_data, timed
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 
@@ -40,7 +40,7 @@ def run(case: Path) -> Row:
     try:
         readings, scene = read_table(case / "data.csv"), Scene.load(case / "scene.toml")
         found, times = timed(readings, scene, Tracing())
-        row |= summary(found) | times | {"n": len(readings)}
+        row |= as_data(found) | times | {"n": len(readings)}
     except Exception as error:  # a crash is an outcome too
         row |= {"verdict": "error", "error": repr(error), "effects": [], "explanations": []}
     return row

@@ -17,13 +17,12 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.commands.sweep import progress_bar, summary
+from lightfield.commands.sweep import as_text, progress_bar
 from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.regime import LEVELS, reach, rows
-from lightfield.studies.regime_sweep import regime_of, regime_plan
+from lightfield.studies.regime import LEVELS, reach, regime_of, regime_plan, rows
 from lightfield.sweep.plan import SweepSettings
 from lightfield.sweep.runner import run_sweep
 
@@ -82,7 +81,7 @@ def main() -> None:
         store = args.store or Path(scratch) / "regime.zarr"
         with progress_bar(plan) as report:
             done = run_sweep(plan, store, workers=args.workers, report=report)
-        print("\n".join(summary(plan, done, store)))
+        print(as_text(plan, done, store))
         data = regime_of(xr.open_zarr(store)).load()
     write_table(data, args.output / "regime.csv")
     save_png(regime_figure(data), args.output / "regime.png")

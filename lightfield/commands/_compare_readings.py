@@ -7,15 +7,13 @@ import json
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from lightfield.commands._tracing import given
+from lightfield.commands._options import LARGEST_SEED, given
 from lightfield.errors import UsageError
+from lightfield.readings import Readings, read_table
+from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder, output_file
-
-if TYPE_CHECKING:
-    from lightfield.readings import Readings
-    from lightfield.scene import Scene
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -38,9 +36,6 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print, store the rung."""
-    from lightfield.readings import read_table
-    from lightfield.scene import Scene
-
     options = given(args)
     if options and args.solver != "render":
         raise UsageError(
@@ -66,7 +61,8 @@ def _fit(
     from lightfield.studies.compare.text import as_data, as_text
 
     if "seed" in options:
-        options["seed"] += 1  # seed 0 is that of the response which the render is to check
+        # Seed 0 is that of the response which the render is to check.
+        options["seed"] = options["seed"] % LARGEST_SEED + 1
     source = partial(response_for, cache=not args.no_cache)
     report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from lightfield import __version__
-from lightfield.commands._options import thread_count
+from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 
 # Name and help of every sub-command; one whose module is not there is not offered.
@@ -88,9 +88,7 @@ def _general_options(default: str | None) -> _Parser:
     group.add_argument(
         "--backend", choices=("auto", "llvm", "cuda"), help="what to compute on (default: auto)"
     )
-    group.add_argument(
-        "--threads", type=thread_count, metavar="N", help="threads of the processor (default: all)"
-    )
+    add_option(group, "--threads", "all")
     return options
 
 

@@ -1,8 +1,13 @@
-"""Kinds of option values that several sub-commands take; argparse turns the complaints into errors."""
+"""Options that several sub-commands take, each declared once, and the kinds of their values."""
 
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+
+TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
+if TYPE_CHECKING:
+    from argparse import Namespace, _ActionsContainer
+    from typing import Any
 
 LARGEST_SEED = 2**31 - 1
 
@@ -25,3 +30,55 @@ def _whole(text: str, low: int, high: int) -> int:
     if not low <= number <= high:
         raise ArgumentTypeError(f"found {text!r}; rule: a whole number, {low} to {high}")
     return number
+
+
+#: What is not given is None: each command has defaults of its own, which the help names.
+OPTIONS: dict[str, dict[str, Any]] = {
+    "--threads": {
+        "type": thread_count, "metavar": "N", "help": "threads of the processor (default: {})"
+    },
+    "--rel-error": {
+        "type": float, "metavar": "E",
+        "help": "relative standard error asked of a trace, in 95 %% of its lit cells (default {})",
+    },
+    "--max-photons": {
+        "type": float, "metavar": "N",
+        "help": "a trace ends there even if the error is not reached (default {})",
+    },
+    "--seed": {"type": seed_number, "metavar": "N", "help": "same seed, same result (default {})"},
+    "--workers": {"type": int, "metavar": "N", "help": "local processes (default: {})"},
+    "--no-trace": {
+        "action": "store_true",
+        "help": "leave out what only the renderer knows: scattering, walls, surface",
+    },
+    "--case": {
+        "action": "append", "metavar": "PATH=VALUE",
+        "help": "only cases with this value (the nearest step); may be repeated",
+    },
+}  # fmt: skip
+TRACING = ("rel_error", "max_photons", "seed")
+
+
+def add_option(parser: _ActionsContainer, name: str, default: object = None) -> None:
+    """Declare one of the options.
+
+    Parameters
+    ----------
+    default : number or str, optional
+        What the help says that it is.
+    """
+    option = dict(OPTIONS[name])
+    shown = f"{default:g}" if isinstance(default, float) else default
+    parser.add_argument(name, **option | {"help": option["help"].format(shown)})
+
+
+def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float) -> None:
+    """Declare how well to trace; the command's defaults are for the help."""
+    for name, default in zip(TRACING, (rel_error, max_photons, 0), strict=True):
+        add_option(parser, f"--{name.replace('_', '-')}", default)
+
+
+def given(args: Namespace, *names: str) -> dict[str, Any]:
+    """Those options that the user gave, by default of `TRACING`."""
+    options = {name: getattr(args, name) for name in names or TRACING}
+    return {name: value for name, value in options.items() if value is not None}

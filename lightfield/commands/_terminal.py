@@ -6,10 +6,7 @@ import contextlib
 import re
 import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, TextIO
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from typing import Any, TextIO
 
 # Control characters but line feed and tabulator, what hides or turns text around, and halves of characters.
 _COMMANDS = re.compile(
@@ -45,15 +42,3 @@ class _Plain:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.rich_proxied_file, name)
-
-
-def console(*, stderr: bool = False) -> Console:
-    """A console for tables and progress, whose text is printable and taken as it stands."""
-    from rich import console, segment
-
-    class Plain(console.Console):
-        def render(self, *args: Any, **options: Any) -> Iterator[segment.Segment]:
-            for part in super().render(*args, **options):
-                yield part if part.control else part._replace(text=printable(part.text))
-
-    return Plain(stderr=stderr, markup=False)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 
-from lightfield.commands._options import seed_number
-from lightfield.commands._terminal import console
+from lightfield.commands._console import console
+from lightfield.commands._options import add_tracing, given
 from lightfield.render.maps import Rendering
 from lightfield.render.settings import Progress, Settings
 from lightfield.scene import Scene
@@ -20,21 +22,8 @@ Made = TypeVar("Made")
 
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how well to trace."""
-    default = Settings()
-    group = parser.add_argument_group("tracing")
-    group.add_argument(
-        "--rel-error",
-        type=float,
-        metavar="E",
-        help=f"relative standard error to reach in 95 %% of the lit cells (default {default.rel_error:g})",
-    )
-    group.add_argument(
-        "--max-photons",
-        type=float,
-        metavar="N",
-        help=f"stop there even if the error is not reached (default {default.max_photons:g})",
-    )
-    group.add_argument("--seed", type=seed_number, help=f"same seed, same result (default {default.seed})")
+    default, group = Settings(), parser.add_argument_group("tracing")
+    add_tracing(group, default.rel_error, default.max_photons)
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
@@ -49,18 +38,9 @@ def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) 
         )
 
 
-def given(args: argparse.Namespace) -> dict[str, Any]:
-    """Those of error, photon budget and seed that the user gave."""
-    options = {name: getattr(args, name) for name in ("rel_error", "max_photons", "seed")}
-    return {name: value for name, value in options.items() if value is not None}
-
-
 @contextmanager
 def progress_bar(name: str) -> Iterator[Progress]:
     """Progress of a trace on standard error; nothing unless that is a terminal."""
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
     output = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Bar(*columns, console=output, disable=not output.is_terminal, transient=True) as bar:
@@ -78,7 +58,7 @@ def progress_bar(name: str) -> Iterator[Progress]:
         yield report
 
 
-def balance(rendering: Rendering) -> str:
+def as_text(rendering: Rendering) -> str:
     """Photons, error and energy balance in two lines."""
     energy = rendering.energy
     unit = energy.emitted if energy.emitted else 1.0

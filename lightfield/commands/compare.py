@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from lightfield.commands import _compare_readings
-from lightfield.commands._terminal import console
-from lightfield.commands._tracing import add_tracing_arguments, balance, given, traced
+from lightfield.commands import _compare_readings, _tracing
+from lightfield.commands._console import console
+from lightfield.commands._options import given
 from lightfield.errors import UsageError
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, default=None, metavar="DIR", help="folder of page, figures and numbers"
     )
     _compare_readings.add_arguments(parser.add_argument_group("against readings"))
-    add_tracing_arguments(parser)
+    _tracing.add_tracing_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,8 +60,8 @@ def _scene(args: argparse.Namespace) -> int:
     from lightfield.maps.dataset import to_dataset
 
     with locked_folder(args.output or Path("compare")) as folder:
-        rendering = traced(scene, args, render_scene)
-        print(balance(rendering))
+        rendering = _tracing.traced(scene, args, render_scene)
+        print(_tracing.as_text(rendering))
         return _report(to_dataset(rendering), folder)
 
 
@@ -84,17 +84,17 @@ def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
 
     from lightfield.report.compare.page import terminal_table, write_comparison
-    from lightfield.studies.compare.maps import compare, verdict
+    from lightfield.studies.compare.maps import as_text, compare
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)
     output = console()
     for wavelength in comparison.wavelengths_nm:
         output.print(terminal_table(comparison, wavelength))
-    output.print(verdict(comparison), highlight=False)
+    output.print(as_text(comparison), highlight=False)
     with atomic_path(folder / "compare.json") as temporary:
         temporary.write_text(
-            json.dumps(comparison.summary(), indent=2, allow_nan=False) + "\n", encoding="utf-8"
+            json.dumps(comparison.as_data(), indent=2, allow_nan=False) + "\n", encoding="utf-8"
         )
     page, *_ = write_comparison(comparison, dataset.attrs, folder)
     print(page)

@@ -6,16 +6,15 @@ import argparse
 import json
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lightfield.commands._options import seed_number
-from lightfield.commands._stages import stage_line
+from lightfield.commands._console import stage_line
+from lightfield.commands._options import add_option
+from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
+from lightfield.fitting.effects import table
+from lightfield.readings import Readings, read_table
+from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, locked_folder, output_file
-
-if TYPE_CHECKING:
-    from lightfield.readings import Readings
-    from lightfield.scene import Scene
 
 #: Of a ladder: the base model and two effects.
 MOST_RUNGS = 3
@@ -36,12 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
     parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.01)")
-    parser.add_argument("--seed", type=seed_number, default=0, help="of the bootstrap")
-    parser.add_argument(
-        "--no-trace",
-        action="store_true",
-        help="leave out what only the renderer knows: scattering, walls, surface",
-    )
+    add_option(parser, "--seed", 0)
+    add_option(parser, "--no-trace")
     parser.add_argument(
         "--no-render", action="store_true", help="do not render the explained scene afresh at the end"
     )
@@ -50,12 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print, write."""
     if args.schema:
-        from lightfield.diagnosis.verdict.verdict import json_schema
-
         print(json.dumps(json_schema(), indent=2))
         return 0
     if args.list:
-        _print_table()
+        print(as_text())
         return 0
     if args.data is None or args.scene is None:
         raise UsageError(
@@ -63,9 +56,6 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    from lightfield.readings import read_table
-    from lightfield.scene import Scene
-
     names = None
     if args.effects is not None:
         names = [name.strip() for name in args.effects.split(",") if name.strip()]
@@ -94,7 +84,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
             diffuse=None if args.no_trace else "trace",
             only=names,
             alpha=ALPHA if args.alpha is None else args.alpha,
-            seed=args.seed,
+            seed=args.seed or 0,
             progress=stage,
         )
         if found.steps[1:] and not (args.no_trace or args.no_render):
@@ -102,7 +92,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
             found = found.rendered()
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
-    print(found.summary())
+    print(found.as_text())
     if args.json:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
@@ -114,12 +104,12 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     return 0
 
 
-def _print_table() -> None:
-    from lightfield.fitting.effects import table
-
+def as_text() -> str:
+    """The table of effects for people."""
+    lines = []
     for effect in table().values():
-        print(f"{effect.name} ({effect.family}): {effect.physics}")
+        lines.append(f"{effect.name} ({effect.family}): {effect.physics}")
         for form in effect.forms:
-            print(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
-        print(f"    looks like: {effect.signature}")
-        print(f"    check: {effect.laboratory}")
+            lines.append(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
+        lines += [f"    looks like: {effect.signature}", f"    check: {effect.laboratory}"]
+    return "\n".join(lines)

@@ -8,6 +8,7 @@ import platform
 import sys
 
 from lightfield.errors import LightfieldError
+from lightfield.render.backend import choose
 from lightfield.render.doctor import check, versions
 
 
@@ -20,8 +21,6 @@ def run(args: argparse.Namespace) -> int:
     for package, version in versions().items():
         _line(package, version)
     _line("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors")
-    from lightfield.render.backend import choose
-
     try:
         backend = choose()
     except LightfieldError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import write_exr_planes
 from lightfield.storage.files import locked_folder
@@ -20,10 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("store", type=Path, metavar="STORE", help="what `lightfield sweep` wrote")
     parser.add_argument("--exr", type=Path, required=True, metavar="DIR", help="folder of the images")
-    parser.add_argument(
-        "--case", action="append", default=[], metavar="PATH=VALUE",
-        help="cases with this value (the nearest step) only; may be repeated",
-    )  # fmt: skip
+    add_option(parser, "--case")
     parser.add_argument("--all", action="store_true", help=f"more than {MOST} cases are meant")
 
 
@@ -34,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _chosen(args: argparse.Namespace) -> int:
-    data = choose(open_store(args.store), args.case)
+    data = choose(open_store(args.store), args.case or [])
     axes = axes_of(data)
     shape = tuple(data.sizes[name] for name in axes)
     count = int(np.prod(shape))

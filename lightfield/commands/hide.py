@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._options import seed_number
+from lightfield.commands._options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder, output_file
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
-    add("--seed", type=seed_number, default=0, help="same seed, same measurement (default 0)")
+    add_option(parser, "--seed", 0)
     add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
     add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
     add(
@@ -49,12 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="error of every position, stated in the head of the table (default 0)",
     )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
-    add(
-        "--max-photons",
-        type=float,
-        metavar="N",
-        help="photon budget of the trace (default 3e7); what it leaves unknown is stated with the errors",
-    )
+    add_option(parser, "--max-photons", "3e7; what it leaves unknown is stated with the errors")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="scene.toml, data.csv, truth.json")
 
 
@@ -80,21 +75,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.experiments.hide import hide
+    from lightfield.experiments.hide import Secret, hide
+    from lightfield.experiments.measure import Instrument
 
     output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,
-        args.effect,
-        args.seed,
+        Secret(args.effect, args.strength, values),
+        args.seed or 0,
+        Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
         layout=args.layout,
         order="plane" if args.plane_order else "random",
-        noise=args.noise,
-        plane_gain=args.plane_gain / 100,
-        position_m=args.position / 1000,
-        strength=args.strength,
-        values=values,
-        photons=args.max_photons,
+        **given(args, "max_photons"),
     )
     folder = made.save(args.output)
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 
 from lightfield.errors import UsageError
+from lightfield.readings import ErrorBudget, write_table
+from lightfield.readings.importing.importer import import_index
 from lightfield.storage.files import output_file
 
 
@@ -42,10 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Import, write, and say what was found."""
-    # Imported here: other sub-commands need not wait for it.
-    from lightfield.readings import ErrorBudget, write_table
-    from lightfield.readings.importing.importer import import_index
-
     if not args.output:
         raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")
     output_file(args.output, args.index)

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 
-from lightfield.commands._options import seed_number
+from lightfield.commands._options import add_option
 from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import MAKE_ROOM, atomic_path, output_file
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", type=int, default=64, help="paths per pixel and colour (default %(default)d)"
     )
-    parser.add_argument("--seed", type=seed_number, default=0, help="same seed, same picture")
+    add_option(parser, "--seed", 0)
     parser.add_argument(
         "--as-is", action="store_true", help="lend nothing: black walls stay black, clear water stays clear"
     )
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.report.style import save_pixels
 
     taken = take_picture(
-        scene, width=width, height=height, samples=args.samples, seed=args.seed, lend=not args.as_is
+        scene, width=width, height=height, samples=args.samples, seed=args.seed or 0, lend=not args.as_is
     )
     for note in taken.notes:
         print(f"note: {note}")
@@ -75,8 +76,6 @@ def size_of(text: str) -> tuple[int, int]:
 
 def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path:
     """Write linear light next to the PNG, as 32-bit R, G, B."""
-    import OpenEXR
-
     path = beside.with_suffix(".exr")
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,

@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lightfield.commands._options import add_option
+from lightfield.readings import read_table
+from lightfield.readings.columns import LAYOUT
+from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
@@ -27,19 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument(
-        "--no-trace",
-        action="store_true",
-        help="leave out scattering, walls, surface (needs no trace)",
-    )
+    add_option(parser, "--no-trace")
 
 
 def run(args: argparse.Namespace) -> int:
     """Plan and print."""
     from lightfield.diagnosis.plan import plan
-    from lightfield.readings import read_table
-    from lightfield.readings.columns import LAYOUT
-    from lightfield.scene import Scene
 
     scene = Scene.load(args.scene)
     layout = read_table(args.layout, scene, LAYOUT)
@@ -51,12 +48,12 @@ def run(args: argparse.Namespace) -> int:
 
         diffuse = response_for
     made = plan(layout, scene, diffuse)
-    print(_text(made))
+    print(as_text(made))
     for warning in layout.warnings:
         print(f"warning: {warning}")
     if args.json:
         with atomic_path(args.json) as temporary:
-            temporary.write_text(json.dumps(_data(made), indent=2) + "\n", encoding="utf-8")
+            temporary.write_text(json.dumps(as_data(made), indent=2) + "\n", encoding="utf-8")
     return 0
 
 
@@ -65,7 +62,7 @@ def _unit(made: Plan, path: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _text(made: Plan) -> str:
+def as_text(made: Plan) -> str:
     from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
 
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
@@ -107,7 +104,7 @@ def _text(made: Plan) -> str:
     return "\n".join(lines)
 
 
-def _data(made: Plan) -> dict[str, Any]:
+def as_data(made: Plan) -> dict[str, Any]:
     iso = made.isolability
     return {
         "readings": made.readings,

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._options import seed_number
-from lightfield.commands._terminal import console
+from rich.table import Table
+
+from lightfield.commands._console import console
+from lightfield.commands._options import add_option, add_tracing, given
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
+
+DEFAULTS = {"rel_error": 0.01, "max_photons": 4e6}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,16 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the results (default: regime)",
     )
-    parser.add_argument(
-        "--rel-error", type=float, default=0.01, metavar="E", help="of each trace (default 0.01)"
-    )
-    parser.add_argument(
-        "--max-photons", type=float, default=4e6, metavar="N", help="of each trace (default %(default)g)"
-    )
-    parser.add_argument("--seed", type=seed_number, default=0, metavar="N", help="same seed, same result")
-    parser.add_argument(
-        "--workers", type=int, default=0, metavar="N", help="local processes (default: this one)"
-    )
+    add_tracing(parser, **DEFAULTS)
+    add_option(parser, "--workers", "this one")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -48,25 +44,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
-    from rich.table import Table
-
-    from lightfield.commands.sweep import progress_bar, summary
+    from lightfield.commands.sweep import as_text, progress_bar
     from lightfield.maps.dataset import write_netcdf
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
     from lightfield.studies import regime
-    from lightfield.studies.regime_sweep import regime_of, regime_plan
     from lightfield.sweep.plan import SweepSettings
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
 
-    plan = regime_plan(scene, SweepSettings(args.rel_error, args.max_photons, args.seed, maps=False))
+    settings = SweepSettings(**DEFAULTS | given(args), maps=False)
+    plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with progress_bar(plan) as report:
-        done = run_sweep(plan, store, workers=args.workers, report=report)
-    print("\n".join(summary(plan, done, store)))
-    dataset = regime_of(open_store(store))
-    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": args.seed}
+        done = run_sweep(plan, store, workers=args.workers or 0, report=report)
+    print(as_text(plan, done, store))
+    dataset = regime.regime_of(open_store(store))
+    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
         table.add_column(head, justify="left" if head == "receiver" else "right")
@@ -74,7 +68,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
         table.add_row(*row)
     output = console()
     output.print(table)
-    output.print(regime.verdict(dataset), highlight=False)
+    output.print(regime.as_text(dataset), highlight=False)
     for path in (
         write_netcdf(dataset, folder / "regime.nc"),
         save_png(regime_figure(dataset), folder / "regime.png"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.commands._tracing import add_tracing_arguments, balance, traced
+from lightfield.commands._tracing import add_tracing_arguments, as_text, traced
 from lightfield.errors import UsageError
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
@@ -64,7 +64,7 @@ def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: ar
         from lightfield.report.style import save_png
 
         written.append(save_png(light_figure(dataset), folder / "maps.png"))
-    print(balance(rendering))
+    print(as_text(rendering))
     if not planes and not (args.no_exr and args.no_figures):
         print("single positions have no images: no EXR, no PNG")
     for path in written:

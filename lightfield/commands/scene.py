@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.to_toml or args.set:
         print(scene.to_toml(), end="")
     else:
-        print(_listing(scene))
+        print(as_text(scene))
     return 0
 
 
@@ -73,7 +73,7 @@ def _assignment(text: str) -> tuple[str, object]:
         ) from error
 
 
-def _listing(scene: Scene) -> str:
+def as_text(scene: Scene) -> str:
     """Every parameter with value and unit; `*` marks what departs from neutral."""
     lines = [f"{scene.name or 'scene'}: valid, digest {scene.digest()[:16]}", ""]
     for path, parameter in scene.parameters().items():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from lightfield.commands._options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.estimate import size
@@ -25,10 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the figures (default: the store's name + -figures)",
     )
-    parser.add_argument(
-        "--case", action="append", default=[], metavar="PATH=VALUE",
-        help="hold a parameter at this value (the nearest step); may be repeated",
-    )  # fmt: skip
+    add_option(parser, "--case")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,8 +37,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _show(args: argparse.Namespace) -> int:
     data = open_store(args.store)
-    print("\n".join(contents(data, args.store)))
-    data = choose(data, args.case)
+    print(as_text(data, args.store))
+    data = choose(data, args.case or [])
     if not (data.status == 1).any():
         raise OutputError(
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
@@ -60,7 +58,7 @@ def _show(args: argparse.Namespace) -> int:
     return 0
 
 
-def contents(data: xr.Dataset, path: Path) -> list[str]:
+def as_text(data: xr.Dataset, path: Path) -> str:
     """Dimensions, cases, traces and size."""
     axes = axes_of(data)
     lines = [f"{path}: {data.attrs['title']}, {size(size_on_disk(path))}"]
@@ -73,4 +71,4 @@ def contents(data: xr.Dataset, path: Path) -> list[str]:
                  f"{np.sum(status == 2)} failed, {np.sum(status == 0)} to do")  # fmt: skip
     for text in sorted({str(m) for m in data.message.values[status == 2]})[:5]:
         lines.append(f"  failed: {text}")
-    return lines
+    return "\n".join(lines)

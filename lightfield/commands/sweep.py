@@ -5,16 +5,21 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from lightfield.commands._terminal import console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from lightfield.commands._console import console
+from lightfield.commands._options import LARGEST_SEED, add_option, add_tracing, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
+from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.estimate import describe, duration, estimate, size
+from lightfield.sweep.estimate import duration, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Progress, Report, run_sweep
@@ -69,26 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say whether every file of a store is as it was written, and stop",
     )
     group = parser.add_argument_group("tracing")
-    group.add_argument(
-        "--rel-error",
-        type=float,
-        metavar="E",
-        help=f"relative standard error asked of a trace (default {default.rel_error:g})",
-    )
-    group.add_argument(
-        "--max-photons",
-        type=float,
-        metavar="N",
-        help=f"photon budget of a trace (default {default.max_photons:g})",
-    )
-    group.add_argument(
-        "--seed", type=int, metavar="N", help=f"same seed, same result (default {default.seed})"
-    )
+    add_tracing(group, default.rel_error, default.max_photons)
     group.add_argument("--no-maps", action="store_true", help="keep the derived quantities alone")
     group = parser.add_argument_group("workers")
-    group.add_argument(
-        "--workers", type=int, default=0, metavar="N", help="local processes (default: compute in this one)"
-    )
+    add_option(group, "--workers", "this one")
     group.add_argument("--scheduler", metavar="ADDRESS", help="an existing Dask scheduler")
     group.add_argument(
         "--memory", type=float, metavar="GB", help="memory limit of a local worker (default: its share)"
@@ -110,12 +99,12 @@ def run(args: argparse.Namespace) -> int:
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
     plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
     if args.dry_run:
-        print("\n".join(describe(plan)))
+        print(estimate.as_text(plan))
         return 0
     if args.output is None:
         raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
     output_folder(args.output.parent)
-    needed = estimate(plan).memory_bytes
+    needed = estimate.estimate(plan).memory_bytes
     if args.memory is not None and needed > 1e9 * args.memory:
         raise UsageError(
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
@@ -125,12 +114,12 @@ def run(args: argparse.Namespace) -> int:
         done = run_sweep(
             plan,
             args.output,
-            workers=args.workers,
+            workers=args.workers or 0,
             scheduler=args.scheduler,
             memory_gb=args.memory,
             report=report,
         )
-    print("\n".join(summary(plan, done, args.output)))
+    print(as_text(plan, done, args.output))
     return 1 if done.failed else 0
 
 
@@ -145,19 +134,13 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
                 found=f"{name} = {value!r}",
                 rule=", ".join(f"{n} ({t.__name__})" for n, t in known.items()),
             )
-    given = {
-        name: getattr(args, name)
-        for name in ("rel_error", "max_photons", "seed")
-        if getattr(args, name) is not None
-    }
-    settings = replace(SweepSettings(), **{**planned, **given}, **({"maps": False} if args.no_maps else {}))
-    for name, low, high in (("rel_error", 1e-4, 1.0), ("max_photons", 1e3, 1e12), ("seed", 0, 2**31)):
-        if not low <= getattr(settings, name) <= high:
-            raise UsageError(f"impossible {name}", found=getattr(settings, name), rule=f"{low:g} to {high:g}")
-    return settings
+    chosen = {**planned, **given(args), **({"maps": False} if args.no_maps else {})}
+    if not 0 <= chosen.get("seed", 0) <= LARGEST_SEED:
+        raise UsageError("impossible seed", found=chosen["seed"], rule=f"0 to {LARGEST_SEED}")
+    return SweepSettings(**chosen)
 
 
-def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
+def as_text(plan: Plan, done: Progress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
@@ -167,7 +150,7 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
         lines.append(f"{len(done.repaired)} damaged files were made good: {shown}")
     if not done.cases_done:
         lines.append("nothing was left to do")
-        return lines
+        return "\n".join(lines)
     kept = f", {done.cases_before} were there already" if done.cases_before else ""
     lines.append(
         f"this run: {done.traced} traced ({done.photons:.3g} photons), {done.cases_done} evaluated in "
@@ -183,15 +166,12 @@ def summary(plan: Plan, done: Progress, path: Path) -> list[str]:
     if done.workers:
         many = "process" if len(done.workers) == 1 else "processes"
         lines.append(f"memory: {len(done.workers)} {many}, at most {size(max(done.workers.values()))} each")
-    return lines
+    return "\n".join(lines)
 
 
 @contextmanager
 def progress_bar(plan: Plan) -> Iterator[Report | None]:
     """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
     output = console(stderr=True)
     if not output.is_terminal:
         yield None

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis import ledger
-from lightfield.diagnosis.problem.setup import TRACES, budget_of, problem_of, remembered, source_of, spectral
+from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
@@ -23,9 +23,10 @@ from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -97,8 +98,6 @@ class Diagnosis:
         max_photons : float
             Photon budget of the trace.
         """
-        from lightfield.render.at_readings import rendered_light  # loads the renderer
-
         step, problem, verdict = self.steps[-1], self.prepared.problem, self.verdict
         light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
         model = self.forward.read(light, step.fit.values)
@@ -123,9 +122,9 @@ class Diagnosis:
                 update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}
         return replace(self, verdict=verdict.model_copy(update=update))
 
-    def summary(self) -> str:
+    def as_text(self) -> str:
         """The verdict for people, several lines."""
-        return text.summary(self.verdict)
+        return text.as_text(self.verdict)
 
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
@@ -229,21 +228,18 @@ def _diagnose(
         [effects.get(name) for name in only] if only is not None else list(effects.table().values())
     )
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
-    source, dense = remembered(source), None
     known: tuple[Fitted, ...] = ()
-    for traces_left in reversed(range(TRACES)):
-        forward = SceneForward(scene, readings, source, dense_per_m=dense)
+    traces = Retraced(scene, readings, source)
+    for forward in traces:
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
         prepared = prepare(calibration.by_shape(problem), quoted, budget, rng, alpha, known)
-        dense, known = prepared.to_trace_per_m, prepared.known
-        if dense is not None and traces_left:
+        traces.asked, known = prepared.to_trace_per_m, prepared.known
+        if traces.asked is not None and traces.left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
-        dense = forward.light.to_trace(one.fit.values for one in finding.contenders)
-        if dense is None:
-            break
+        traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)

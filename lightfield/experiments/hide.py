@@ -4,33 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.errors import UsageError
 from lightfield.experiments import unknowns
+from lightfield.experiments.layouts import Order, scan
+from lightfield.experiments.measure import PHOTONS, Instrument, measure, rendered
 from lightfield.fitting import effects
-from lightfield.fitting.forward import SceneForward
-from lightfield.formula.field import direct_field
 from lightfield.readings import Readings, write_table
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
-Order = Literal["random", "plane"]
-LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
-
-SECONDS_PER_READING = 20.0
-#: Samples that a standard error is estimated from.
-SAMPLES = 40
-#: Read noise over the largest reading.
-FLOOR = 0.0008
 #: A hidden effect is this many times its typical size, log-uniform.
 STRENGTH = (2.0, 20.0)
 #: The scene's half width and absorption are wrong by this much.
@@ -38,8 +29,25 @@ GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
-#: Photons of the render at most, and its error as a part of the noise: readings shall scatter by their noise.
-PHOTONS, ERROR_OF_NOISE = 3e7, 0.25
+
+
+@dataclass(frozen=True)
+class Secret:
+    """What shall be hidden.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Effects of the table, each in its first form or as "effect:form"; or "unknown:ripple" and the like.
+    strength : float, optional
+        Size of each effect over its typical size; drawn when absent.
+    values : mapping
+        Values of parameters that shall not be drawn.
+    """
+
+    names: Sequence[str] = ()
+    strength: float | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ class Hidden:
         Readings without noise.
     """
 
-    readings: Any
+    readings: Readings
     believed: Scene
     truth: Mapping[str, Any]
     noise_free: Array
@@ -70,66 +78,6 @@ class Hidden:
         with atomic_path(target / "truth.json") as temporary:
             temporary.write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
         return target
-
-
-def positions(scene: Scene, kind: str) -> dict[str, Array]:
-    """Positions of a layout on the scene's planes.
-
-    Parameters
-    ----------
-    kind : str
-        "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up
-        to the surface; "air": "line" in water and again in air.
-
-    Raises
-    ------
-    UsageError
-        No such layout.
-    """
-    if kind not in LAYOUTS:
-        raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
-    planes: NDArray[Any] = np.array(scene.detector.planes_m)
-    reach, (low, high) = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf)
-    if scene.tank is not None:
-        low, high = scene.tank.box_m[1]
-    x: NDArray[Any] = np.linspace(-reach, reach, 21)
-    y: NDArray[Any] = np.zeros(1)
-    if kind == "half":
-        x = np.linspace(0, reach, 11)
-    elif kind == "grid":
-        x = np.linspace(-0.9 * reach, 0.9 * reach, 7)
-        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(0.9 * reach, 0.9 * high), 7)
-    elif kind == "fine":
-        gaps = np.diff(planes) if len(planes) > 1 else 0.2 * planes
-        ends = [planes[:1] - gaps[:1], planes[-1:] + gaps[-1:]]
-        planes = np.unique(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), *ends]))
-        planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
-    elif kind == "column":
-        x = min(0.3, 0.9 * reach) * np.array([-1.0, 0.0, 1.0])
-        top = high - min(0.1, 0.5 * high)
-        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(top, reach), 12)
-    media = ("air", "water") if kind == "air" else ("water",)
-    # As a person writes them down: 0.2, not 0.19999999999999996; nor -0.0.
-    written = [np.round(axis, 6) + 0.0 for axis in (planes, y, x)]
-    gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(*written, indexing="ij"))
-    return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
-
-
-def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Any:
-    """A layout with times, and no values yet; all bands of the scene are read at once."""
-    places = positions(scene, kind)
-    n, bands = len(places["x_m"]), scene.detector.bands_nm
-    sequence = rng.permutation(n) if order == "random" else np.arange(n)
-    centres = [float(np.mean(band)) for band in bands] if len(bands) > 1 else [np.nan]
-    bare = Readings.from_arrays(
-        **{name: np.repeat(column, len(centres)) for name, column in places.items()},
-        value=np.ones(n * len(centres)),
-        stderr=np.full(n * len(centres), np.nan),
-        wavelength_nm=np.tile(centres, n),
-        time_s=SECONDS_PER_READING * np.repeat(sequence, len(centres)),
-        quantity=scene.detector.quantity,
-    )
-    return bare.check_against(scene)
 
 
 def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator) -> dict[str, float]:
@@ -148,7 +96,7 @@ def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator)
 
 def draw_effect(
     scene: Scene,
-    readings: Any,
+    readings: Readings,
     name: str,
     rng: np.random.Generator,
     strength: float | None = None,
@@ -190,10 +138,9 @@ def _only_hidden(values: Mapping[str, float], names: Sequence[str]) -> None:
         if effect.name not in chosen and other:
             raise UsageError(
                 "a size of an effect that is not hidden",
-                where="--size",
                 found=", ".join(other),
-                rule=f"sizes of what --effect names: {', '.join(sorted(chosen)) or 'nothing'}",
-                remedy=f"add --effect {effect.name}",
+                rule=f"sizes of what is hidden: {', '.join(sorted(chosen)) or 'nothing'}",
+                remedy=f"hide {effect.name} too",
             )
 
 
@@ -212,114 +159,15 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
     return scene.with_values({**changed, **values})
 
 
-def measure(
-    believed: Scene,
-    truth: Scene,
-    table: Any,
-    rng: np.random.Generator,
-    *,
-    noise: float = 0.01,
-    light: Array | None = None,
-    light_stderr: Array | None = None,
-    factor: Array | float = 1.0,
-    serial: float = 0.0,
-    outliers: float = 0.0,
-    plane_gain: float = 0.0,
-    position_m: float = 0.0,
-    photons: float | None = None,
-) -> tuple[Any, Array, Array]:
-    """Take the readings of a scene.
-
-    What the render does not know of the light is an error of the readings, and stated with theirs. (Places
-    that are mirror images of each other share it; so it is kept small beside the noise.)
-
-    Parameters
-    ----------
-    table : Readings
-        Positions and times.
-    noise : float
-        Relative noise of a bright reading.
-    light, light_stderr : array, shape (n,), optional
-        Light from an earlier render of the same scene, and its error; absent: rendered now.
-    factor : array, shape (n,)
-        Unknown influences on the light.
-    serial : float
-        Correlation of successive errors.
-    outliers : float
-        Part of the readings that are grossly wrong.
-    plane_gain : float
-        Relative error of each visit to a plane.
-    position_m : float, m
-        Error of each coordinate of each position.
-
-    Returns
-    -------
-    readings : Readings
-    noise_free : array, shape (n,)
-    light_error : array, shape (n,)
-        Relative error of the rendered light.
-    """
-    if light is None:
-        from lightfield.render.at_readings import rendered_light  # loads the renderer
-
-        light, light_stderr = rendered_light(
-            truth,
-            table,
-            seed=int(rng.integers(1, 1_000_000)),
-            rel_error=ERROR_OF_NOISE * noise,
-            max_photons=PHOTONS if photons is None else photons,
-            symmetry=True,
-        )
-    unsure = np.zeros(len(light)) if light_stderr is None else light_stderr
-    light_error = np.divide(unsure, light, out=np.zeros(len(light)), where=light > 0)
-    bright = light * factor
-    forward = SceneForward(truth, table, full=1.0)
-    gains = dict.fromkeys(forward.gain_names, 1.0 / float((bright * forward.power({})).max()))
-    # Saturation is stated relative to the largest reading, which itself is saturated.
-    full = 1.0
-    for _ in range(60):
-        clean = SceneForward(truth, table, full=full).read(bright, gains)
-        full = float(clean.max())
-    layout = layout_of(table)
-    shown = clean * (1 + plane_gain * rng.standard_normal(int(layout.visit.max()) + 1)[layout.visit])
-    if position_m > 0:
-        shown = shown * _displaced(truth, table, position_m, rng)
-    sigma = np.hypot(noise * shown, FLOOR)
-    error = rng.standard_normal(len(clean))
-    for previous, now in zip(layout.order[:-1], layout.order[1:], strict=True):
-        error[now] = serial * error[previous] + np.sqrt(1 - serial**2) * error[now]
-    gross = rng.random(len(clean)) < outliers
-    error = error + gross * rng.choice([-1, 1], len(clean)) * rng.uniform(6, 30, len(clean))
-    quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, len(clean)) / (SAMPLES - 1))
-    stderr = np.hypot(quoted, light_error * shown)
-    return replace(table, value=shown + sigma * error, stderr=stderr), clean, light_error
-
-
-def _displaced(truth: Scene, table: Any, position_m: float, rng: np.random.Generator) -> Array:
-    """Light a few millimetres off over light at the stated place; the direct light's gradient is enough."""
-    here = [table.x_m, table.y_m, table.z_m]
-    _, first, moment = np.unique(table.time_s, return_index=True, return_inverse=True)
-    place = np.argsort(np.argsort(first))[moment]  # all wavelengths of one moment share it
-    there = [c + position_m * rng.standard_normal(len(first))[place] for c in here]
-    one, other = (
-        direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
-    )
-    return np.divide(other, one, out=np.ones_like(one), where=one > 0)  # where nothing is read, nothing moves
-
-
 def hide(
     scene: Scene,
-    names: Sequence[str],
+    secret: Secret,
     seed: int,
+    instrument: Instrument,
     *,
     layout: str = "line",
     order: Order = "random",
-    noise: float = 0.01,
-    plane_gain: float = 0.0,
-    position_m: float = 0.0,
-    strength: float | None = None,
-    values: Mapping[str, float] | None = None,
-    photons: float | None = None,
+    max_photons: float = PHOTONS,
 ) -> Hidden:
     """A measurement of the scene with effects hidden in it.
 
@@ -327,15 +175,14 @@ def hide(
     ----------
     scene : Scene
         What the experimenter believes.
-    names : sequence of str
-        Effects of the table, each in its first form or as "effect:form"; or "unknown:ripple" and the like.
+    secret : Secret
     seed : int
-    plane_gain, position_m : float
-        Errors as `measure` takes them; stated in the table's error budget when they are not zero.
-    strength : float, optional
-        Size of each effect over its typical size.
-    values : mapping, optional
-        Values of parameters that shall not be drawn.
+    instrument : Instrument
+        Its errors of planes and positions are stated in the table's error budget.
+    layout, order : str
+        As `layouts.scan` takes them.
+    max_photons : float
+        Budget of the render.
 
     Raises
     ------
@@ -345,28 +192,22 @@ def hide(
     rng = np.random.default_rng(seed)
     table = scan(scene, layout, order, rng)
     hidden: dict[str, float] = {}
-    known = [name for name in names if not name.startswith(unknowns.PREFIX)]
+    known = [name for name in secret.names if not name.startswith(unknowns.PREFIX)]
     for name in known:
-        hidden |= draw_effect(scene, table, name, rng, strength)
-    _only_hidden(values or {}, known)
-    hidden |= dict(values or {})
+        hidden |= draw_effect(scene, table, name, rng, secret.strength)
+    _only_hidden(secret.values, known)
+    hidden |= secret.values
     truth = true_scene(scene, hidden, rng)
     factor: Array | float = 1.0
     drawn: dict[str, Any] = {}
-    for name in names:
+    for name in secret.names:
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    readings, clean, light_error = measure(
-        scene, truth, table, rng, noise=noise, factor=factor,
-        plane_gain=plane_gain, position_m=position_m, photons=photons,
-    )  # fmt: skip
-    if plane_gain > 0:
-        readings = replace(readings, budget=replace(readings.budget, plane_gain_percent=100 * plane_gain))
-    if position_m > 0:
-        readings = replace(readings, budget=replace(readings.budget, position_mm=1000 * position_m))
-    secret = {
-        "hidden": list(names),
+    light = rendered(truth, table, instrument.noise, rng, max_photons)
+    readings, clean = measure(truth, table, light, instrument, rng, factor)
+    told = {
+        "hidden": list(secret.names),
         "parameters": hidden,
         "unknown": drawn,
         "lamp.hwhm_deg": truth.lamp.hwhm_deg,
@@ -374,10 +215,10 @@ def hide(
         "water.absorption_per_m": truth.water.absorption_per_m,
         "layout": layout,
         "order": order,
-        "noise": noise,
-        "plane_gain_percent": 100 * plane_gain,
-        "position_mm": 1000 * position_m,
-        "light_error_percent": 100 * float(np.median(light_error)),
+        "noise": instrument.noise,
+        "plane_gain_percent": 100 * instrument.plane_gain,
+        "position_mm": 1000 * instrument.position_m,
+        "light_error_percent": 100 * float(np.median(light.relative_error)),
         "seed": seed,
     }
-    return Hidden(readings, scene, secret, clean)
+    return Hidden(instrument.stated(readings), scene, told, clean)

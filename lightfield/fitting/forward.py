@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource
+from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
 from lightfield.readings import Readings, units
 from lightfield.scene import Scene
@@ -23,6 +24,8 @@ from lightfield.scene.lamp.spectrum import axial_intensity
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
 POWER = "lamp.power_w"
+#: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
+TRACES = 3
 
 
 class SceneForward:
@@ -158,3 +161,35 @@ class SceneForward:
         """The scene with those of the values that lie at some paths."""
         chosen = {k: v for k, v in values.items() if k in paths}
         return self.scene.with_values(chosen, validate=False) if chosen else self.scene
+
+
+class Retraced:
+    """Forward models of readings, the next traced in the water that the fit with the one before has found.
+
+    `for forward in retraced:` a fit, which sets `asked` where it ends in water that is too dense for the
+    trace. Without that, or with no trace left, it was the last.
+
+    Parameters
+    ----------
+    scene, readings, diffuse
+        As `SceneForward` takes them.
+
+    Attributes
+    ----------
+    asked : float, optional, m^-1
+        Scattering coefficient to trace next, see `LightSource.to_trace`.
+    left : int
+        Traces that may still be asked for.
+    """
+
+    def __init__(self, scene: Scene, readings: Any, diffuse: DiffuseSource | None) -> None:
+        self._forward = partial(SceneForward, scene, readings, remembered(diffuse))
+        self.asked: float | None = None
+        self.left = TRACES
+
+    def __iter__(self) -> Iterator[SceneForward]:
+        for self.left in reversed(range(TRACES)):
+            dense, self.asked = self.asked, None
+            yield self._forward(dense_per_m=dense)
+            if self.asked is None:
+                return

@@ -122,7 +122,7 @@ class _Search:
         self.low, self.high, self.room = model.low, model.high, model.high - model.low
         self.moving = self.room > 0
         self.tried = self.evaluations = 0
-        self.settled = False
+        self.little_gained = False
         self._last: _Point | None = None
 
     def point(self, u: Array) -> _Point:
@@ -173,8 +173,8 @@ class _Search:
         below, above = self._drawn_out(_AT)
         free = self.slopes[:, self.moving & ~below & ~above]
         gain = self.best.residual @ free @ _newton(free, self.best.residual)
-        self.settled = bool(gain < self.little)
-        if self.settled:
+        self.little_gained = bool(gain < self.little)
+        if self.little_gained:
             raise _Ended
         return np.asarray(-(self.slopes * self.room)[:, self.moving])
 
@@ -190,7 +190,7 @@ class _Search:
         """
         below, above = self._drawn_out(_NEAR)
         bounded = below | above
-        if self.settled and not bounded.any():
+        if self.little_gained and not bounded.any():
             return self.best
         u, free = self.best.u, self.moving & ~bounded
         step = np.where(below, self.low - u, np.where(above, self.high - u, 0.0))
@@ -253,6 +253,6 @@ def least_squares(
         gain = ended.chi2 - further.chi2
         if further is ended or not gain >= 0:
             return fit(ended, search.slopes, converged)
-        if search.settled or gain < search.little or search.tried >= max_steps:
+        if search.little_gained or gain < search.little or search.tried >= max_steps:
             return fit(further, None, converged)
         begin = further.u

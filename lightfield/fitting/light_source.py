@@ -42,6 +42,21 @@ class Diffuse(Protocol):
 DiffuseSource = Callable[..., Diffuse]
 
 
+def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
+    """The source, which gives what it has been asked for before from memory."""
+    if source is None:
+        return None
+    made: dict[tuple[object, ...], Diffuse] = {}
+
+    def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
+        key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
+        if key not in made:
+            made[key] = source(scene, *places, **options)
+        return made[key]
+
+    return once
+
+
 def has_diffuse_light(scene: Scene) -> bool:
     """Does the scene scatter or reflect any light?"""
     return not neutral(scene, DIFFUSE)

@@ -6,6 +6,8 @@ import json
 import math
 from dataclasses import asdict, dataclass
 
+from lightfield.render.backend import use_backend
+
 RADIUS_M, DISTANCE_M = 1.0, 2.0
 RADIANCE = 0.06  # W m^-2 sr^-1 nm^-1
 BAND_NM = (500.0, 550.0)
@@ -54,8 +56,6 @@ def render_known_case(seed: int = 1) -> Check:
     seed : int
         Of the random rays.
     """
-    from lightfield.render.backend import use_backend
-
     use_backend()
     import mitsuba as mi
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import RenderError
 from lightfield.render.backend import use_backend
 from lightfield.render.response import store
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
@@ -144,13 +143,9 @@ def render_scene(
     RenderError
         Impossible settings.
     """
-    if not 1e-5 <= rel_error <= 1:
-        raise RenderError("impossible relative error", found=rel_error, rule="1e-5 to 1", remedy="try 0.02")
-    if not 1e3 <= max_photons <= 1e12:
-        raise RenderError("impossible photon budget", found=max_photons, rule="1e3 to 1e12", remedy="try 1e8")
+    settings = Settings(rel_error, max_photons, seed, symmetry)
     grid = scene_grid(scene) if grid is None else grid
     chosen = reference_of(scene) if reference is None else reference
-    settings = Settings(rel_error, max_photons, seed, symmetry)
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     stored = store.load(key) if cache else None
     if stored is not None:

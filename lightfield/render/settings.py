@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from lightfield.errors import RenderError
+
 Progress = Callable[
     [int, float, float], None
 ]  # photons so far, relative error so far, requested relative error
@@ -24,9 +26,32 @@ class Settings:
         Same seed, same result.
     symmetry : bool
         Cells that are mirror images of each other share their photons, and so their errors.
+
+    Raises
+    ------
+    RenderError
+        A relative error or photon budget that no trace can have.
     """
 
     rel_error: float = 0.02
     max_photons: float = 1e8
     seed: int = 0
     symmetry: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1e-5 <= self.rel_error <= 1:
+            raise RenderError(
+                "impossible relative error",
+                where="rel_error",
+                found=self.rel_error,
+                rule="1e-5 to 1",
+                remedy="try 0.02",
+            )
+        if not 1e3 <= self.max_photons <= 1e12:
+            raise RenderError(
+                "impossible photon budget",
+                where="max_photons",
+                found=self.max_photons,
+                rule="1e3 to 1e12",
+                remedy="try 1e8",
+            )

@@ -2,7 +2,7 @@
 
 On the axis of the lamp in unbounded water, Gaussian x inverse square x Beer-Lambert is compared with the
 render over optical thickness c z and single-scattering albedo b / c. Only ratios matter. The grid is computed
-as a sweep (`lightfield.studies.regime_sweep`).
+as a sweep like any other.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array
+from lightfield.scene import Scene
 from lightfield.studies.compare.maps import SIGMAS
+from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
+from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 
 OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
 ALBEDOS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95)
@@ -25,6 +28,7 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 }
 LEVELS = (0.05, 0.10, 0.25)
 DISTANCE_M, CELL_M = 5.0, 0.1
+RECEIVER = "receiver"
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,50 @@ class Point:
 
 # (optical depth c z, albedo b / c, name of the receiver) -> Point
 Evaluate = Callable[[float, float, str], Point]
+
+
+def regime_plan(scene: Scene, settings: SweepSettings) -> Plan:
+    """Optical thickness x single-scattering albedo x receiver, on the axis in unbounded water.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp and phase function; tank, water coefficients and detector are replaced.
+    settings : SweepSettings
+    """
+    parts = scene.model_dump(mode="json", exclude_none=True)
+    parts |= {
+        "water": {"phase": parts["water"]["phase"], "absorption_per_m": 0.1},
+        "detector": {"planes_m": [DISTANCE_M], "width_m": 3 * CELL_M, "pixels": 3},
+    }
+    parts.pop("tank", None)
+    receivers = {
+        f"detector.{key}": tuple(receiver.get(key, default) for receiver in RECEIVERS.values())
+        for key, default in (("quantity", "irradiance"), ("full_angle_deg", 2.0), ("aim", "axis"))
+    }
+    axes = [
+        Axis(RECEIVER, receivers),
+        Axis(ALBEDO, {ALBEDO: ALBEDOS}),
+        Axis(ATTENUATION, {ATTENUATION: tuple(depth / DISTANCE_M for depth in OPTICAL_DEPTHS)}),
+    ]
+    return make_plan(Scene.from_dict(parts), axes, settings)
+
+
+def regime_of(store: xr.Dataset) -> xr.Dataset:
+    """The regime map of a store that `regime_plan` was run into; see `regime_map`."""
+    names, quantity = list(RECEIVERS), store.attrs["quantity"]
+    on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(RECEIVER, ALBEDO, ATTENUATION, ...)
+    values = [
+        np.asarray(on_axis[name].values, float)
+        for name in (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
+    ]
+
+    def point(depth: float, albedo: float, receiver: str) -> Point:
+        at = (names.index(receiver), ALBEDOS.index(albedo), OPTICAL_DEPTHS.index(depth))
+        mean, noise, wrong = (float(part[at]) for part in values)
+        return Point(mean, noise, mean * (1 + wrong))
+
+    return regime_map(point)
 
 
 def regime_map(
@@ -131,7 +179,7 @@ def rows(dataset: xr.Dataset) -> list[list[str]]:
     return table
 
 
-def verdict(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
+def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
     """One sentence for the water of a typical albedo."""
     nearest = float(dataset.albedo.sel(albedo=albedo, method="nearest"))
     depth = dataset.optical_depth.values

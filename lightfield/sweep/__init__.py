@@ -1,5 +1,5 @@
 """Sweeps: vary parameters of a scene over a grid, trace little, evaluate much, lose nothing.
 
-`axes` what is varied; `plan` which cases share a trace; `work` what one worker does; `layout`, `store` and
+`axes` what is varied; `plan` which cases share a trace; `work` what one worker does; `schema`, `store` and
 `zarrfile` the Zarr store and its journal; `cluster` and `runner` give the work to Dask and follow it.
 """

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lightfield import __version__
 from lightfield.errors import BackendError, UsageError
+from lightfield.render.backend import use_backend
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -189,8 +190,6 @@ def prepare_worker(store: str, version: str) -> None:
             rule="a folder that all machines share",
             remedy="put the store on a shared disk",
         )
-    from lightfield.render.backend import use_backend
-
     use_backend()
 
 

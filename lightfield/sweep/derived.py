@@ -90,7 +90,7 @@ def derive(
     Returns
     -------
     dict of name to array, shape (n_bands, n_planes)
-        See `layout.derived_variables`; NaN where there is nothing to tell.
+        See `schema.derived_variables`; NaN where there is nothing to tell.
     """
     near = axis_cells(grid.x_m, grid.y_m)
     # An error that k cells share counts k times over in a sum, and not as the root of k.

@@ -46,7 +46,7 @@ def _tally_bytes(plan: Plan, trace: Trace) -> float:
     return min(BATCHES * 4.0 * plan.cells * PATH_NODES * channels, MOST_TALLY)
 
 
-def describe(plan: Plan) -> list[str]:
+def as_text(plan: Plan) -> str:
     """The plan in a few lines for people."""
     cost, cases = estimate(plan), plan.cases
     axes = " x ".join(f"{axis.name} ({axis.size})" for axis in cases.axes)
@@ -70,7 +70,7 @@ def describe(plan: Plan) -> list[str]:
         f"evaluating {duration(cost.block_seconds)}; store {size(cost.disk_bytes)}; "
         f"memory {size(cost.memory_bytes)} per worker"
     )
-    return lines
+    return "\n".join(lines)
 
 
 def duration(seconds: float) -> str:

@@ -15,6 +15,7 @@ from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, TRACED, Acts
 from lightfield.scene.all_parameters import acts_on, only, without
@@ -53,6 +54,9 @@ class SweepSettings:
     max_photons: float = 2e6
     seed: int = 0
     maps: bool = True
+
+    def __post_init__(self) -> None:
+        Settings(self.rel_error, self.max_photons)  # refuses what no trace can have
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ MESSAGE = "<U240"
 AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance": "W sr-1 nm-1"}
 
 
-def layout(plan: Plan) -> dict[str, Variable]:
+def variables_of(plan: Plan) -> dict[str, Variable]:
     """Every variable of the store."""
     cases, grid, maps = plan.cases, plan.grids[0], map_dims(plan)
     dims, shape = tuple(axis.name for axis in cases.axes), cases.shape

@@ -29,7 +29,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.plan import Plan
-from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, layout
+from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, variables_of
 
 FORMAT = 3  # of the store; raised whenever the same plan would give other numbers
 
@@ -50,7 +50,7 @@ class SweepStore:
 
     def __init__(self, path: Path, plan: Plan) -> None:
         self.path, self.plan = path, plan
-        self.variables = layout(plan)
+        self.variables = variables_of(plan)
         self.inner = path / ".lightfield"
         self.traces = self.inner / "traces"
         self.journal: list[journal.Entry] = []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import resource
+import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -294,8 +296,5 @@ def worker_name() -> str:
 
 def peak_bytes() -> int:
     """Most memory that this process has held, in bytes."""
-    import resource
-    import sys
-
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

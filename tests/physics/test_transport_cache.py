@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.experiments.hide import scan
+from lightfield.experiments.layouts import scan
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.backend import limited_threads, use_backend
 from lightfield.render.maps import Rendering, render_scene, transport_key

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any, get_args
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -12,13 +15,15 @@ from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
 from lightfield.render.response.grid import Grid, scene_grid
 from lightfield.render.tracer.build import surfaces
-from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.emission import TABLE, Emission
 from lightfield.render.tracer.planes import OPEN_WATER_REACH, Planes
 from lightfield.render.tracer.walk import Absorption
 from lightfield.render.tracer.walk import Water as TracedWater
 from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
+from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.frame import beam_angles, beam_axes
+from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.receiver import RECEIVER, response
 from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.layers import layers_depth
@@ -64,6 +69,30 @@ def test_frame_of_the_beam(tilt: tuple[float, float]) -> None:
     np.testing.assert_allclose(np.hypot(*told), np.arccos(np.clip(axis @ d, -1, 1)), atol=1e-7)
     back = np.array(emission.in_tank(mi.Vector3f(*(mi.Float(c) for c in axes @ d))))
     np.testing.assert_allclose(back, d, atol=SINGLE)
+
+
+#: All of them but the pencil, whose light has no width.
+PROFILES = [name for name in get_args(Lamp.model_fields["profile"].annotation) if name != "pencil"]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_intensity_of_the_beam(profile: str, tmp_path: Path) -> None:
+    """The tracer has its own formula of it: of every profile, with every number of the beam changed."""
+    beam = {path: p for path, p in Scene().parameters().items() if path.startswith("lamp.")}
+    given: dict[str, Any] = {
+        path.removeprefix("lamp."): p.value + 0.2 * (abs(p.value) or min(1.0, p.high))
+        for path, p in beam.items()
+        if p.acts_on & Acts.BEAM
+    }
+    if profile == "table":
+        (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n2,0.9\n9,0.2\n40,0\n")
+        given["intensity_table"] = str(tmp_path / "beam.csv")
+    # Of the table's nodes the tracer keeps others: a change of slope by 0.1 per degree lies between two.
+    off = 0.1 * (90 / (TABLE - 1)) / 4 if profile == "table" else SINGLE
+    lamp = Lamp.model_validate({"profile": profile, **given})
+    x, y = np.random.default_rng(3).uniform(-0.3, 0.3, (2, 2000))
+    traced = np.array(Emission(lamp, cone_rad=0.3).intensity(mi.Float(x), mi.Float(y)))
+    np.testing.assert_allclose(np.broadcast_to(traced, x.shape), relative_intensity(lamp, x, y), atol=off)
 
 
 RECEIVERS = {

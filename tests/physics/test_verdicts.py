@@ -114,10 +114,12 @@ def test_the_storys_page_states_its_numbers(found):
     done = found["identified"]
     base = fit_readings(done.readings, Scene.load(STORY / "scene.toml"), diffuse="trace")
     (stated,) = re.findall(r"error \*\*([\d.]+) %\*\*", page)
-    assert base.error_percent == pytest.approx(float(stated), rel=0.01)
+    assert base.statistics.error_percent == pytest.approx(float(stated), rel=0.01)
     by_hand = fit_readings(done.readings, Scene.load(STORY / "scene.toml"), ["scattering"], diffuse="trace")
     for stated in re.findall(r"Error \*\*([\d.]+) %\*\*", page):
-        assert by_hand.error_percent == pytest.approx(float(stated), rel=0.03), "the page rounds by 2 %"
+        assert by_hand.statistics.error_percent == pytest.approx(float(stated), rel=0.03), (
+            "the page rounds by 2 %"
+        )
     spread = 1 + 3 / np.sqrt(2 * len(done.readings))
     assert done.verdict.ladder[-1].error_percent < spread * done.verdict.noise_floor_percent
 
@@ -163,10 +165,10 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
     done = found["identified"].save(tmp_path)
     again = fit_readings(done.readings, Scene.load(tmp_path / "rung1.toml"), diffuse=quick)
     rung = done.verdict.ladder[1]
-    assert again.error_percent == pytest.approx(rung.error_percent, rel=0.01)
-    assert again.adequacy_p > 0.01
+    assert again.statistics.error_percent == pytest.approx(rung.error_percent, rel=0.01)
+    assert again.statistics.adequacy_p > 0.01
     base = fit_readings(done.readings, Scene.load(tmp_path / "rung0.toml"), diffuse=quick)
-    assert base.error_percent == pytest.approx(done.verdict.ladder[0].error_percent, rel=0.01)
+    assert base.statistics.error_percent == pytest.approx(done.verdict.ladder[0].error_percent, rel=0.01)
 
 
 @pytest.mark.parametrize(

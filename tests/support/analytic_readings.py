@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.experiments.hide import measure, positions
+from lightfield.experiments.layouts import Order, scan
+from lightfield.experiments.measure import Instrument, Light, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-
-SECONDS = 20.0
 
 
 def scene(**values: float) -> Scene:
@@ -26,7 +25,7 @@ def readings(
     *,
     seed: int = 0,
     layout: str = "line",
-    order: str = "random",
+    order: Order = "random",
     noise: float = 0.005,
     factor: Any = None,
     **kinds: float,
@@ -40,23 +39,14 @@ def readings(
     factor : callable, optional
         Takes the layout table, gives a factor on the light.
     **kinds
-        serial, outliers, plane_gain as `hide.measure` takes them.
+        serial, outliers, plane_gain of the `Instrument`.
     """
     rng = np.random.default_rng(seed)
     believed = scene()
-    places = positions(believed, layout)
-    n = len(places["x_m"])
-    sequence = rng.permutation(n) if order == "random" else np.arange(n)
-    table = Readings.from_arrays(
-        **places,
-        value=np.ones(n),
-        stderr=np.full(n, np.nan),
-        time_s=SECONDS * sequence,
-        quantity="irradiance",
-    ).check_against(believed)
+    table = scan(believed, layout, order, rng)
     wrong = {"lamp.hwhm_deg": 4.0 * 1.15, "water.absorption_per_m": 0.12 * 0.87}
     truth = believed.with_values({**wrong, **(hidden or {})})
     light = direct_field(truth, table.x_m, table.y_m, table.z_m, table.wavelength_nm, table.medium)
     more = 1.0 if factor is None else factor(table)
-    measured, _, _ = measure(believed, truth, table, rng, noise=noise, light=light, factor=more, **kinds)
+    measured, _ = measure(truth, table, Light(light), Instrument(noise, **kinds), rng, more)
     return measured, believed

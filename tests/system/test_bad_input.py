@@ -187,7 +187,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("hide scene.toml --effect background --effect background -o out", ["--effect", "twice"]),
     ("hide open.toml --effect wall_reflection -o out", ["wall_reflection", "no [tank]"]),
     ("hide scene.toml --effect background --size detector.backgrond=1 -o out", ["detector.background"]),
-    ("hide scene.toml --effect background --size tank.wall_albedo=0.2 -o out", ["--effect wall_reflection"]),
+    ("hide scene.toml --effect background --size tank.wall_albedo=0.2 -o out", ["hide wall_reflection too"]),
     ("hide scene.toml --effect background --size detector.background=dark -o out", ["--size", "PATH=NUMBER"]),
     ("hide scene.toml --noise nan -o out", ["--noise", "0.5"]),
     ("hide scene.toml --layout spiral -o out", ["'spiral'", "line"]),

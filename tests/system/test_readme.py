@@ -82,6 +82,19 @@ def test_the_scene_and_the_readings_shown_are_whole(tmp_path):
     assert readings.value.tolist() == [1.0] and readings.budget.position_mm == 1.0
 
 
+def test_files_and_names_that_the_recipes_give_exist():
+    """A recipe that names what has moved leads astray."""
+    text = (ROOT / "docs" / "how_to_add.md").read_text(encoding="utf-8")
+    files = set(re.findall(r"`((?:lightfield|tests|benchmarks|docs)/[\w./]+?)`", text)) - {
+        "lightfield/commands/NAME.py"
+    }
+    assert len(files) > 30
+    source = {file: (ROOT / file).read_text(encoding="utf-8") for file in files if (ROOT / file).is_file()}
+    assert [file for file in files if not (ROOT / file).exists()] == []
+    for name in set(re.findall(r"`([A-Z]{3,}|\w+\.intensity)`", text)):
+        assert any(re.search(rf"\b{name.split('.')[-1]}\b", code) for code in source.values()), name
+
+
 def test_every_option_file_and_variable_that_is_named_exists():
     for path in re.findall(r"\]\(([^)]+)\)", README):
         assert (ROOT / path).exists(), path

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,10 @@ OWNED = {
     "distributed": "sweep",
     "matplotlib": "report",
 }
+#: Libraries that take a tenth of a second or more to import, or start a compiler.
+HEAVY = {"mitsuba", "drjit", "dask", "distributed", "matplotlib", "scipy", "xarray", "skimage"}
+#: It answers Ctrl-C from its first line on, and so imports next to nothing before.
+BARE = PACKAGE / "cli.py"
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -44,3 +50,67 @@ def test_a_library_has_one_room(module: Path) -> None:
             names = [node.module or ""]
         for name in names:
             assert OWNED.get(name.split(".")[0], room) == room, f"line {node.lineno}"
+
+
+def test_imports_inside_functions_keep_heavy_libraries_out() -> None:
+    """What is imported late brings a library that quick commands must not wait for; the rest goes on top."""
+    needless = []
+    for module in MODULES:
+        here = frozenset().union(*map(loaded, imports(module)))
+        needless += [
+            f"{module.relative_to(PACKAGE)} imports {name}"
+            for name in sorted(imports(module, inside=True))
+            if module != BARE and not HEAVY & loaded(name) - here
+        ]
+    assert not needless
+
+
+def test_what_is_loaded_is_found_by_following_imports() -> None:
+    """By name, and with the packages that lie above; nothing of what is imported late."""
+    assert "skimage" in loaded("lightfield.maps.spot") and "scipy" in loaded(
+        "lightfield.studies.compare.maps"
+    )
+    assert "lightfield.scene.scene" in loaded("lightfield.scene.lamp.frame")
+    assert not HEAVY & loaded("lightfield.scene") and "mitsuba" not in loaded("lightfield.render.maps")
+
+
+@cache
+def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
+    """Modules that one imports on top, or inside functions; not those for the type checker alone.
+
+    Modules of this package by their full name, of others by the first part of it.
+    """
+    found: set[str] = set()
+    for node, in_function in _nodes(ast.parse(module.read_text(encoding="utf-8"))):
+        if in_function == inside and isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif in_function == inside and isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    ours = {
+        name if _file(name) else name.rpartition(".")[0] for name in found if name.startswith("lightfield")
+    }
+    return frozenset(ours | {name.split(".")[0] for name in found if not name.startswith("lightfield")})
+
+
+def _nodes(tree: ast.AST, inside: bool = False) -> Iterator[tuple[ast.AST, bool]]:
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            yield node, inside
+            yield from _nodes(node, inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+
+
+def _file(name: str) -> Path | None:
+    """The file of a module of this package."""
+    place = PACKAGE.parent.joinpath(*name.split("."))
+    return next((p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()), None)
+
+
+@cache
+def loaded(name: str) -> frozenset[str]:
+    """All that is loaded with a module: what it imports on top, and the packages that it lies in."""
+    found, ahead = set(), {name}
+    while ahead:
+        found.add(now := ahead.pop())
+        if (file := _file(now)) is not None:
+            ahead |= ({now.rpartition(".")[0]} - {""} | imports(file)) - found
+    return frozenset(found)

@@ -15,9 +15,10 @@ from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, SceneForward
-from lightfield.fitting.light_source import Diffuse, DiffuseSource, has_diffuse_light
+from lightfield.fitting.light_source import DiffuseSource, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -62,8 +63,6 @@ _FEWEST_TO_SPARE = 1
 MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
 #: Memory of traced light grows with the square of the places that it is wanted at (2.4 GB at so many).
 MOST_TRACED = 3000
-#: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
-TRACES = 3
 
 
 def budget_of(readings: Readings) -> Budget:
@@ -323,21 +322,4 @@ def source_of(
         return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
     if callable(diffuse):
         return diffuse, None
-    from lightfield.render.diffuse.source import response_for  # Mitsuba, which nothing else here needs
-
     return response_for, None
-
-
-def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
-    """The source, which gives what it has been asked for before from memory."""
-    if source is None:
-        return None
-    made: dict[tuple[object, ...], Diffuse] = {}
-
-    def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
-        key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
-        if key not in made:
-            made[key] = source(scene, *places, **options)
-        return made[key]
-
-    return once

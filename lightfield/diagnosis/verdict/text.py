@@ -42,7 +42,7 @@ def _found(verdict: Verdict) -> words.Said:
     )
 
 
-def summary(verdict: Verdict) -> str:
+def as_text(verdict: Verdict) -> str:
     """The verdict for people: one sentence, then what supports it."""
     lines = [verdict.sentence]
     if verdict.ladder:

@@ -1,4 +1,4 @@
-"""Which effects there are: the table of the package, and those of installed packages."""
+"""Which effects there are: those of the package, and those of installed packages."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 
 from lightfield.errors import UsageError
-from lightfield.fitting.effects.builtin import EFFECTS
+from lightfield.fitting.effects import air, detector, lamp, tank, water
 from lightfield.fitting.effects.effect import Effect, Form
 from lightfield.scene import Scene
 
 ENTRY_POINT_GROUP = "lightfield.effects"
+
+#: One module per part of the scene, in the order in which a diagnosis tries and names what they list.
+_PARTS = (lamp, water, tank, detector, air)
 
 
 def _from_entry_points() -> Iterable[Effect]:
@@ -58,14 +61,14 @@ def _check_paths(effect: Effect, where: str) -> None:
 
 @lru_cache(maxsize=1)
 def table() -> Mapping[str, Effect]:
-    """Every known effect by name: the built-in table, then those of installed packages.
+    """Every known effect by name: those of the package, then those of installed packages.
 
     Raises
     ------
     UsageError
         A third-party entry point gives something else, or a name that is already taken.
     """
-    effects = {effect.name: effect for effect in EFFECTS}
+    effects = {effect.name: effect for part in _PARTS for effect in part.EFFECTS}
     for effect in _from_entry_points():
         if effect.name in effects:
             raise UsageError(
@@ -91,7 +94,7 @@ def get(name: str) -> Effect:
         near = difflib.get_close_matches(name, effects, n=1)
         raise UsageError(
             "unknown effect", found=name, rule="one of " + ", ".join(effects),
-            remedy=f"did you mean {near[0]}?" if near else "`lightfield diagnose --list` explains them",
+            remedy=f"did you mean {near[0]}?" if near else None,
         )  # fmt: skip
     return effects[name]
 

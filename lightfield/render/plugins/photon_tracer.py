@@ -114,10 +114,10 @@ def _sensors(scene: mi.Scene) -> list[DetectorPlane]:
     if wrong or not sensors:
         raise RenderError("photon_tracer reads detector planes only", rule="every sensor is a detector_plane")
 
-    def layout(s: DetectorPlane) -> tuple[object, ...]:
+    def kind(s: DetectorPlane) -> tuple[object, ...]:
         return tuple(s.film().size()), s.width_m, s.height_m, s.receiver
 
-    if any(layout(s) != layout(sensors[0]) for s in sensors):
+    if any(kind(s) != kind(sensors[0]) for s in sensors):
         raise RenderError(
             "the detector planes differ",
             rule="one pass needs planes of equal size, cells and quantity",

@@ -14,7 +14,7 @@ from rich.table import Table
 from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_figure, radial_figure
 from lightfield.report.page import fill, page_figure, write_page
 from lightfield.report.style import save_png
-from lightfield.studies.compare.maps import LEVELS, Comparison, PlaneComparison, verdict
+from lightfield.studies.compare.maps import LEVELS, Comparison, PlaneComparison, as_text
 
 HEAD = (
     "z (m)",
@@ -127,7 +127,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
     return fill(
         "compare.html",
         title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
-        verdict=verdict(comparison),
+        verdict=as_text(comparison),
         bands=bands,
         table_head=HEAD,
         energy=energy_rows(attributes),

@@ -135,7 +135,7 @@ class PlaneComparison:
             return 0.0
         return float(0.5 * (self.profile.r_m[first - 1] + self.profile.r_m[first]))
 
-    def summary(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, Any]:
         """Plain numbers for JSON and tables; what is unknown is None."""
         numbers = {
             "wavelength_nm": self.wavelength_nm,
@@ -179,7 +179,7 @@ class Comparison:
         """Planes at one of the wavelengths, near to far."""
         return sorted((p for p in self.planes if p.wavelength_nm == wavelength_nm), key=lambda p: p.z_m)
 
-    def summary(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, Any]:
         """Everything but the maps, as plain values."""
         return {
             "scene": self.scene.name,
@@ -187,8 +187,8 @@ class Comparison:
             "quantity": self.quantity,
             "units": self.units,
             "sigmas": SIGMAS,
-            "verdict": verdict(self),
-            "planes": [plane.summary() for plane in self.planes],
+            "verdict": as_text(self),
+            "planes": [plane.as_data() for plane in self.planes],
         }
 
 
@@ -332,7 +332,7 @@ def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: Spec
     )
 
 
-def verdict(comparison: Comparison) -> str:
+def as_text(comparison: Comparison) -> str:
     """One plain sentence: how much light the formula loses, and up to where it can be trusted."""
     planes = comparison.at(comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2])
     lit = [plane for plane in planes if plane.is_lit]

@@ -125,7 +125,7 @@ def test_by_hand_with_and_without() -> None:
     power = fit_readings(table, scene, ["lamp_power"])
     assert power.estimates["lamp.power_w"].value == pytest.approx(5000, rel=0.05)
     assert power.estimates["gain"].reason == "held"
-    assert power.error_percent == pytest.approx(free.error_percent, rel=1e-3)
+    assert power.statistics.error_percent == pytest.approx(free.statistics.error_percent, rel=1e-3)
     with pytest.raises(UsageError, match="relative scale"):
         fit_readings(replace(table, scale="relative"), scene, ["lamp_power"])
 

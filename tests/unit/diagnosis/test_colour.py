@@ -10,7 +10,8 @@ import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
-from lightfield.experiments.hide import measure, scan
+from lightfield.experiments.layouts import scan
+from lightfield.experiments.measure import Instrument, Light, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -32,7 +33,7 @@ def coloured(water: Mapping[str, Any], hidden: Mapping[str, Any], seed: int = 0)
     table = scan(believed, "line", "random", rng)
     truth = believed.with_values({"lamp.hwhm_deg": 4.4, **hidden})
     light = direct_field(truth, table.x_m, table.y_m, table.z_m, table.wavelength_nm)
-    measured, _, _ = measure(believed, truth, table, rng, noise=0.01, light=light)
+    measured, _ = measure(truth, table, Light(light), Instrument(), rng)
     return measured, believed
 
 
@@ -67,7 +68,7 @@ def test_the_colour_of_unknown_water_is_no_effect() -> None:
     for name in ("cdom", "chlorophyll", "sediment"):
         assert "free at every wavelength" in found.verdict.untestable[name]
     again = fit_readings(table, Scene.from_toml(rung.scene))
-    assert again.error_percent == pytest.approx(rung.error_percent, rel=1e-3)
+    assert again.statistics.error_percent == pytest.approx(rung.error_percent, rel=1e-3)
 
 
 def test_an_effect_is_found_beside_the_colour() -> None:

@@ -114,7 +114,7 @@ def test_what_is_too_small_to_be_seen_is_left_open() -> None:
     found = believing({"detector.background": 2e-4})
     assert found.verdict.verdict == "none"
     assert stated(found, "background").judgement == "undecided"
-    assert "cannot be told from none" in found.summary()
+    assert "cannot be told from none" in found.as_text()
 
 
 def test_what_cannot_be_tested_is_listed_as_held() -> None:
@@ -125,7 +125,7 @@ def test_what_cannot_be_tested_is_listed_as_held() -> None:
         "lamp.radius_m": "no effect of the table sets it free",
         "lamp.tilt_x_deg": "not among the effects that were considered",
     }
-    assert "held as stated: lamp.tilt_x_deg = 0.25, lamp.radius_m = 0.02" in found.summary()
+    assert "held as stated: lamp.tilt_x_deg = 0.25, lamp.radius_m = 0.02" in found.as_text()
 
 
 def test_a_plain_scene_states_nothing() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from lightfield.diagnosis.adequacy.templates import bank
 from lightfield.diagnosis.problem.setup import problem_of
-from lightfield.experiments.hide import scan
+from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.scene import Scene

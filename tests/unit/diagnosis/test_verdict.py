@@ -56,7 +56,7 @@ def test_a_stored_rung_gives_the_rung_again(found: Diagnosis, tmp_path) -> None:
     for k, rung in enumerate(found.verdict.ladder):
         scene = Scene.load(tmp_path / f"rung{k}.toml")
         again = fit_readings(found.readings, scene)
-        assert again.error_percent == pytest.approx(rung.error_percent, rel=2e-3)
+        assert again.statistics.error_percent == pytest.approx(rung.error_percent, rel=2e-3)
     assert scene.get("detector.background") == pytest.approx(0.01, abs=0.002)
 
 
@@ -77,7 +77,7 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
     for more, said in ((0.0, False), (0.05, True)):
         fresh = light * (1 + more * (np.abs(r.x_m) > 0.3))
         monkeypatch.setattr(
-            "lightfield.render.at_readings.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f)
+            "lightfield.diagnosis.diagnose.rendered_light", lambda *_, f=fresh, **__: (f, 1e-4 * f)
         )
         verdict = found.rendered().verdict
         assert verdict.ladder[-1].rendered_error_percent is not None
@@ -105,8 +105,8 @@ def test_the_ledger_counts_the_runs_on_the_same_readings(found: Diagnosis, tmp_p
 def test_climbing_by_hand_meets_the_diagnosis(found: Diagnosis, tmp_path) -> None:
     report = fit_readings(found.readings, found.forward.scene, ["beam_tilt", "background"])
     best = found.verdict.explanations[0]
-    assert report.error_percent == pytest.approx(best.error_percent, rel=2e-3)
-    assert report.adequacy_p > 0.01
+    assert report.statistics.error_percent == pytest.approx(best.error_percent, rel=2e-3)
+    assert report.statistics.adequacy_p > 0.01
     stored = report.save(tmp_path, "compare --with beam_tilt,background")
     assert Scene.load(stored).get("lamp.tilt_x_deg") == pytest.approx(0.25, abs=0.02)
     text = as_text(report)
@@ -117,8 +117,8 @@ def test_climbing_by_hand_meets_the_diagnosis(found: Diagnosis, tmp_path) -> Non
 def test_a_base_fit_says_where_it_fails(found: Diagnosis) -> None:
     """A tilted beam: the sum of the residuals in one of the outer rings is many sigma."""
     report = fit_readings(found.readings, found.forward.scene)
-    assert report.adequacy_p < 0.01
-    assert max(abs(row.mean_sigma) for row in report.where["radius"]) > 5
+    assert report.statistics.adequacy_p < 0.01
+    assert max(abs(row.mean_sigma) for row in report.residuals.where["radius"]) > 5
 
 
 def test_a_missing_error_has_a_reason() -> None:
@@ -134,7 +134,7 @@ def test_a_form_can_be_chosen_by_name() -> None:
     table, scene = readings({"lamp.warmup_fraction": 0.1, "lamp.warmup_time_s": 400.0}, seed=2)
     straight = fit_readings(table, scene, ["lamp_drift"])
     curved = fit_readings(table, scene, ["lamp_drift:warm-up"])
-    assert curved.chi2 < straight.chi2
+    assert curved.statistics.chi2 < straight.statistics.chi2
     with pytest.raises(UsageError, match="warm-up"):
         fit_readings(table, scene, ["lamp_drift:cubic"])
     with pytest.raises(UsageError, match="same y"):

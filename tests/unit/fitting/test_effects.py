@@ -11,6 +11,8 @@ from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect, Form, Free, registry
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import acts_on
 
 WITH_TANK = Scene.from_dict({"tank": {}})
 REQUIRED = set(
@@ -58,6 +60,16 @@ def third_party(monkeypatch: pytest.MonkeyPatch, value: object) -> None:
 
 def test_all_effects_are_there() -> None:
     assert set(effects.table()) >= REQUIRED
+
+
+def test_an_effect_is_found_beside_its_part_of_the_scene() -> None:
+    """The module of the effects has the name of the part; what is seen in air alone has its own."""
+    for part in registry._PARTS:
+        name = part.__name__.rpartition(".")[2]
+        for effect in part.EFFECTS:
+            in_air = all(acts_on(path) == Acts.AIR for path in effect.paths)
+            assert in_air == (name == "air"), effect.name
+            assert {path.split(".")[0] for path in effect.paths} == {"lamp" if in_air else name}, effect.name
 
 
 def test_effects_free_parameters_of_the_scene() -> None:

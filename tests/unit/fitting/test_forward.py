@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.forward import TRACES, Retraced, SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -94,3 +94,30 @@ def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_e
         assert np.sqrt(more) == pytest.approx(0.01 * render)
         assert smooth == pytest.approx(factor * expected)
     assert forward.predict(there) == pytest.approx(plain, rel=1e-15)
+
+
+def test_light_is_traced_again_in_the_water_that_was_found() -> None:
+    """Once per water: the clear trace is remembered, and each dense one is made for the one who asked."""
+    asked: list[dict[str, Any]] = []
+
+    def source(scene: Scene, *places: np.ndarray, **options: Any) -> Glow:
+        asked.append(options)
+        return Glow()
+
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1}})
+    traces = Retraced(scene, table(), source)
+    for number, forward in enumerate(traces):
+        assert traces.left == TRACES - 1 - number
+        forward.predict({})
+        traces.asked = (2.0, None)[number]
+    assert asked == [{}, {"dense_per_m": 2.0}]
+
+
+def test_traces_end_where_every_fit_asks_for_another() -> None:
+    """Waters that a fit wanders between are no reason to trace for ever."""
+    traces = Retraced(Scene(), table(), None)
+    made = []
+    for forward in traces:
+        made.append(forward.light.dense_per_m)
+        traces.asked = 1.0 + len(made)
+    assert made == [None, *(1.0 + k for k in range(1, TRACES))]

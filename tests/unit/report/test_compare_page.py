@@ -15,7 +15,7 @@ from lightfield.report.compare.page import (
     terminal_table,
     write_comparison,
 )
-from lightfield.studies.compare.maps import compare, verdict
+from lightfield.studies.compare.maps import as_text, compare
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_references_inside_the_drawings_are_unique_and_resolved(html):
 
 def test_verdict_is_the_first_sentence(case, html):
     body = html[html.index("<body>") :]
-    assert body.index(verdict(case[1])) < body.index("<p>")
+    assert body.index(as_text(case[1])) < body.index("<p>")
 
 
 def test_drawings_follow_the_theme(html):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lightfield.errors import SceneError
-from lightfield.experiments.hide import LAYOUTS, scan
+from lightfield.experiments.layouts import LAYOUTS, scan
 from lightfield.render.response.grid import Grid, scene_grid
 from lightfield.scene import Scene
 

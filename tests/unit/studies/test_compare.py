@@ -8,7 +8,7 @@ import pytest
 
 from lightfield.maps.dataset import to_dataset
 from lightfield.report.compare.page import write_comparison
-from lightfield.studies.compare.maps import compare, compare_plane, excess, radial_profile, verdict
+from lightfield.studies.compare.maps import as_text, compare, compare_plane, excess, radial_profile
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_without_a_difference_nothing_is_reported(make, formula):
         assert abs(plane.lost) < 3 * plane.lost_stderr + 1e-3
         # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
         assert (plane.excess() > 0.05).sum() == 0
-    assert "within 5 % on every plane" in verdict(comparison)
+    assert "within 5 % on every plane" in as_text(comparison)
 
 
 def dark(rendering, *planes):
@@ -40,11 +40,11 @@ def test_a_plane_without_light_is_not_judged(make, formula, tmp_path):
     rendering = make(glow=0.02, noise=0.002)
     whole, comparison = (compare(d, formula) for d in (to_dataset(rendering), dark(rendering, 1)))
     assert [plane.is_lit for plane in comparison.planes] == [True, False, True]
-    assert verdict(comparison).endswith(" No light was rendered at 6.5 m: nothing can be compared there.")
+    assert as_text(comparison).endswith(" No light was rendered at 6.5 m: nothing can be compared there.")
     alone = compare(to_dataset(rendering).isel(z_m=[0, 2]), formula)
-    assert verdict(comparison).startswith(verdict(alone).replace("every plane", "every lit plane"))
-    assert comparison.planes[0].summary() == whole.planes[0].summary()
-    told = comparison.planes[1].summary()
+    assert as_text(comparison).startswith(as_text(alone).replace("every plane", "every lit plane"))
+    assert comparison.planes[0].as_data() == whole.planes[0].as_data()
+    told = comparison.planes[1].as_data()
     assert told["lost"] is told["axis_error"] is told["radius_within_5_percent_m"] is None
     page, *_ = write_comparison(comparison, {}, tmp_path)
     assert not re.search(r"\bnan\b", page.read_text(), re.IGNORECASE)
@@ -52,7 +52,7 @@ def test_a_plane_without_light_is_not_judged(make, formula, tmp_path):
 
 def test_without_any_light_there_is_no_verdict(make, formula, tmp_path):
     comparison = compare(dark(make(), 0, 1, 2), formula)
-    assert verdict(comparison).startswith("No light was rendered on any plane: nothing can be compared.")
+    assert as_text(comparison).startswith("No light was rendered on any plane: nothing can be compared.")
     write_comparison(comparison, {}, tmp_path)
 
 
@@ -113,10 +113,10 @@ def test_silent_cells_have_unknown_error_and_do_not_count():
     plane = compare_plane(525, 5.0, x, x, render, np.full((21, 21), np.inf), np.full((21, 21), 1e-9))
     assert (plane.excess() == 0).all()
     assert np.isnan(plane.lost)
-    assert plane.summary()["lost"] is None
+    assert plane.as_data()["lost"] is None
     assert np.isinf(plane.profile.stderr).all()
 
 
 def test_summary_is_plain_json(make, formula):
-    text = json.dumps(compare(to_dataset(make(pixels=33)), formula).summary(), allow_nan=False)
+    text = json.dumps(compare(to_dataset(make(pixels=33)), formula).as_data(), allow_nan=False)
     assert json.loads(text)["planes"][1]["z_m"] == 6.5

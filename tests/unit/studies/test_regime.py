@@ -5,7 +5,7 @@ import pytest
 
 from lightfield.report.regime import percent, regime_figure
 from lightfield.report.style import save_png
-from lightfield.studies.regime import Point, reach, regime_map, rows, undecided, verdict
+from lightfield.studies.regime import Point, as_text, reach, regime_map, rows, undecided
 
 
 def lossless_scattering(depth, albedo, receiver):
@@ -44,7 +44,7 @@ def test_table_and_verdict():
     table = {(row[0], row[1]): row[2:] for row in rows(found)}
     assert table["irradiance", "0"] == ["> 20", "> 20", "> 20"]
     assert float(table["2 degree collimator", "0.8"][2]) > 5 * float(table["irradiance", "0.8"][2])
-    assert verdict(found).startswith("In water of albedo 0.8 the formula is within 10 % up to c z = ")
+    assert as_text(found).startswith("In water of albedo 0.8 the formula is within 10 % up to c z = ")
 
 
 def test_nothing_rendered_is_unknown_not_zero():

@@ -14,7 +14,7 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
-from lightfield.sweep.estimate import describe
+from lightfield.sweep.estimate import as_text
 from lightfield.sweep.plan import MOST_SPREAD, Plan, SweepSettings, make_plan
 
 SCENE = Scene.from_toml(
@@ -226,7 +226,7 @@ def test_listed_positions_are_refused() -> None:
 
 
 def test_the_plan_says_what_it_will_do() -> None:
-    text = "\n".join(describe(planned("water.scattering_per_m=0:0.3:5", "tank.wall_albedo=0,0.5")))
+    text = as_text(planned("water.scattering_per_m=0:0.3:5", "tank.wall_albedo=0,0.5"))
     for part in (
         "cases: 10 = water.scattering_per_m (5) x tank.wall_albedo (2)",
         "traces: 1",

@@ -1,0 +1,100 @@
+"""Where and in which order readings are taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.errors import UsageError
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+Order = Literal["random", "plane"]
+LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
+
+SECONDS_PER_READING = 20.0
+
+
+def positions(scene: Scene, kind: str) -> dict[str, Array]:
+    """Positions of a layout on the scene's planes.
+
+    Parameters
+    ----------
+    kind : str
+        "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up
+        to the surface; "air": "line" in water and again in air.
+
+    Raises
+    ------
+    UsageError
+        No such layout.
+    """
+    if kind not in LAYOUTS:
+        raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
+    planes: NDArray[Any] = np.array(scene.detector.planes_m)
+    reach, (low, high) = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf)
+    if scene.tank is not None:
+        low, high = scene.tank.box_m[1]
+    x: NDArray[Any] = np.linspace(-reach, reach, 21)
+    y: NDArray[Any] = np.zeros(1)
+    if kind == "half":
+        x = np.linspace(0, reach, 11)
+    elif kind == "grid":
+        x = np.linspace(-0.9 * reach, 0.9 * reach, 7)
+        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(0.9 * reach, 0.9 * high), 7)
+    elif kind == "fine":
+        gaps = np.diff(planes) if len(planes) > 1 else 0.2 * planes
+        ends = [planes[:1] - gaps[:1], planes[-1:] + gaps[-1:]]
+        planes = np.unique(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), *ends]))
+        planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
+    elif kind == "column":
+        x = min(0.3, 0.9 * reach) * np.array([-1.0, 0.0, 1.0])
+        top = high - min(0.1, 0.5 * high)
+        y = np.linspace(max(-0.9 * reach, 0.9 * low), min(top, reach), 12)
+    media = ("air", "water") if kind == "air" else ("water",)
+    # As a person writes them down: 0.2, not 0.19999999999999996; nor -0.0.
+    written = [np.round(axis, 6) + 0.0 for axis in (planes, y, x)]
+    gz, gy, gx = (np.tile(a.ravel(), len(media)) for a in np.meshgrid(*written, indexing="ij"))
+    return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
+
+
+def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Readings:
+    """A layout with times, and no values yet; all bands of the scene are read at once."""
+    bands = scene.detector.bands_nm
+    centres = [float(np.mean(band)) for band in bands] if len(bands) > 1 else [np.nan]
+    return table_at(positions(scene, kind), centres, scene, order, rng)
+
+
+def table_at(
+    places: Mapping[str, Array],
+    wavelengths_nm: Sequence[float],
+    scene: Scene,
+    order: Order,
+    rng: np.random.Generator,
+) -> Readings:
+    """Readings of a scene at some places with times, and no values yet; all wavelengths are read at once.
+
+    Parameters
+    ----------
+    places : mapping of arrays, shape (n,)
+        x_m, y_m, z_m, medium.
+    wavelengths_nm : sequence of float
+        NaN: the scene's band.
+    order : "random" or "plane"
+        "plane": as the places are listed.
+    """
+    n, colours = len(places["x_m"]), len(wavelengths_nm)
+    sequence = rng.permutation(n) if order == "random" else np.arange(n)
+    bare = Readings.from_arrays(
+        **{name: np.repeat(column, colours) for name, column in places.items()},
+        value=np.ones(n * colours),
+        stderr=np.full(n * colours, np.nan),
+        wavelength_nm=np.tile(wavelengths_nm, n),
+        time_s=SECONDS_PER_READING * np.repeat(sequence, colours),
+        quantity=scene.detector.quantity,
+    )
+    return bare.check_against(scene)

@@ -1,0 +1,161 @@
+"""Readings of a known scene, as an imperfect instrument shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.layout import Layout, layout_of
+from lightfield.fitting.forward import SceneForward
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
+from lightfield.scene import Scene
+
+#: Samples that a standard error is estimated from.
+SAMPLES = 40
+#: Read noise over the largest reading.
+FLOOR = 0.0008
+#: Photons of the render at most, and its error as a part of the noise: readings shall scatter by their noise.
+PHOTONS, ERROR_OF_NOISE = 3e7, 0.25
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """What spoils readings.
+
+    Parameters
+    ----------
+    noise : float
+        Relative noise of a bright reading.
+    serial : float
+        Correlation of successive errors.
+    outliers : float
+        Part of the readings that are grossly wrong.
+    plane_gain : float
+        Relative error of each visit to a plane.
+    position_m : float, m
+        Error of each coordinate of each position.
+    """
+
+    noise: float = 0.01
+    serial: float = 0.0
+    outliers: float = 0.0
+    plane_gain: float = 0.0
+    position_m: float = 0.0
+
+    def sigma(self, shown: Array) -> Array:
+        """Standard error of readings next to 1, shape (n,)."""
+        return np.hypot(self.noise * shown, FLOOR)
+
+    def stated(self, readings: Readings) -> Readings:
+        """The readings with the errors of planes and positions in their error budget."""
+        budget = readings.budget
+        if self.plane_gain > 0:
+            budget = replace(budget, plane_gain_percent=100 * self.plane_gain)
+        if self.position_m > 0:
+            budget = replace(budget, position_mm=1000 * self.position_m)
+        return replace(readings, budget=budget)
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light at the readings for unit on-axis intensity, and its Monte Carlo error, shape (n,)."""
+
+    value: Array
+    stderr: Array | float = 0.0
+
+    @property
+    def relative_error(self) -> Array:
+        """Error over light, shape (n,); 0 where there is no light."""
+        return np.divide(self.stderr, self.value, out=np.zeros(len(self.value)), where=self.value > 0)
+
+
+def rendered(
+    truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = PHOTONS
+) -> Light:
+    """The full render at the places of a table, with an error that is small beside the noise."""
+    light, stderr = rendered_light(
+        truth,
+        table,
+        seed=int(rng.integers(1, 1_000_000)),
+        rel_error=ERROR_OF_NOISE * noise,
+        max_photons=max_photons,
+        symmetry=True,
+    )
+    return Light(light, stderr)
+
+
+def measure(
+    truth: Scene,
+    table: Readings,
+    light: Light,
+    instrument: Instrument,
+    rng: np.random.Generator,
+    factor: Array | float = 1.0,
+) -> tuple[Readings, Array]:
+    """Take the readings of a scene.
+
+    What the render does not know of the light is an error of the readings, and stated with theirs. (Places
+    that are mirror images of each other share it; so it is kept small beside the noise.)
+
+    Parameters
+    ----------
+    table : Readings
+        Positions and times.
+    light : Light
+        That of the scene at these places.
+    factor : array, shape (n,)
+        Unknown influences on the light.
+
+    Returns
+    -------
+    readings : Readings
+    noise_free : array, shape (n,)
+    """
+    bright, layout = light.value * factor, layout_of(table)
+    clean = _noise_free(truth, table, bright)
+    n, visits = len(clean), int(layout.visit.max()) + 1
+    shown = clean * (1 + instrument.plane_gain * rng.standard_normal(visits)[layout.visit])
+    if instrument.position_m > 0:
+        shown = shown * _displaced(truth, table, instrument.position_m, rng)
+    sigma = instrument.sigma(shown)
+    error = _in_sigma(instrument, layout, rng)
+    quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
+    stderr = np.hypot(quoted, light.relative_error * shown)
+    return replace(table, value=shown + sigma * error, stderr=stderr), clean
+
+
+def _noise_free(truth: Scene, table: Readings, bright: Array) -> Array:
+    """Readings of the scene's readout without errors, about 1 at most, shape (n,)."""
+    forward = SceneForward(truth, table, full=1.0)
+    gains = dict.fromkeys(forward.gain_names, 1.0 / float((bright * forward.power({})).max()))
+    # Saturation is stated relative to the largest reading, which itself is saturated.
+    full = 1.0
+    for _ in range(60):
+        clean = SceneForward(truth, table, full=full).read(bright, gains)
+        full = float(clean.max())
+    return clean
+
+
+def _in_sigma(instrument: Instrument, layout: Layout, rng: np.random.Generator) -> Array:
+    """Errors in units of their standard deviation, shape (n,)."""
+    error, serial = rng.standard_normal(layout.size), instrument.serial
+    for previous, now in zip(layout.order[:-1], layout.order[1:], strict=True):
+        error[now] = serial * error[previous] + np.sqrt(1 - serial**2) * error[now]
+    gross = rng.random(layout.size) < instrument.outliers
+    return error + gross * rng.choice([-1, 1], layout.size) * rng.uniform(6, 30, layout.size)
+
+
+def _displaced(truth: Scene, table: Readings, position_m: float, rng: np.random.Generator) -> Array:
+    """Light a few millimetres off over light at the stated place; the direct light's gradient is enough."""
+    here = [table.x_m, table.y_m, table.z_m]
+    _, first, moment = np.unique(table.time_s, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))[moment]  # all wavelengths of one moment share it
+    there = [c + position_m * rng.standard_normal(len(first))[place] for c in here]
+    one, other = (
+        direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
+    )
+    return np.divide(other, one, out=np.ones_like(one), where=one > 0)  # where nothing is read, nothing moves

@@ -1,0 +1,115 @@
+"""Effects of the lamp: how bright it is, where it stands and looks, its beam, its changes in time.
+
+The formulas are in `scene/lamp/` (frame, profile, spectrum), the inverse square from the apparent source in
+`formula/path.py`, the change in time in `formula/readout.py`.
+"""
+
+from __future__ import annotations
+
+from lightfield.fitting.effects.effect import Effect, Form, Free
+
+EFFECTS = (
+    Effect(
+        "lamp_power",
+        "lamp power",
+        (Form("factor", (Free("lamp.power_w", 1e-4, 1e4, 0.1, per="power"),)),),
+        "The lamp gives more or less light than the scene says, or the readings are in another unit.",
+        "All readings too bright or too dark by one factor.",
+        "Measure the lamp with a calibrated meter; check the readings' unit and the detector's calibration.",
+        needs=("absolute",),
+        instead_of=("gain",),
+    ),
+    Effect(
+        "apparent_source",
+        "path and attenuation",
+        (Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),),
+        "The light diverges from a point behind the window (reflector, lens, or a wrong range scale), "
+        "so it falls more slowly than the inverse square of the distance from the window.",
+        "Far planes too bright and too narrow for the near ones.",
+        "Measure the beam radius at three ranges and extrapolate to zero; check the range scale's origin.",
+        needs=("vary_z",),
+    ),
+    Effect(
+        "beam_offset",
+        "pointing",
+        (
+            Form(
+                "shift",
+                (
+                    Free("lamp.offset_x_m", -0.3, 0.3, 0.01, needs=("vary_x",)),
+                    Free("lamp.offset_y_m", -0.3, 0.3, 0.01, needs=("vary_y",)),
+                ),
+            ),
+        ),
+        "The lamp stands beside the origin of the position scale.",
+        "Antisymmetric across the beam, the same shift in metres at every plane.",
+        "Scan both sides of the axis at two ranges; re-zero the stage on the lamp.",
+        needs=("off_axis",),
+    ),
+    Effect(
+        "beam_tilt",
+        "pointing",
+        (
+            Form(
+                "tilt",
+                (
+                    Free("lamp.tilt_x_deg", -6.0, 6.0, 0.2, needs=("vary_x",)),
+                    Free("lamp.tilt_y_deg", -6.0, 6.0, 0.2, needs=("vary_y",)),
+                ),
+            ),
+        ),
+        "The beam is not parallel to the range scale.",
+        "Antisymmetric across the beam, a shift that grows with the distance.",
+        "Scan both sides of the axis at two ranges; turn the lamp by 180 degrees about its axis and repeat.",
+        needs=("off_axis",),
+    ),
+    Effect(
+        "beam_shape",
+        "beam shape",
+        (Form("super-Gaussian", (Free("lamp.shape_exponent", 1.0, 8.0, 0.1),)),),
+        "The beam is flatter or more peaked than a Gaussian.",
+        "A function of the angle alone: sign changes at the half-width, largest in the wings.",
+        "Measure the lamp in air at one range with a fine angular step and use that table.",
+        needs=("off_axis",),
+    ),
+    Effect(
+        "beam_skirt",
+        "beam shape",
+        (
+            Form(
+                "second Gaussian",
+                (Free("lamp.skirt_fraction", 0.0, 0.8, 0.02),),
+                (Free("lamp.skirt_hwhm_deg", 1.15, 12.0, 1.0, per="hwhm", grid=(1.5, 2.5, 4.0, 7.0)),),
+            ),
+        ),
+        "Light that misses the reflector or is scattered in the lamp adds a wide, weak beam.",
+        "A function of the angle alone: excess in the wings.",
+        "Measure the lamp in air at large angles; a baffle tube removes it.",
+        needs=("off_axis",),
+    ),
+    Effect(
+        "beam_ellipticity",
+        "beam shape",
+        (Form("elliptic", (Free("lamp.ellipticity", 0.4, 2.5, 0.05),)),),
+        "The beam is wider along one transverse axis than along the other.",
+        "Too bright along x where it is too dark along y.",
+        "Turn the lamp by 90 degrees about its axis: the pattern turns with it.",
+        needs=("vary_x", "vary_y"),
+    ),
+    Effect(
+        "lamp_drift",
+        "time",
+        (
+            Form("linear", (Free("lamp.drift_per_hour", -0.9, 0.9, 0.02, per="inverse_hours"),)),
+            Form(
+                "warm-up",
+                (Free("lamp.warmup_fraction", -0.9, 0.9, 0.02),),
+                (Free("lamp.warmup_time_s", 0.03, 3.0, 0.1, per="seconds", grid=(0.1, 0.35, 1.0)),),
+            ),
+        ),
+        "The lamp (or its supply, or the sensor's temperature) changes while the scan runs.",
+        "A smooth function of time; of distance too when the planes were read one after the other.",
+        "Repeat a reference position every few minutes; warm up longer; read in random order.",
+        needs=("time",),
+    ),
+)

@@ -1,0 +1,26 @@
+"""Effects of the tank: what walls (Lambertian) and surface (Fresnel) send back, see `render/reflected`."""
+
+from __future__ import annotations
+
+from lightfield.fitting.effects.effect import Effect, Form, Free
+
+EFFECTS = (
+    Effect(
+        "wall_reflection",
+        "diffuse light",
+        (Form("Lambertian", (Free("tank.wall_albedo", 0.0, 1.0, 0.05),)),),
+        "Walls and floor of the tank send light back.",
+        "A nearly uniform excess that grows with the flux that reaches the walls.",
+        "Hang black cloth on the walls; a white card beside the beam shows how strong it is.",
+        needs=("tank",),
+    ),
+    Effect(
+        "surface_reflection",
+        "diffuse light",
+        (Form("Fresnel", (Free("tank.surface_reflectance", 0.0, 1.0, 0.1),)),),
+        "The water surface mirrors the beam, totally beyond the critical angle.",
+        "An excess near the surface, as from a second lamp above it.",
+        "Float a dark sheet on the water; lower the lamp; read at several depths.",
+        needs=("tank",),
+    ),
+)

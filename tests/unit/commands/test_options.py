@@ -1,0 +1,41 @@
+"""An option has one name, one kind of value and one range, whichever sub-command takes it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+import pytest
+
+from lightfield.commands._line import COMMANDS, _module
+from lightfield.commands._options import LARGEST_SEED, OPTIONS, seed_number
+from lightfield.errors import LightfieldError
+from lightfield.render.settings import Settings
+from lightfield.sweep.plan import SweepSettings
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_shared_option_is_nowhere_declared_again(command: str) -> None:
+    parser = argparse.ArgumentParser()
+    importlib.import_module(_module(command)).add_arguments(parser)
+    for action in parser._actions:
+        for name in set(action.option_strings) & set(OPTIONS):
+            declared = OPTIONS[name]
+            assert (action.type, action.metavar) == (declared.get("type"), declared.get("metavar")), name
+            assert action.default in (None, False), f"{name}: the command has its default, argparse none"
+
+
+@pytest.mark.parametrize("made", [Settings, SweepSettings])
+def test_a_trace_of_a_sweep_may_be_what_any_trace_may_be(made: type[Settings | SweepSettings]) -> None:
+    for rel_error, max_photons in ((1e-5, 1e12), (1.0, 1e3)):
+        made(rel_error=rel_error, max_photons=max_photons)
+    for wrong in ({"rel_error": 0.0}, {"rel_error": float("nan")}, {"max_photons": 10.0}):
+        with pytest.raises(LightfieldError, match=next(iter(wrong))):
+            made(**wrong)
+
+
+def test_seeds_are_whole_numbers_up_to_the_largest() -> None:
+    assert seed_number(str(LARGEST_SEED)) == LARGEST_SEED
+    for wrong in (str(LARGEST_SEED + 1), "-1", "1.5", "seed"):
+        with pytest.raises(argparse.ArgumentTypeError, match=str(LARGEST_SEED)):
+            seed_number(wrong)

@@ -1,0 +1,31 @@
+"""Places of readings: inside the tank, in any tank, and written as a person would."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.experiments.hide import WINDOW_PART, true_scene
+from lightfield.experiments.layouts import LAYOUTS, positions, scan
+from lightfield.scene import Scene
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
+    """An aquarium of a tenth of the size: readings inside it, and a smaller window."""
+    tank = {"width_m": 0.4, "depth_m": 0.4, "length_m": 1.2, "behind_lamp_m": 0.05, "lamp_depth_m": 0.2}
+    detector = {"planes_m": [0.2, 0.4, 0.6, 0.8], "width_m": 0.3}
+    scene = Scene.from_dict({"tank": tank, "detector": detector})
+    table = scan(scene, layout, "random", np.random.default_rng(0))
+    assert (np.abs(table.x_m) <= 0.15 + 1e-9).all() and (table.y_m < 0.2).all()
+    assert table.z_m.min() >= 0.1 and table.z_m.max() <= 1.0 + 1e-9
+    assert true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m == pytest.approx(WINDOW_PART * 0.2)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_positions_are_written_as_a_person_would(layout: str) -> None:
+    """Neither 0.19999999999999996 nor -0.0 nor 1e-16 in a table that people read."""
+    places = positions(Scene.from_dict({}), layout)
+    for name in ("x_m", "y_m", "z_m"):
+        for value in places[name].tolist():
+            assert value == float(f"{value:.6g}") and not (value == 0 and np.signbit(value))
