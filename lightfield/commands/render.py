@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield.commands._tracing import add_tracing_arguments, as_text, traced
 from lightfield.errors import UsageError
+from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
@@ -47,7 +48,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.maps.dataset import to_dataset, write_exr_planes, write_netcdf
-    from lightfield.render.at_readings import render_positions
 
     if scene.detector.positions_m is None:
         rendering = traced(scene, args, render_scene)
