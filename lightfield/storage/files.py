@@ -147,7 +147,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             "cannot write here",
             where=str(target),
             found=error.strerror,
-            remedy="choose a writable folder with -o",
+            remedy="choose a writable folder",
         ) from error
     temporary = folder / target.name
     try:

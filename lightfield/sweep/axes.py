@@ -64,22 +64,22 @@ def parse_axis(text: str) -> Axis:
     """
     path, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not path or not given:
-        raise UsageError("not a range", where="--vary", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
+        raise UsageError("not a range", where="range", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
     parts = given.split(":")
     if len(parts) == 1:
         try:
             values = [toml.value(word) for word in given.split(",")]
         except ValueError as error:
-            raise UsageError("not a value", where=f"--vary {path}", found=given, rule=str(error)) from error
-        return _axis(path, {path: values}, f"--vary {path}")
+            raise UsageError("not a value", where=path, found=given, rule=str(error)) from error
+        return _axis(path, {path: values}, path)
     scale = parts[3] if len(parts) == 4 else "linear"
     try:
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
         if len(parts) > 4:
             raise ValueError
     except (ValueError, IndexError):
-        raise UsageError("not a range", where=f"--vary {path}", found=given, rule=FORMS) from None
-    return _axis(path, {path: span(start, stop, count, scale, f"--vary {path}")}, f"--vary {path}")
+        raise UsageError("not a range", where=path, found=given, rule=FORMS) from None
+    return _axis(path, {path: span(start, stop, count, scale, path)}, path)
 
 
 def span(start: float, stop: float, count: int, scale: str = "linear", where: str = "range") -> list[float]:
@@ -200,7 +200,7 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
         An unknown path, or a value that the parameter cannot have.
     """
     if not axes:
-        raise UsageError("nothing is varied", remedy=f"--vary PATH=RANGE with RANGE {FORMS}, or --plan FILE")
+        raise UsageError("nothing is varied", remedy=f"PATH=RANGE with RANGE {FORMS}, or a plan file")
     paths = [path for axis in axes for path in axis.values]
     names = [axis.name for axis in axes]
     for double in {p for p in paths if paths.count(p) > 1} | {n for n in names if names.count(n) > 1}:
@@ -236,7 +236,7 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
             most = 1.0 if path == ALBEDO else math.inf
             allowed, rule = isinstance(value, int | float) and 0 <= value <= most, f"0 to {most:g}"
         if not allowed:
-            raise SceneError("impossible value", where=f"--vary {path}", found=value, rule=rule)
+            raise SceneError("impossible value", where=path, found=value, rule=rule)
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:

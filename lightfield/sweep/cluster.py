@@ -34,21 +34,21 @@ def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) 
     """
     if workers and scheduler:
         raise UsageError(
-            "--workers and --scheduler exclude each other",
-            remedy="leave --workers out: an existing scheduler has its own",
+            "local workers and a scheduler exclude each other",
+            remedy="leave the number of workers out: an existing scheduler has its own",
         )
     if not 0 <= workers <= 1024:
         raise UsageError(
-            "impossible number of workers", where="--workers", found=workers, rule="0 (this process) to 1024"
+            "impossible number of workers", where="workers", found=workers, rule="0 (this process) to 1024"
         )
     if memory_gb is not None and not memory_gb > 0:
         raise UsageError(
-            "impossible memory limit", where="--memory", found=memory_gb, rule="gigabytes, above 0"
+            "impossible memory limit", where="memory of a worker", found=memory_gb, rule="gigabytes, above 0"
         )
     if scheduler is not None and not re.search(r":\d+$", scheduler):
         raise UsageError(
             "not the address of a scheduler",
-            where="--scheduler",
+            where="scheduler",
             found=scheduler,
             rule="tcp://HOST:PORT, or tls://HOST:PORT",
             remedy="start one with `dask scheduler`, which says its address",
@@ -106,7 +106,7 @@ def connected(
             except (OSError, TimeoutError, ValueError) as error:
                 raise UsageError(
                     "no Dask scheduler answers",
-                    where=f"--scheduler {scheduler}",
+                    where=f"scheduler {scheduler}",
                     found=str(error),
                     remedy="start one with `dask scheduler`",
                 ) from error
@@ -163,7 +163,7 @@ def _check_keys(scheduler: str) -> None:
     if scheduler.startswith("tls://") and Security().get_connection_args("client")["ssl_context"] is None:
         raise UsageError(
             "no keys for TLS",
-            where=f"--scheduler {scheduler}",
+            where=f"scheduler {scheduler}",
             rule="ca-file, client.cert and client.key of distributed.comm.tls",
             remedy="set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__CLIENT__CERT and ..__CLIENT__KEY",
         )

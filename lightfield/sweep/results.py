@@ -20,7 +20,7 @@ from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 
-GIVE = "give what `lightfield sweep -o` wrote"
+GIVE = "give what `lightfield sweep` wrote"
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def decoded(path: str | Path) -> Iterator[None]:
             raise
         raise OutputError(
             "a file of this store cannot be decoded", where=str(path), found=str(error),
-            rule="Blosc, as `lightfield sweep` writes it", remedy="run the sweep again, with another -o",
+            rule="Blosc, as `lightfield sweep` writes it", remedy="run the sweep again, into another store",
         ) from error  # fmt: skip
 
 
@@ -141,10 +141,10 @@ def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
         name, equals, value = (part.strip() for part in text.partition("="))
         names = [*axes_of(data), "z_m", "wavelength_nm"]
         if not equals or not value:
-            raise UsageError("not a case", where="--case", found=text, rule="PATH=VALUE")
+            raise UsageError("not a case", where="case", found=text, rule="PATH=VALUE")
         if name not in data.dims:
             raise UsageError(
-                f"{name} is no dimension of this sweep", where="--case", remedy=nearest(name, names)
+                f"{name} is no dimension of this sweep", where="case", remedy=nearest(name, names)
             )
         data = data.isel({name: [step_of(data[name].values, name, value)]})
     return data
@@ -166,10 +166,10 @@ def step_of(steps: np.ndarray, name: str, value: str) -> int:
         low, high = float(steps.min()), float(steps.max())
         if low - 1e-9 * abs(low) <= number <= high + 1e-9 * abs(high):
             return int(np.abs(steps - number).argmin())
-        raise UsageError("no such value", where=f"--case {name}", found=value, rule=f"{low:g} to {high:g}")
+        raise UsageError("no such value", where=f"case {name}", found=value, rule=f"{low:g} to {high:g}")
     known = [str(step) for step in steps]
     if value not in known:
-        raise UsageError("no such value", where=f"--case {name}", found=value, rule=", ".join(known))
+        raise UsageError("no such value", where=f"case {name}", found=value, rule=", ".join(known))
     return known.index(value)
 
 
@@ -201,7 +201,11 @@ def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
     """
     name = data.attrs["quantity"]
     if name not in data:
-        raise OutputError("this store holds no maps", rule="swept with --no-maps", remedy="sweep without it")
+        raise OutputError(
+            "this store holds no maps",
+            rule="its sweep kept the derived quantities alone",
+            remedy="sweep again with maps",
+        )
     values = case_values(data, steps)
     case = data.isel(dict(steps))
     if int(case.status) != 1:

@@ -71,7 +71,7 @@ class SweepStore:
                 "there is something else here",
                 where=str(self.path),
                 rule="a new or an unfinished store",
-                remedy="choose another name with -o",
+                remedy="choose another name",
             )
         try:
             self.traces.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,7 @@ class SweepStore:
                     raise OutputError(
                         "another sweep is writing to this store",
                         where=str(self.path),
-                        remedy="wait for it, or choose another name with -o",
+                        remedy="wait for it, or choose another name",
                     ) from None
                 self.journal, lost = journal.read(self.path)
                 # Without a plan, our own folder is what a killed process left before it had begun.
@@ -94,7 +94,7 @@ class SweepStore:
                 "cannot write here",
                 where=str(self.path),
                 found=error.strerror,
-                remedy="choose a writable folder with -o",
+                remedy="choose a writable folder",
             ) from error
 
     def blocks(self) -> dict[int, journal.Entry]:
@@ -195,7 +195,7 @@ class SweepStore:
                 where=str(self.path / journal.PLAN),
                 found=str(error),
                 rule="what a store is for is known before it is continued",
-                remedy="choose another name with -o, or remove the store",
+                remedy="choose another name, or remove the store",
             ) from error
         refuse_another_sweep(found, wanted, self.path)
 
@@ -290,7 +290,7 @@ def refuse_another_sweep(found: Mapping[str, Any], wanted: Mapping[str, Any], pa
         f"this store belongs to another sweep ({text or 'the content of a table, or the grouping, differs'})",
         where=str(path),
         rule="one store, one scene, one plan, one version",
-        remedy="choose another name with -o, or remove the store",
+        remedy="choose another name, or remove the store",
     )
 
 

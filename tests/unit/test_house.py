@@ -6,6 +6,7 @@ Which room may import from which is held by `lint-imports` (see `pyproject.toml`
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -28,6 +29,7 @@ OWNED = {
 HEAVY = {"mitsuba", "drjit", "dask", "distributed", "matplotlib", "scipy", "xarray", "skimage"}
 #: It answers Ctrl-C from its first line on, and so imports next to nothing before.
 BARE = PACKAGE / "cli.py"
+OPTION = re.compile(r"(?<![-\w])--?[a-z]")
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -114,3 +116,17 @@ def loaded(name: str) -> frozenset[str]:
         if (file := _file(now)) is not None:
             ahead |= ({now.rpartition(".")[0]} - {""} | imports(file)) - found
     return frozenset(found)
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_errors_of_the_library_name_no_options(module: Path) -> None:
+    """Whoever calls it from Python has no command line to correct."""
+    if module == BARE or module.relative_to(PACKAGE).parts[0] == "commands":
+        return
+    errors = [
+        node.exc
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Raise) and node.exc is not None
+    ]
+    parts = [part.value for error in errors for part in ast.walk(error) if isinstance(part, ast.Constant)]
+    assert [text for text in parts if isinstance(text, str) and OPTION.search(text)] == []

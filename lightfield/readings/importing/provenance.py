@@ -91,7 +91,7 @@ def warnings_of(
         levels = ", ".join(f"{level:g}" for level in sorted(set(flat.values()))[:SHOWN])
         found.append(LoadWarning(
             "flat_top", f"saturation: a flat top at {levels} in {_list(sorted(flat))}: its bands are marked",
-            "shorten the exposure; state full scale with --saturation-level",
+            "shorten the exposure; state the full scale",
         ))  # fmt: skip
     linear = one_word(s.spectrum.nonlinearity_corrected for s in shots)
     if linear != "yes":

@@ -82,9 +82,9 @@ def signal(shot: Shot, unit: str) -> Array:
                 spectrum.columns["signal"] - spectrum.columns["dark"] if has_dark(spectrum) else spectrum.raw
             )
     if not units.is_absolute(unit):
-        raise ValueError(f"a {spectrum.format} file holds counts, not {unit}: say --units counts")
+        raise ValueError(f"a {spectrum.format} file holds counts, not {unit}: take the unit counts")
     if not spectrum.processed_unit or "processed" not in spectrum.columns:
-        raise ValueError(f"this {spectrum.format} file holds no calibrated irradiance: say --units counts")
+        raise ValueError(f"this {spectrum.format} file holds no calibrated irradiance: take the unit counts")
     held = units.to_si(spectrum.processed_unit, "irradiance")
     try:
         same = abs(units.to_si(unit, "irradiance") - held) <= 1e-9 * held

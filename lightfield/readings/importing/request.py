@@ -22,11 +22,11 @@ def settle_request(
         Something has not been said (all of it at once), or makes no sense.
     """
     needed = {
-        "--quantity": (quantity, f"what the instrument's head receives: {', '.join(QUANTITIES)}"),
-        "--units": (unit, f"unit of the numbers in the files: {units.CHOICES}"),
-        "--band": (bands_nm, "for example --band 500:550, in nm"),
+        "quantity": (quantity, f"what the instrument's head receives: {', '.join(QUANTITIES)}"),
+        "units": (unit, f"unit of the numbers in the files: {units.CHOICES}"),
+        "bands": (bands_nm, "from and to in nm, for example 500:550"),
     }
-    missing = [f"{option} {meaning}" for option, (given, meaning) in needed.items() if not given]
+    missing = [f"{option}: {meaning}" for option, (given, meaning) in needed.items() if not given]
     if missing or not quantity or not unit:
         raise MeasurementError(
             f"not stated: {', '.join(option for option, (given, _) in needed.items() if not given)}",
@@ -35,21 +35,21 @@ def settle_request(
         )
     if quantity not in QUANTITIES:
         raise MeasurementError(
-            "unknown quantity", found=quantity, rule=", ".join(QUANTITIES), remedy="correct --quantity"
+            "unknown quantity", found=quantity, rule=", ".join(QUANTITIES), remedy="correct the quantity"
         )
     try:
         found = units.canonical(unit)
         if units.is_absolute(found):
             units.to_si(found, quantity)
     except ValueError as error:
-        raise MeasurementError(f"unusable unit: {error}", found=unit, remedy="correct --units") from error
+        raise MeasurementError(f"unusable unit: {error}", found=unit, remedy="correct the unit") from error
     for low, high in bands_nm:
         if not 0 < low < high < float("inf"):
             raise MeasurementError(
                 "impossible band",
                 found=f"{low:g}:{high:g}",
                 rule="0 < low < high, nm",
-                remedy="correct --band",
+                remedy="correct the band",
             )
     if len({low + high for low, high in bands_nm}) < len(bands_nm):
         raise MeasurementError("two bands have the same centre", remedy="import them into two tables")
@@ -58,6 +58,6 @@ def settle_request(
             "impossible saturation level",
             found=saturation_level,
             rule="> 0",
-            remedy="correct --saturation-level",
+            remedy="correct the saturation level",
         )
     return found

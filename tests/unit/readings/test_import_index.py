@@ -225,13 +225,13 @@ def test_nonlinearity_flags_travel_with_the_readings(tmp_path, flags, word):
 
 
 @pytest.mark.parametrize("option", ["quantity", "units", "bands_nm"])
-def test_what_is_not_stated_is_asked_for_by_its_option(campaign, option):
-    with pytest.raises(MeasurementError, match="--band" if option == "bands_nm" else f"--{option}"):
+def test_what_is_not_stated_is_asked_for_by_its_name(campaign, option):
+    with pytest.raises(MeasurementError, match="not stated: " + ("bands" if option == "bands_nm" else option)):
         run(campaign, ROWS, **{option: None})
 
 
 def test_all_that_is_missing_is_asked_for_at_once(campaign):
-    with pytest.raises(MeasurementError, match="not stated: --quantity, --units, --band"):
+    with pytest.raises(MeasurementError, match="not stated: quantity, units, bands"):
         run(campaign, ROWS, quantity=None, units="", bands_nm=[])
 
 
@@ -262,5 +262,5 @@ def test_numbers_that_are_normalised_or_calibrated_already_are_not_divided_by_th
 
 def test_jaz_counts_cannot_be_called_an_irradiance(tmp_path):
     jaz(tmp_path / "j.jaz", DARK, DARK + 1)
-    assert "say --units counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="uW/cm^2/nm")[0]
-    assert "say --units counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="counts/s")[0]
+    assert "take the unit counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="uW/cm^2/nm")[0]
+    assert "take the unit counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="counts/s")[0]
