@@ -176,11 +176,15 @@ def fit_singles(
     return out
 
 
-def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+def _extensions(
+    problem: Problem, single: Tried, test: AdequacyTest
+) -> list[tuple[float, Explanation, Array]]:
     """Pairs that contain a fitted single effect, with the chi-square the score promises."""
+    known = single.adequacy
+    scores, amplitudes = (known.scores, known.amplitudes) if known else test.score(single.fit)
     found: dict[tuple[str, str], tuple[float, Explanation, Array]] = {}
     (held,) = single.explanation
-    for score, amplitude in zip(at.scores, at.amplitudes, strict=True):
+    for score, amplitude in zip(scores, amplitudes, strict=True):
         candidate = score.template.candidate
         if not score.testable or not candidate.effect.combines_with(held.effect):
             continue
@@ -273,7 +277,7 @@ def fit_pairs(
     """
     extended: list[tuple[float, Explanation, Array]] = []
     for single in singles[:_SINGLES_EXTENDED]:
-        extended += _extensions(problem, single, single.adequacy or (single.test or test)(single.fit))
+        extended += _extensions(problem, single, single.test or test)
     chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
     for ranked, limit in (
         (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
