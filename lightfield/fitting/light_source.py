@@ -90,6 +90,8 @@ class LightSource:
         Also trace in this water.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
+    part_of : (LightSource, array of bool), optional
+        Whose readings these are some of, and which: what is traced is traced for all of them.
     """
 
     scene: Scene
@@ -99,6 +101,7 @@ class LightSource:
     dense_per_m: float | None
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
+    part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
 
     @classmethod
     def of(
@@ -113,6 +116,14 @@ class LightSource:
         """The same at the places of other readings, with a part of the photons."""
         trace = partial(self.trace, share=share) if self.trace and share != 1 else self.trace
         return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m)
+
+    def subset(self, rows: NDArray[np.bool_]) -> LightSource:
+        """The same at some of the readings, of every channel some."""
+        correction, stderr = (
+            v if np.ndim(v) == 0 else np.asarray(v)[rows] for v in (self.correction, self.stderr)
+        )
+        some = self.readings.subset(rows)
+        return replace(self, readings=some, correction=correction, stderr=stderr, part_of=(self, rows))
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
         """The same, scaled reading by reading, so that at `values` it is as given with an error."""
@@ -190,7 +201,11 @@ class LightSource:
         scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
-            every = self._response.light(scene, self._colours)
+            if self.part_of is None:
+                every = self._response.light(scene, self._colours)
+            else:
+                whole, rows = self.part_of
+                every = whole._response.light(scene, self._colours)[:, rows]
             channel = self.channels[1]
             light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
         return np.asarray(light * self.correction)

@@ -10,11 +10,13 @@ from numpy.polynomial import Chebyshev
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.robust import likeliest_scale
-from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
-#: Degree of the polynomials in ln(phi) that stand for the likelihood: one over all that is credible, to find
-#: the place, and one about it.
+#: Degree of the polynomials in ln(phi) that stand for the likelihood where each value of it takes a factor of
+#: its own: one over all that is credible, to find the place, and one about it.
 _DEGREE = 8
+#: Stays with a gain of their own that are taken as columns of the shared errors.
+_FEW_STAYS = 200
 
 
 def scale_along(
@@ -39,7 +41,12 @@ def scale_along(
     rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)
     own = noise.subset(kept)
     smooth = own.smooth_columns(tolerance)
-    raw = np.hstack([smooth, plain.coloured(columns)[kept]])
+    coloured = plain.coloured(columns)[kept]
+    (stay, gain), stays = own.stays, np.unique(own.stays[0][own.stays[0] >= 0])
+    if own.budget.position_m == 0 and len(stays) <= _FEW_STAYS:
+        shared = np.hstack([smooth, gain[:, None] * (stay[:, None] == stays)])
+        return likeliest_scale(lambda low, high: _deviance(own, plain.rho, shared, coloured), rest / spare)
+    raw = np.hstack([smooth, coloured])
     rough = replace(own, photon_modes=None, response_error=None)
     # Amplitudes of the smooth errors have unit variance, those of the rich model may be anything.
     known = np.diag(np.r_[np.ones(smooth.shape[1]), np.zeros(columns.shape[1])])
@@ -51,6 +58,33 @@ def scale_along(
         return float(whiten.log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
 
     def polynomial(low: float, high: float) -> Callable[[float], float]:
-        return Chebyshev.interpolate(np.vectorize(deviance), _DEGREE, domain=[low, high])
+        return Chebyshev.interpolate(np.vectorize(deviance, [float]), _DEGREE, domain=[low, high])
 
     return likeliest_scale(polynomial, rest / spare)
+
+
+def _deviance(noise: Noise, rho: float, shared: Array, columns: Array) -> Callable[[float], float]:
+    """Deviance as a function of ln(phi) where nothing but the shared errors is beside phi times the own ones:
+    one factor then serves every phi.
+
+    Parameters
+    ----------
+    shared : array, shape (n, r)
+        Errors of unit amplitude.
+    columns : array, shape (n, k + 1)
+        Rich model and, last, residual.
+    """
+    whiten = Whitener(
+        replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None), rho
+    )
+    white = whiten(np.hstack([shared, columns]))
+    gram = white.T @ white
+    known = np.diag(np.r_[np.ones(shared.shape[1]), np.zeros(columns.shape[1])])
+
+    def deviance(log_phi: float) -> float:
+        root = np.linalg.cholesky(gram * np.exp(-log_phi) + known).diagonal()
+        return float(
+            len(white) * log_phi + whiten.log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2
+        )
+
+    return deviance

@@ -245,6 +245,7 @@ class Whitener:
         self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
         self._sigma: Array | None = None
         self._order: Labels | None = None
+        self._of: dict[bytes, Whitener] = {}
         if rho == 0 and noise.independent(tolerance):
             variance = noise.variance(phi, tolerance)
             self._sigma = np.sqrt(variance)
@@ -278,6 +279,13 @@ class Whitener:
         out = np.empty(two.shape)
         out[self._order] = factor(two[self._order])
         return out.reshape(columns.shape)
+
+    def of(self, rows: NDArray[np.bool_]) -> Whitener:
+        """The same of some of the readings."""
+        key = rows.tobytes()
+        if key not in self._of:
+            self._of[key] = Whitener(self.noise.subset(rows), self.rho, self.phi, self.tolerance)
+        return self._of[key]
 
     def replicates(self, rng: np.random.Generator, count: int) -> Array:
         """Whitened noise, shape (n, count)."""

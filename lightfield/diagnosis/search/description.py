@@ -59,12 +59,13 @@ def describe(
     n = int(problem.keep.sum())
     few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
 
-    def misses(whiten: Whitener, fit: Fit) -> bool:
-        unknowns = whitened_unknowns(problem, whiten)
-        test = AdequacyTest(problem, whiten, unknowns, lambda: few, errors_stated)
+    def test_under(whiten: Whitener) -> AdequacyTest:
+        return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+
+    def misses(test: AdequacyTest, fit: Fit) -> bool:
         return min(test(fit).tests.values()) < 1e-4
 
-    test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+    test = test_under(whiten)
     at_base = test(base)
     if min(at_base.tests.values()) > 1e-4:
         return Description((), base)
@@ -82,7 +83,7 @@ def describe(
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
     missing = problem.forward.light.to_trace([fit.values])
-    if misses(whiten, best[1]) and misses(own, fit):
+    if misses(test, best[1]) and (own is whiten or misses(test_under(own), fit)):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else 4]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)

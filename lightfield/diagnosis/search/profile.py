@@ -31,7 +31,7 @@ def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
 
 def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
     """The fit, or a better one begun at another shape: a few steps from each, all the way from the best."""
-    rough = [problem.fit(explanation, whiten, [s], max_steps=4) for s in with_shapes(fit, explanation)]
+    rough = [problem.rough(explanation, whiten, s, max_steps=4) for s in with_shapes(fit, explanation)]
     if not rough:
         return fit
     other = problem.fit(explanation, whiten, [min(rough, key=lambda f: f.chi2).u])

@@ -160,20 +160,21 @@ def fit_singles(
         forms[candidate.key] = candidate
         first = starts.setdefault(candidate.key, [])
         first.append(_start(base.u, [(score, amplitude)], (candidate,)))
-    out: list[Fitted] = []
+    begun: list[tuple[Explanation, list[Array]]] = []
     for key, candidate in forms.items():
         chosen = starts[key]
         if (done := before.get(_key((candidate,)))) is not None:
             chosen = [done]
         elif len(chosen) > 1:
             # A few steps from every grid point of the shape, then all the way from the best.
-            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=4) for s in chosen]
+            rough = [problem.rough((candidate,), test.whiten, s, max_steps=4) for s in chosen]
             best = sorted(rough, key=lambda f: f.chi2)[:2]
             chosen = [f.u for f in best]
         else:
             chosen = [*chosen, problem.default_start(base.u, (candidate,))]
-        out.append(((candidate,), problem.fit((candidate,), test.whiten, chosen)))
-    return out
+        begun.append(((candidate,), chosen))
+    fits = problem.fit_all(begun, test.whiten)
+    return [(explanation, fit) for (explanation, _), fit in zip(begun, fits, strict=True)]
 
 
 def _extensions(
@@ -296,11 +297,12 @@ def fit_pairs(
     begun: list[Fitted] = []
     for key, starts in chosen.items():
         steps, starts = (_FEW, [before[key]]) if key in before else (_ROUGH, starts)
-        rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=steps)) for pair, u in starts]
+        rough = [(pair, problem.rough(pair, test.whiten, u, max_steps=steps)) for pair, u in starts]
         begun.append(min(rough, key=lambda f: f[1].chi2))
     begun.sort(key=lambda f: f[1].chi2)
     most = _FINISHED if thorough else _QUICK
-    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:most]]
+    ends = problem.fit_all([(pair, [fit.u]) for pair, fit in begun[:most]], test.whiten)
+    finished = [(pair, fit) for (pair, _), fit in zip(begun, ends, strict=False)]
     finished.sort(key=lambda f: f[1].chi2)
     for i, (pair, fit) in enumerate(finished[: _RESTARTED if thorough else 0]):
         if _key(pair) not in before:
