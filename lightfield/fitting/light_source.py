@@ -34,6 +34,8 @@ class Diffuse(Protocol):
 
     def with_denser(self, other: Any) -> Diffuse: ...
 
+    def some(self, rows: Any) -> Diffuse: ...
+
 
 DiffuseSource = Callable[..., Diffuse]
 
@@ -201,11 +203,7 @@ class LightSource:
         scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
-            if self.part_of is None:
-                every = self._response.light(scene, self._colours)
-            else:
-                whole, rows = self.part_of
-                every = whole._response.light(scene, self._colours)[:, rows]
+            every = self._response.light(scene, self._colours)
             channel = self.channels[1]
             light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
         return np.asarray(light * self.correction)
@@ -222,6 +220,9 @@ class LightSource:
     @cached_property
     def _response(self) -> Diffuse:
         assert self.trace is not None
+        if self.part_of is not None:
+            whole, rows = self.part_of
+            return whole._response.some(rows)
         r = self.readings
         sent = self.scene.with_values({"lamp.hwhm_deg": self.width_deg}, validate=False)
         response = self.trace(sent, r.x_m, r.y_m, r.z_m)

@@ -17,6 +17,8 @@ from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 _DEGREE = 8
 #: Stays with a gain of their own that are taken as columns of the shared errors.
 _FEW_STAYS = 200
+#: Columns that are whitened at a time, to bound the memory.
+_AT_ONCE = 128
 
 
 def scale_along(
@@ -39,13 +41,14 @@ def scale_along(
         return 1.0
     columns = np.column_stack([rich, residual])
     rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)
-    own = noise.subset(kept)
-    smooth = own.smooth_columns(tolerance)
+    own = noise if kept.all() else noise.subset(kept)
     coloured = plain.coloured(columns)[kept]
     (stay, gain), stays = own.stays, np.unique(own.stays[0][own.stays[0] >= 0])
     if own.budget.position_m == 0 and len(stays) <= _FEW_STAYS:
-        shared = np.hstack([smooth, gain[:, None] * (stay[:, None] == stays)])
-        return likeliest_scale(lambda low, high: _deviance(own, plain.rho, shared, coloured), rest / spare)
+        shared = [*own.smooth_parts(tolerance), gain[:, None] * (stay[:, None] == stays)]
+        along = _deviance(own, plain.rho, shared, coloured)
+        return likeliest_scale(lambda low, high: along, rest / spare)
+    smooth = own.smooth_columns(tolerance)
     raw = np.hstack([smooth, coloured])
     rough = replace(own, photon_modes=None, response_error=None)
     # Amplitudes of the smooth errors have unit variance, those of the rich model may be anything.
@@ -63,28 +66,31 @@ def scale_along(
     return likeliest_scale(polynomial, rest / spare)
 
 
-def _deviance(noise: Noise, rho: float, shared: Array, columns: Array) -> Callable[[float], float]:
+def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> Callable[[float], float]:
     """Deviance as a function of ln(phi) where nothing but the shared errors is beside phi times the own ones:
     one factor then serves every phi.
 
     Parameters
     ----------
-    shared : array, shape (n, r)
+    shared : list of arrays, shape (n, r)
         Errors of unit amplitude.
     columns : array, shape (n, k + 1)
         Rich model and, last, residual.
     """
-    whiten = Whitener(
-        replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None), rho
-    )
-    white = whiten(np.hstack([shared, columns]))
+    plain = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+    whiten, parts = Whitener(plain, rho), [*shared, columns]
+    white = np.empty((len(columns), sum(part.shape[1] for part in parts)))
+    at = 0
+    for part in parts:
+        for first in range(0, part.shape[1], _AT_ONCE):
+            some = part[:, first : first + _AT_ONCE]
+            white[:, at : (at := at + some.shape[1])] = whiten(some)
     gram = white.T @ white
-    known = np.diag(np.r_[np.ones(shared.shape[1]), np.zeros(columns.shape[1])])
+    known = np.diag((np.arange(at) < at - columns.shape[1]) * 1.0)
 
     def deviance(log_phi: float) -> float:
         root = np.linalg.cholesky(gram * np.exp(-log_phi) + known).diagonal()
-        return float(
-            len(white) * log_phi + whiten.log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2
-        )
+        log_determinant = len(white) * log_phi + whiten.log_determinant
+        return float(log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
 
     return deviance

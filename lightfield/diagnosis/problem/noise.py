@@ -4,7 +4,7 @@ it."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,8 @@ FEWEST_STATED = 4
 FEW, BLOCK = 512, 128
 #: Shared variance that is left out between blocks, in units of the reading's own.
 _LEFT_OUT = 1e-4
+#: Photons' contributions are taken as they are where there are so many times more readings.
+_SMALL_RANK = 8
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -166,6 +168,9 @@ class Noise:
         No variance differs by more than `_LEFT_OUT` times that of the reading's own noise.
         """
         if tolerance not in self._smooth_columns:
+            if self._few_modes:
+                self._smooth_columns[tolerance] = np.hstack(self.smooth_parts(tolerance))
+                return self._smooth_columns[tolerance]
             own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
 
             def between(a: Labels, b: Labels) -> Array:
@@ -174,6 +179,17 @@ class Noise:
             few = max(_LEFT_OUT, 1e-11 * float(variance.max()))
             self._smooth_columns[tolerance] = own[:, None] * low_rank(between, variance, few)
         return self._smooth_columns[tolerance]
+
+    @property
+    def _few_modes(self) -> bool:
+        modes = self.photon_modes
+        return modes is not None and 0 < _SMALL_RANK * modes.shape[1] < self.layout.size
+
+    def smooth_parts(self, tolerance: float) -> list[Array]:
+        """The same, not yet side by side: what photons contribute apart, where that is little."""
+        if not self._few_modes or self.photon_modes is None:
+            return [self.smooth_columns(tolerance)]
+        return [replace(self, photon_modes=None).smooth_columns(tolerance), self.photon_modes]
 
     def extra(self, tolerance: float, rows: Labels | None = None) -> Array:
         """Covariance of all or some readings that does not scale with the quoted errors, shape (n, n)."""

@@ -23,7 +23,7 @@ Explanation = tuple[Candidate, ...]
 MANY, SAMPLE = 3000, 1500
 #: Chi-square by which fits to the sample are worse than the best, in units of what scatters: up to the first
 #: they may be the best of all readings, beyond the second they are out of the question.
-_AS_GOOD, _FAR_BEHIND = 12.0, 100.0
+_AS_GOOD, FAR_BEHIND = 12.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ class Problem:
 
     def rough(self, explanation: Explanation, whiten: Whiten, start: Array, max_steps: int) -> Fit:
         """A fit of a few steps, to a sample of many readings: its chi-square ranks it among its like."""
-        if self._sample is None or not isinstance(whiten, Whitener):
+        if self.sample is None or not isinstance(whiten, Whitener):
             return self.fit(explanation, whiten, [start], max_steps)
-        rows, problem = self._sample
+        rows, problem = self.sample
         return problem.fit(explanation, whiten.of(rows), [start], max_steps)
 
     def fit_all(self, begun: Sequence[tuple[Explanation, Sequence[Array]]], whiten: Whiten) -> list[Fit]:
@@ -84,16 +84,16 @@ class Problem:
 
         Of many readings, what a sample shows to be far behind the best is left as the sample tells it.
         """
-        if self._sample is None or not isinstance(whiten, Whitener):
+        if self.sample is None or not isinstance(whiten, Whitener):
             return [self.fit(explanation, whiten, starts) for explanation, starts in begun]
-        rows, problem = self._sample
+        rows, problem = self.sample
         rough = [[problem.fit(e, whiten.of(rows), [start]) for start in starts] for e, starts in begun]
         lowest = min((fit.chi2 for fits in rough for fit in fits), default=0.0)
         scatter = max(1.0, lowest / len(problem.value))
         out = []
         for (explanation, _), fits in zip(begun, rough, strict=True):
             best = min(fits, key=lambda f: f.chi2)
-            if best.chi2 - lowest > _FAR_BEHIND * scatter:
+            if best.chi2 - lowest > FAR_BEHIND * scatter:
                 out.append(self.fit(explanation, whiten, [best.u], max_steps=0))
             else:
                 near = [f.u for f in fits if f is best or self._may_be_as_good(f, best, scatter)]
@@ -106,7 +106,7 @@ class Problem:
         return 1e-2 * scatter < fit.chi2 - best.chi2 < _AS_GOOD * scatter
 
     @cached_property
-    def _sample(self) -> tuple[NDArray[np.bool_], Problem] | None:
+    def sample(self) -> tuple[NDArray[np.bool_], Problem] | None:
         """Which readings stand for many: of every few that follow each other in a channel one at random."""
         if len(self.value) <= MANY:
             return None

@@ -16,7 +16,7 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.own_errors import from_valleys, objective, settled
+from lightfield.diagnosis.search.own_errors import from_valleys, objective, on_sample, settled
 from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
@@ -42,6 +42,13 @@ class Description:
     fit: Fit
     known: tuple[Fitted, ...] = ()
     to_trace_per_m: float | None = None
+
+
+def _judged(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> tuple[Whitener, Fit]:
+    """A single effect under its own errors; of many readings by a sample."""
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    diffuse = explanation[0].effect.diffuse
+    return from_valleys(some, explanation, there, own) if diffuse else (own, there)
 
 
 def describe(
@@ -76,19 +83,20 @@ def describe(
     ranked = [Tried(e, f, f.chi2) for e, f in known]
     # Light of few photons has large errors: which effect is the best shows only under its own.
     near = [(e, f) for e, f in known if f.chi2 < FAR_FROM_BEST * known[0][1].chi2]
-    judged = [
-        from_valleys(problem, e, f, whiten, whiten.noise) if e[0].effect.diffuse else (whiten, f)
-        for e, f in near
-    ]
+    judged = [_judged(problem, e, f, whiten) for e, f in near]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
+    if problem.sample is not None:
+        with_own = best[0][0].effect.diffuse
+        own, fit = settled(problem, best[0], fit, whiten, rounds=1) if with_own else (whiten, best[1])
     missing = problem.forward.light.to_trace([fit.values])
     if misses(test, best[1]) and (own is whiten or misses(test_under(own), fit)):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else 4]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        asked = problem.forward.light.to_trace([settled(problem, *best, whiten, whiten.noise)[1].values])
+        some, there, own = on_sample(problem, *best, whiten)
+        asked = problem.forward.light.to_trace([settled(some, best[0], there, own)[1].values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
     known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]

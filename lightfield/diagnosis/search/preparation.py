@@ -31,9 +31,9 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Ad
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.diagnosis.search.description import Description, describe
-from lightfield.diagnosis.search.own_errors import from_shapes, settled, with_response_error
+from lightfield.diagnosis.search.own_errors import from_shapes, refitted, settled, with_response_error
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
@@ -291,11 +291,26 @@ class OwnErrors:
         residual = whiten(problem.keep * (problem.value - fit.prediction))
         return float(residual @ residual) + whiten.log_determinant - main.log_determinant
 
+    def hopeless(self, fit: Fit, best: Fit) -> bool:
+        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
+        if self.prepared.problem.sample is None:
+            return False
+        rows, problem = self.prepared.problem.sample
+        main = self.main.whiten.of(rows)
+        own = with_response_error(problem, self.prepared.noise.subset(rows), fit)
+        whiten = Whitener(own, main.rho, main.phi, main.tolerance)
+        mine, other = (
+            float((w(problem.keep * (problem.value - f.prediction[rows])) ** 2).sum())
+            for w, f in ((whiten, fit), (main, best))
+        )
+        behind = mine + whiten.log_determinant - main.log_determinant - other
+        return behind > FAR_BEHIND * max(1.0, other / len(problem.value))
+
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
         settle = from_shapes if len(explanation) == 1 else settled
-        problem, noise = self.prepared.problem, self.prepared.noise
-        whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
+        problem = self.prepared.problem
+        whiten, best = refitted(settle, problem, explanation, fit, self.main.whiten)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
         unknowns = whitened_unknowns(problem, whiten)
         return _bench(self.prepared, whiten, unknowns, self.rng, kept=False).test, best, growth

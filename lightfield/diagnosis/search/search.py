@@ -122,6 +122,9 @@ class Own(Protocol):
     def promise(self, fit: Fit) -> float:
         """Chi-square and growth of the log determinant where the fit lies now."""
 
+    def hopeless(self, fit: Fit, best: Fit) -> bool:
+        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
+
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit, and growth of the log determinant."""
 
@@ -238,7 +241,8 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
 
 def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
-    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0])]
+    lowest = min((fit for _, fit in fits), key=lambda f: f.chi2)
+    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0]) and not own.hopeless(f[1], lowest)]
     if len(diffuse) > _REFITTED:
         diffuse = sorted(diffuse, key=lambda f: own.promise(f[1]))[:_REFITTED]
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
