@@ -231,10 +231,11 @@ def _trace(
         tally, stderr, histories, excess, density = trace_by_direction(
             one, grid, reference, beam_nodes, sent, seed, images
         )
-        tallies.append(tally)
+        wanted = np.isin(light_classes(histories), needed)
+        tallies.append(tally[:, wanted])
         errors.append(stderr)
-    classes, relative = light_classes(histories), np.array(errors)
-    used = np.isin(classes, needed) & np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
+    histories, excess, relative = histories[wanted], excess[wanted], np.array(errors)
+    classes, used = light_classes(histories), np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
     rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
     # Light that was never scattered knows no g: the traces are one.
     part, kinds = photons / photons.sum(), list(NEVER_SCATTERED)

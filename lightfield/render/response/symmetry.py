@@ -94,25 +94,20 @@ class MirrorImages:
     def _paired(self) -> np.ndarray:
         return (self.y >= 0) & (self.y != np.arange(len(self.y)))
 
-    def folded(self, tallies: np.ndarray, nodes: AngleNodes) -> np.ndarray:
-        """Tallies of the cells that are kept, each averaged with that of its image at -y.
+    def add_folded(self, out: np.ndarray, tallies: np.ndarray, nodes: AngleNodes) -> None:
+        """Add the tallies of the cells that are kept, each averaged with that of its image at -y.
 
         Parameters
         ----------
+        out : array, shape (n_emission_nodes, n_rows, n_kept)
         tallies : array, shape (n_emission_nodes, n_rows, n_cells)
-
-        Returns
-        -------
-        array, shape (n_emission_nodes, n_rows, n_kept)
         """
-        out = np.ascontiguousarray(tallies[..., self.kept])
-        pairs = np.flatnonzero(self.y[self.kept] >= 0)
-        if self._paired.any():
-            image = nodes.mirrored(False, True)
-            for node in range(nodes.size):
-                out[node][:, pairs] += tallies[image[node]][:, self.y[self.kept[pairs]]]
-                out[node][:, pairs] *= 0.5
-        return out
+        pairs = np.flatnonzero(self.y[self.kept] >= 0) if self._paired.any() else np.zeros(0, int)
+        other, image = self.y[self.kept[pairs]], nodes.mirrored(False, True)
+        for node, tally in enumerate(tallies):
+            own = tally[:, self.kept]
+            own[:, pairs] = 0.5 * (own[:, pairs] + tallies[image[node]][:, other])
+            out[node] += own
 
 
 def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:

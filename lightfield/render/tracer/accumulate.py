@@ -179,7 +179,7 @@ def trace_by_direction(
             reflecting=setup.reflecting,
         )
         by_node = counts.reshape(len(histories), emission_nodes, -1)
-        total += images.folded(by_node.transpose(1, 0, 2), beam_nodes.nodes)
+        images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
         beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
     mean = np.mean(parts, axis=0)

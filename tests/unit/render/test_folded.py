@@ -50,9 +50,11 @@ def test_mirrored_beams_stand_for_mirror_images(lamp: dict[str, float]) -> None:
     every = 0.5 * (every + every[nodes.mirrored(True, False)][:, :, flip_x])
     whole = 0.5 * (every + every[nodes.mirrored(False, True)][:, :, flip_y])
     beam_nodes = BeamNodes(nodes, 4.0)
+    kept = np.zeros((nodes.size, 3, len(images.kept)), np.float32)
+    images.add_folded(kept, every, nodes)
     histories = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0)])
     beams = BeamTallies(
-        [images.folded(every, nodes).astype(np.float32)], histories, beam_nodes,
+        [kept], histories, beam_nodes,
         Sent(np.ones(nodes.n_theta), OPEN_WATER.lamp), z, images, eye_array(len(x), format="csr"),
     )  # fmt: skip
     beam = Scene.from_dict({"lamp": lamp}).lamp
