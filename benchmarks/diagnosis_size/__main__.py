@@ -25,6 +25,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -42,22 +43,50 @@ HIDDEN: dict[str, dict[str, float]] = {
     "nothing": {},
     "offset": {"lamp.offset_x_m": 0.02},
     "three effects": {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": 0.3, "detector.background": 0.01},
+    "scattering": {"water.scattering_per_m": 0.1},
 }
+DIRECT = ("nothing", "offset", "three effects")
+WATERS: dict[str, dict[str, Any]] = {
+    "open water": {},
+    "tank": {"tank": {"wall_albedo": 0.0}},
+    "murky tank": {
+        "water": {"absorption_per_m": 0.12, "scattering_per_m": 0.1},
+        "tank": {"wall_albedo": 0.2},
+    },
+}
+#: Number of readings, what is hidden, where, and whether the places are even.
+TRACED = (
+    (1000, "offset", "open water", True),
+    (10_000, "offset", "open water", True),
+    (10_000, "nothing", "open water", True),
+    (10_000, "scattering", "open water", True),
+    (300, "offset", "tank", False),
+    (1000, "offset", "murky tank", True),
+    (10_000, "offset", "murky tank", True),
+)
 
 TEXT = """\
 # Diagnosis of many readings
 
 Made by `python -m benchmarks.diagnosis_size`; nothing is asserted. Readings on a square grid in five planes
-(4.5 to 8.5 m, 1.8 m wide), taken plane by plane, errors of {noise:g} % and a dark floor; direct light only
-(`--no-trace`), one thread. Processor time in seconds, peak memory of the process in MB (an empty one takes
-about {empty:.0f}).
+(4.5 to 8.5 m, 1.8 m wide), taken plane by plane, errors of {noise:g} % and a dark floor; one thread.
+Processor time in seconds, peak memory of the process in MB (an empty one takes about {empty:.0f}).
 
 ## The whole diagnosis
 
-Nothing hidden; a beam 2 cm off the axis; three effects at once. Where no two explain these, every pair is
-tried, and all is done again within the tolerance: that is the most that a diagnosis does.
+Direct light only (`--no-trace`). Nothing hidden; a beam 2 cm off the axis; three effects at once. Where no
+two explain these, every pair is tried, and all is done again within the tolerance: that is the most that a
+diagnosis does.
 
 {diagnoses}
+
+## With traced light
+
+Scattering, and in a tank walls and surface, are tested too, from responses that are in the cache; "first"
+is the peak memory of the process that traced them. "Uneven" are random places in the same planes. The murky
+tank itself scatters (0.1 per metre), and its walls reflect 20 %.
+
+{traced}
 
 ## Its algebra alone
 
@@ -70,18 +99,29 @@ relative difference in the sum of squares of a column. Up to 512 readings both a
 """
 
 
-def table_of(n: int, hidden: dict[str, float]) -> tuple[Any, Scene]:
+def table_of(
+    n: int, hidden: dict[str, float], water: str = "open water", even: bool = True
+) -> tuple[Any, Scene]:
     """About n readings of a scene with something hidden, and the scene without."""
     side = round((n / len(PLANES_M)) ** 0.5)
     across = np.linspace(-0.9, 0.9, side)
     z, y, x = (a.ravel() for a in np.meshgrid(PLANES_M, across, across, indexing="ij"))
-    believed = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.12}})
+    if not even:
+        places = np.random.default_rng(1)
+        z, x, y = np.sort(places.choice(PLANES_M, n)), *places.uniform(-0.9, 0.9, (2, n))
+    believed = Scene.from_dict(
+        {"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.12}} | WATERS[water]
+    )
     table = Readings.from_arrays(
         x_m=x, y_m=y, z_m=z, value=np.ones(len(z)), stderr=np.full(len(z), np.nan),
         time_s=2.0 * np.arange(len(z)), quantity="irradiance",
     ).check_against(believed)  # fmt: skip
     truth = believed.with_values(hidden)
     light = direct_field(truth, x, y, z)
+    if has_diffuse_light(truth):
+        from lightfield.render.diffuse.source import response_for
+
+        light += response_for(believed, x, y, z).light(truth, [None])[0]
     rng = np.random.default_rng(0)
     return measure(truth, table, Light(light), Instrument(NOISE), rng)[0], believed
 
@@ -97,6 +137,13 @@ def diagnosis(n: int, hidden: str) -> dict[str, Any]:
     """One diagnosis."""
     readings, scene = table_of(n, HIDDEN[hidden])
     found, seconds = clocked(lambda: diagnose(readings, scene, diffuse=None))
+    return {"n": len(readings), "seconds": seconds, "verdict": found.verdict.verdict}
+
+
+def traced(n: int, hidden: str, water: str, even: bool) -> dict[str, Any]:
+    """One diagnosis with scattered and reflected light."""
+    readings, scene = table_of(n, HIDDEN[hidden], water, even)
+    found, seconds = clocked(lambda: diagnose(readings, scene))
     return {"n": len(readings), "seconds": seconds, "verdict": found.verdict.verdict}
 
 
@@ -138,7 +185,10 @@ def measured(what: str, *arguments: Any) -> dict[str, Any]:
 def row(what: str, *arguments: Any) -> dict[str, Any]:
     """Measure here."""
     with threadpool_limits(1, "blas"):
-        made = {"diagnosis": diagnosis, "algebra": algebra, "empty": lambda: {}}[what](*arguments)
+        rows: dict[str, Callable[..., dict[str, Any]]] = {
+            "diagnosis": diagnosis, "traced": traced, "algebra": algebra, "empty": dict,
+        }  # fmt: skip
+        made = rows[what](*arguments)
     return made | {"peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
 
 
@@ -146,12 +196,26 @@ def page(sizes: list[int]) -> str:
     """Measure everything."""
     lines = ["| readings | hidden | verdict | time | memory |", "|---:|---|---|---:|---:|"]
     for n in sizes:
-        for hidden in HIDDEN:
+        for hidden in DIRECT:
             if n > MOST_DENSE and hidden != "nothing":
                 continue
             found = measured("diagnosis", n, hidden)
             told = f"{hidden} | {found['verdict']}"
             lines.append(f"| {found['n']} | {told} | {found['seconds']:.1f} | {found['peak_mb']:.0f} |")
+    paths = [
+        "| readings | places | water | hidden | verdict | time | memory | first |",
+        "|---:|---|---|---|---|---:|---:|---:|",
+    ]
+    seen = set()
+    for n, hidden, water, even in TRACED:
+        if n <= max(sizes):
+            known = (n, water, even) in seen
+            seen.add((n, water, even))
+            first = "-" if known else f"{measured('traced', n, hidden, water, even)['peak_mb']:.0f}"
+            found = measured("traced", n, hidden, water, even)
+            told = f"{'even' if even else 'uneven'} | {water} | {hidden} | {found['verdict']}"
+            cost = f"{found['seconds']:.1f} | {found['peak_mb']:.0f} | {first}"
+            paths.append(f"| {found['n']} | {told} | {cost} |")
     more = [
         "| readings | tolerance | time | memory | dense: time | memory | ratio | chi-square |",
         "|---:|---:|---:|---:|---:|---:|---:|---:|",
@@ -169,7 +233,7 @@ def page(sizes: list[int]) -> str:
             more.append(f"| {ours['n']} | {mine} | {beside} |")
     return TEXT.format(
         noise=100 * NOISE, columns=COLUMNS, empty=measured("empty")["peak_mb"],
-        diagnoses="\n".join(lines), algebra="\n".join(more),
+        diagnoses="\n".join(lines), traced="\n".join(paths), algebra="\n".join(more),
     )  # fmt: skip
 
 

@@ -96,6 +96,11 @@ class SceneForward:
         there = replace(self.readings.subset(np.zeros(n, int)), **columns)
         return SceneForward(self.scene, there, full=self._full, light=self.light.at(there, share))
 
+    def subset(self, rows: NDArray[np.bool_]) -> SceneForward:
+        """The same at some of the readings, of every channel some."""
+        light = self.light.subset(rows)
+        return SceneForward(self.scene, light.readings, full=self._full, light=light)
+
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
         """A copy whose light is scaled, reading by reading, so that at `values` it equals a full render.
 

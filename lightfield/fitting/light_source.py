@@ -38,6 +38,8 @@ class Diffuse(Protocol):
 
     def with_denser(self, other: Self) -> Self: ...
 
+    def some(self, rows: NDArray[np.bool_]) -> Diffuse: ...
+
 
 DiffuseSource = Callable[..., Diffuse]
 
@@ -109,6 +111,8 @@ class LightSource:
         Also trace in this water.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
+    part_of : (LightSource, array of bool), optional
+        Whose readings these are some of, and which: what is traced is traced for all of them.
     """
 
     scene: Scene
@@ -118,6 +122,7 @@ class LightSource:
     dense_per_m: float | None
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
+    part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
 
     @classmethod
     def of(
@@ -132,6 +137,14 @@ class LightSource:
         """The same at the places of other readings, with a part of the photons."""
         trace = partial(self.trace, share=share) if self.trace and share != 1 else self.trace
         return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m)
+
+    def subset(self, rows: NDArray[np.bool_]) -> LightSource:
+        """The same at some of the readings, of every channel some."""
+        correction, stderr = (
+            v if np.ndim(v) == 0 else np.asarray(v)[rows] for v in (self.correction, self.stderr)
+        )
+        some = self.readings.subset(rows)
+        return replace(self, readings=some, correction=correction, stderr=stderr, part_of=(self, rows))
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
         """The same, scaled reading by reading, so that at `values` it is as given with an error."""
@@ -227,6 +240,9 @@ class LightSource:
     @cached_property
     def _response(self) -> Diffuse:
         assert self.trace is not None
+        if self.part_of is not None:
+            whole, rows = self.part_of
+            return whole._response.some(rows)
         r = self.readings
         sent = self.scene.with_values({"lamp.hwhm_deg": self.width_deg}, validate=False)
         response = self.trace(sent, r.x_m, r.y_m, r.z_m)

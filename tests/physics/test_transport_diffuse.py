@@ -11,6 +11,7 @@ from scipy import stats
 
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
+from lightfield.render.diffuse.errors import LEFT_OUT
 from lightfield.render.diffuse.source import DiffuseResponse, response_for
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import cell_of
@@ -107,6 +108,32 @@ def test_dense_water_asks_for_a_trace_near_its_own() -> None:
     # at 0.95 to 1.05 where the farthest reading is 5 m away.
     assert all(trace_for(b, 0.2) >= trace_for(0.71) for b in (0.5, 0.57))
     assert all(trace_for(b, 0.2) == trace_for(1.11) for b in (0.70, 0.80, 0.95, 1.045))
+
+
+def test_some_of_the_readings_are_as_among_all(response: DiffuseResponse) -> None:
+    """Light and errors at three of ten places."""
+    scene, rows = SCENE.with_values({"lamp.offset_x_m": 0.02}), np.arange(10) % 4 == 1
+    modes, smooth = response.errors(scene, [525.0], np.zeros(10, int))
+    some = response.some(rows)
+    few, little = some.errors(scene, [525.0], np.zeros(3, int))
+    np.testing.assert_allclose(some.light(scene, [525.0]), response.light(scene, [525.0])[:, rows])
+    np.testing.assert_allclose(few @ few.T, (modes @ modes.T)[np.ix_(rows, rows)], rtol=1e-9)
+    np.testing.assert_allclose(little, smooth[rows])
+
+
+def test_errors_gathered_by_plane(response: DiffuseResponse, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As contribution by contribution, but for the part of a variance that is left out; in two waters, under
+    a lid and a surface."""
+    channel = np.arange(10) % 2
+    for surface in (0.0, 1.0):
+        scene = SCENE.with_values({"tank.surface_reflectance": surface})
+        modes, _ = response.errors(scene, [450.0, 650.0], channel)
+        with monkeypatch.context() as patch:
+            patch.setattr("lightfield.render.diffuse.response.MANY", 5)
+            few, _ = response.errors(scene, [450.0, 650.0], channel)
+        size = np.linalg.norm(modes, axis=1)
+        apart = np.abs(few @ few.T - modes @ modes.T) / np.outer(size, size)
+        assert 0 < apart.max() < 2 * LEFT_OUT
 
 
 def test_nothing_scattered_nothing_reflected(response: DiffuseResponse) -> None:

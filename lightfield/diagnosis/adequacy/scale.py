@@ -10,11 +10,16 @@ from numpy.polynomial import Chebyshev
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.robust import FEWEST_TO_SCALE, likeliest_scale
-from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
-#: Degree of the polynomials in ln(phi) that stand for the likelihood: one over all that is credible, to find
-#: the place, and one about it. The scale is that of the dense covariance to 2e-4 (test_chain.py).
+#: Degree of the polynomials in ln(phi) that stand for the likelihood where each value of it takes a factor of
+#: its own: one over all that is credible, to find the place, and one about it. The scale is that of the dense
+#: covariance to 2e-4 (test_chain.py).
 _DEGREE = 8
+#: Stays with a gain of their own that are taken as columns of the shared errors.
+_FEW_STAYS = 200
+#: Columns that are whitened at a time, to bound the memory.
+_AT_ONCE = 128
 
 
 def scale_along(
@@ -37,9 +42,15 @@ def scale_along(
         return 1.0
     columns = np.column_stack([rich, residual])
     rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)
-    own = noise.subset(kept)
+    own = noise if kept.all() else noise.subset(kept)
+    coloured = plain.coloured(columns)[kept]
+    (stay, gain), stays = own.stays, np.unique(own.stays[0][own.stays[0] >= 0])
+    if own.budget.position_m == 0 and len(stays) <= _FEW_STAYS:
+        shared = [*own.smooth_parts(tolerance), gain[:, None] * (stay[:, None] == stays)]
+        along = _deviance(own, plain.rho, shared, coloured)
+        return likeliest_scale(lambda low, high: along, rest / spare)
     smooth = own.smooth_columns(tolerance)
-    raw = np.hstack([smooth, plain.coloured(columns)[kept]])
+    raw = np.hstack([smooth, coloured])
     rough = replace(own, photon_modes=None, response_error=None)
     # Amplitudes of the smooth errors have unit variance, those of the rich model may be anything.
     known = np.diag(np.r_[np.ones(smooth.shape[1]), np.zeros(columns.shape[1])])
@@ -51,6 +62,36 @@ def scale_along(
         return float(whiten.log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
 
     def polynomial(low: float, high: float) -> Callable[[float], float]:
-        return Chebyshev.interpolate(np.vectorize(deviance), _DEGREE, domain=[low, high])
+        return Chebyshev.interpolate(np.vectorize(deviance, [float]), _DEGREE, domain=[low, high])
 
     return likeliest_scale(polynomial, rest / spare)
+
+
+def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> Callable[[float], float]:
+    """Deviance as a function of ln(phi) where nothing but the shared errors is beside phi times the own ones:
+    one factor then serves every phi.
+
+    Parameters
+    ----------
+    shared : list of arrays, shape (n, r)
+        Errors of unit amplitude.
+    columns : array, shape (n, k + 1)
+        Rich model and, last, residual.
+    """
+    plain = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+    whiten, parts = Whitener(plain, rho), [*shared, columns]
+    white = np.empty((len(columns), sum(part.shape[1] for part in parts)))
+    at = 0
+    for part in parts:
+        for first in range(0, part.shape[1], _AT_ONCE):
+            some = part[:, first : first + _AT_ONCE]
+            white[:, at : (at := at + some.shape[1])] = whiten(some)
+    gram = white.T @ white
+    known = np.diag((np.arange(at) < at - columns.shape[1]) * 1.0)
+
+    def deviance(log_phi: float) -> float:
+        root = np.linalg.cholesky(gram * np.exp(-log_phi) + known).diagonal()
+        log_determinant = len(white) * log_phi + whiten.log_determinant
+        return float(log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
+
+    return deviance

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, TINY, beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, TINY, beside, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -51,8 +51,6 @@ _CERTAIN = 1000
 _SCAN_POWER = 0.7
 #: Rounding of a sum of squares.
 _ROUNDING = 1e-12
-#: Replicates that are tested at a time, to bound the memory.
-_AT_ONCE = 200
 
 
 @dataclass(frozen=True)
@@ -159,117 +157,158 @@ class AdequacyTest:
     ) -> None:
         self.problem, self.whiten, self.unknowns = problem, whiten, unknowns
         self.noise, self.errors_stated, self.scale = noise, errors_stated, scale
-
-    @cached_property
-    def replicates(self) -> Array:
-        """Whitened noise, shape (n, n_bootstrap)."""
-        return self.noise()
+        self._seen: tuple[Mapping[str, Array], Array] | None = None
 
     def on(self, problem: Problem) -> AdequacyTest:
         """The same test of a problem whose forward model has changed a little."""
         return AdequacyTest(problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale)
 
+    def score(self, fit: Fit) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
+        """Scores of one fit alone, and the amplitudes that they ask for."""
+        free = _moved(fit)
+        scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten))
+        observed = beside(free, fit.residual[:, None])[:, 0]
+        return scores, tuple(s.to_amplitude @ (s.direction.T @ observed) for s in scores)
+
     def __call__(self, fit: Fit) -> Adequacy:
         """Test one fit."""
-        n_kept = int(self.problem.keep.sum())
-        bound = fit.at_bound()
-        free = orthonormal(fit.jacobian[:, ~bound], INDEPENDENT)
-        scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten))
-        testable = [s for s in scores if s.testable]
-        spans = {k: orthonormal(beside(free, self.unknowns[k])) for k in SPANS if self.unknowns[k].shape[1]}
-        together = np.hstack(list(spans.values()) or [np.zeros((len(free), 0))])
-        spans["all"] = orthonormal(together)
-        scans = {k: self._unit(free, self.unknowns[k]) for k in SCANS}
-        directions = [s.direction for s in testable]
-        reach = orthonormal(np.hstack([free, *directions, together, scans["step"], scans["one plane"]]))
-        if n_kept - reach.shape[1] < _FEWEST_BESIDE_ALL:
-            reach = orthonormal(np.hstack([free, *directions, *[v for k, v in spans.items() if k == "x"]]))
-        spare = n_kept - reach.shape[1]
-        taken = spare < FEWEST_SPARE
-        nu = _CERTAIN if taken else spare
-        views = _Views(free, None if taken else reach, testable, spans, scans, nu)
-        chance = np.concatenate(
-            [
-                views.p_values(self.replicates[:, first : first + _AT_ONCE])[0].min(0)
-                for first in range(0, self.replicates.shape[1], _AT_ONCE)
-            ]
-        )
-        observed = beside(free, fit.residual[:, None])
-        seen_p, labels, phi = views.p_values(observed)
+        scores, amplitudes = self.score(fit)
+        replicates = self.noise()
+        if self._seen is None:
+            # Unknowns look at the noise alike whatever was fitted; what the fit takes away goes off below.
+            self._seen = self._unknown(replicates), np.einsum("ij,ij->j", replicates, replicates)
+        unknown, squares = self._seen
+        views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()))
+        chance = views.p_values(replicates, unknown, squares)[0].min(0)
+        residual = fit.residual[:, None]
+        seen_p, labels, phi = views.p_values(residual, self._unknown(residual), (residual**2).sum(0))
         worst = float(seen_p.min())
         p = (1 + int((chance <= worst).sum())) / (1 + len(chance))
-        excess = float(phi[0]) * self.scale / VARIANCE_EXCESS
+        excess, nu = float(phi[0]) * self.scale / VARIANCE_EXCESS, views.nu
         return Adequacy(
             p,
             float(phi[0]),
             nu,
             dict(zip(labels, map(float, seen_p[:, 0]), strict=True)),
             scores,
-            tuple(s.to_amplitude @ (s.direction.T @ observed[:, 0]) for s in scores),
-            float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not taken else 1.0,
-            taken,
+            amplitudes,
+            float(special.chdtrc(nu, nu * excess)) if self.errors_stated and not views.scale_taken else 1.0,
+            views.scale_taken,
             float(np.quantile(chance, ALPHA)),
         )
 
-    @staticmethod
-    def _unit(free: Array, columns: Array) -> Array:
-        before = np.linalg.norm(columns, axis=0)
-        rest = beside(free, columns)
-        after = np.linalg.norm(rest, axis=0)
-        visible = after > _VISIBLE * np.maximum(before, TINY)
-        return np.asarray(rest[:, visible] / after[visible])
+    def _unknown(self, residuals: Array) -> Mapping[str, Array]:
+        return {name: columns.T @ residuals for name, columns in self.unknowns.items()}
+
+
+def _moved(fit: Fit) -> Array:
+    """Orthonormal basis of what a fit moves, shape (n, p)."""
+    return orthonormal(fit.jacobian[:, ~fit.at_bound()], INDEPENDENT)
 
 
 class _Views:
-    """All that a test looks at, as columns that whitened noise is projected on at once.
+    """All that a test looks at beside a fit, as combinations of columns that noise is projected on once.
 
     Parameters
     ----------
     free : array, shape (n, p)
-        Orthonormal basis of what the fit moves; all but `reach` are perpendicular to it.
-    reach : array, shape (n, k), optional
-        Orthonormal basis of all that is not pure error; None: the scale of the errors is taken as stated.
-    scores : list of Score
-    spans, scans : mapping of array, shape (n, k)
+        Orthonormal basis of what the fit moves.
+    scores : tuple of Score
+    unknowns : mapping of array, shape (n, k)
+        Whitened.
+    kept : int
+        Number of readings.
+
+    Attributes
+    ----------
     nu : int
         Degrees of freedom of the pure error.
+    scale_taken : bool
+        Too few: the scale of the errors is taken as stated.
     """
 
     def __init__(
-        self,
-        free: Array,
-        reach: Array | None,
-        scores: list[Score],
-        spans: Mapping[str, Array],
-        scans: Mapping[str, Array],
-        nu: int,
+        self, free: Array, scores: tuple[Score, ...], unknowns: Mapping[str, Array], kept: int
     ) -> None:
-        self.scores, self.spans, self.scans, self.nu = scores, spans, scans, nu
-        self._fitted_in_reach = None if reach is None else reach.T @ free
-        fixed = [free] if reach is None else [free, reach]
-        parts = [*fixed, *(s.direction for s in scores), *spans.values(), *scans.values()]
-        self._ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        self._columns = np.hstack(parts)
+        self.scores = [s for s in scores if s.testable]
+        self._free = free
+        self._directions = np.hstack([*(s.direction for s in self.scores), np.zeros((len(free), 0))])
+        rest = {name: beside(free, columns) for name, columns in unknowns.items()}
+        self._fitted = {name: columns.T @ free for name, columns in unknowns.items()}
+        #: Columns of each scan that the fit leaves visible, and their lengths.
+        self._scans: dict[str, tuple[NDArray[np.bool_], Array]] = {}
+        for name in SCANS:
+            before, after = (np.linalg.norm(each[name], axis=0) for each in (unknowns, rest))
+            visible = after > _VISIBLE * np.maximum(before, TINY)
+            self._scans[name] = visible, after[visible]
+        # Everything that is not pure error, side by side, and where each part of it is.
+        parts = {"effects": self._directions} | {name: rest[name] for name in (*SPANS, "step", "one plane")}
+        for name in ("step", "one plane"):
+            visible, length = self._scans[name]
+            parts[name] = parts[name][:, visible] / length
+        every = np.hstack(list(parts.values()))
+        gram = every.T @ every
+        ends = np.cumsum([part.shape[1] for part in parts.values()])
+        place = {
+            name: slice(end - part.shape[1], end)
+            for end, (name, part) in zip(ends.tolist(), parts.items(), strict=True)
+        }
 
-    def p_values(self, residuals: Array) -> tuple[Array, list[object], Array]:
+        def within(*names: str) -> Array:
+            """Bases of the spans of some parts, one beside the other, in terms of all columns."""
+            out = [np.zeros((len(gram), 0))]
+            for name in names:
+                at = place[name]
+                basis = combined(gram[at, at])
+                out.append(np.zeros((len(gram), basis.shape[1])))
+                out[-1][at] = basis
+            return np.hstack(out)
+
+        def whole(*names: str) -> Array:
+            at = np.r_[tuple(place[name] for name in names)]
+            return np.eye(len(gram))[:, at]
+
+        def basis(columns: Array) -> Array:
+            return columns @ combined(columns.T @ gram @ columns)
+
+        self._spans = {name: within(name) for name in SPANS}
+        self._spans["all"] = basis(within(*SPANS))
+        reach = basis(np.hstack([whole("effects", "step", "one plane"), within(*SPANS)]))
+        if kept - free.shape[1] - reach.shape[1] < _FEWEST_BESIDE_ALL:
+            reach = basis(np.hstack([whole("effects"), within("x")]))
+        spare = kept - free.shape[1] - reach.shape[1]
+        self.scale_taken = spare < FEWEST_SPARE
+        self.nu = _CERTAIN if self.scale_taken else spare
+        self._reach = reach
+        self._parts = tuple(parts)
+
+    def p_values(
+        self, residuals: Array, unknown: Mapping[str, Array], squares: Array
+    ) -> tuple[Array, list[object], Array]:
         """Nominal p of every test, shape (n_tests, m), its name, and the scale of the pure error, shape (m,).
 
         Parameters
         ----------
         residuals : array, shape (n, m)
             Whitened.
+        unknown : mapping of array, shape (k, m)
+            Products of every unknown with them.
+        squares : array, shape (m,)
+            Their sums of squares.
         """
-        nu = self.nu
-        seen = iter(np.split(self._columns.T @ residuals, self._ends))
-        fitted = next(seen)
-        total = np.maximum((residuals**2).sum(0) - (fitted**2).sum(0), 0.0)
+        nu, fitted, directions = self.nu, self._free.T @ residuals, self._directions.T @ residuals
+        seen = {name: unknown[name] - self._fitted[name] @ fitted for name in unknown}
+        scanned = {name: seen[name][at] / length[:, None] for name, (at, length) in self._scans.items()}
+        every = np.vstack([({"effects": directions} | seen | scanned)[name] for name in self._parts])
+        total = np.maximum(squares - (fitted**2).sum(0), 0.0)
         phi = np.ones_like(total)
-        if self._fitted_in_reach is not None:
-            reached = next(seen) - self._fitted_in_reach @ fitted
-            phi = np.maximum(total - (reached**2).sum(0), _ROUNDING * total + TINY) / nu
+        if not self.scale_taken:
+            reached = ((self._reach.T @ every) ** 2).sum(0)
+            phi = np.maximum(total - reached, _ROUNDING * total + TINY) / nu
         best: dict[object, Array] = {}
+        first = 0
         for score in self.scores:
-            projected = next(seen)
+            projected = directions[first : (first := first + score.direction.shape[1])]
             q = len(projected)
             if q == 1:
                 z = projected[0] / np.sqrt(phi)
@@ -281,12 +320,10 @@ class _Views:
             else:
                 p = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
             best[score.key] = np.minimum(best[score.key], p) if score.key in best else p
-        for name in self.spans:
-            projected = next(seen)
-            if q := len(projected):
-                best["~" + name] = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
-        for name in self.scans:
-            projected = next(seen)
+        for name, basis in self._spans.items():
+            if q := basis.shape[1]:
+                best["~" + name] = special.fdtrc(q, nu, ((basis.T @ every) ** 2).sum(0) / q / phi)
+        for name, projected in scanned.items():
             if k := len(projected):
                 z = np.abs(projected).max(0) / np.sqrt(phi)
                 best["~" + name] = np.minimum(2 * k**_SCAN_POWER * special.stdtr(nu, -z), 1.0)

@@ -31,6 +31,30 @@ def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
     return np.asarray(u[:, s > tolerance * s[0]])
 
 
+def combined(gram: Array, tolerance: float = DISTINCT) -> Array:
+    """`orthonormal` of columns that are known by their products: the basis as combinations of them.
+
+    Parameters
+    ----------
+    gram : array, shape (k, k)
+        Products of the columns with each other.
+
+    Returns
+    -------
+    array, shape (k, rank)
+    """
+    norm = np.sqrt(np.maximum(gram.diagonal(), 0.0))
+    usable = np.flatnonzero(norm > np.sqrt(TINY))
+    out = np.zeros((len(gram), 0))
+    if len(usable) == 0:
+        return out
+    square, directions = np.linalg.eigh(gram[np.ix_(usable, usable)] / np.outer(norm[usable], norm[usable]))
+    strong = square > tolerance**2 * square[-1]
+    out = np.zeros((len(gram), int(strong.sum())))
+    out[usable] = directions[:, strong] / np.sqrt(square[strong]) / norm[usable, None]
+    return out
+
+
 def beside(basis: Array, columns: Array) -> Array:
     """Columns minus their projection on an orthonormal basis (twice, against rounding)."""
     rest = columns - basis @ (basis.T @ columns)

@@ -151,7 +151,21 @@ def ripples(layout: Layout, period_rad: float, phases: int) -> list[Array]:
     return [np.cos(2 * np.pi * layout.angle_rad / period_rad + np.pi * k / phases) for k in range(phases)]
 
 
-def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[str, Array]:
+def _scans(layout: Layout) -> dict[str, list[Array]]:
+    scans: dict[str, list[Array]] = {
+        "bump": _bumps(layout), "step": [], "one plane": [],
+        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, _PHASES)],
+    }  # fmt: skip
+    if layout.has_time:
+        scans["step"] = [np.sign(layout.phase_of_scan - at) for at in _STEPS]
+    if layout.plane.max() > 0:
+        scans["one plane"] = [(layout.plane == k) * 1.0 for k in range(int(layout.plane.max()) + 1)]
+    return scans
+
+
+def smooth_unknowns(
+    layout: Layout, sigma: Array, prediction: Array, with_scans: bool = True
+) -> Mapping[str, Array]:
     """Readings' changes by unknown causes, each an array of shape (n, k), before whitening.
 
     "x", "plane", "time" are spans (any combination); "bump", "ripple", "step", "one plane" scans (any single
@@ -160,16 +174,11 @@ def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[
     """
     factor = np.clip(prediction, 0, None)
     spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
-    scans: dict[str, list[Array]] = {
-        "bump": _bumps(layout), "step": [], "one plane": [],
-        "ripple": [c for period in ripple_periods_rad(layout) for c in ripples(layout, period, _PHASES)],
-    }  # fmt: skip
     if layout.has_time:
-        phase = layout.phase_of_scan
-        spans["time"] = _cosines(phase, _TIME_TERMS if layout.size >= _MANY else _TIME_TERMS_OF_FEW)
-        scans["step"] = [np.sign(phase - at) for at in _STEPS]
-    if layout.plane.max() > 0:
-        scans["one plane"] = [(layout.plane == k) * 1.0 for k in range(int(layout.plane.max()) + 1)]
+        spans["time"] = _cosines(
+            layout.phase_of_scan, _TIME_TERMS if layout.size >= _MANY else _TIME_TERMS_OF_FEW
+        )
+    scans = _scans(layout) if with_scans else {}
     empty = np.zeros((layout.size, 0))
     out: dict[str, Array] = {}
     for name, columns in {**spans, **scans}.items():
@@ -178,8 +187,8 @@ def smooth_unknowns(layout: Layout, sigma: Array, prediction: Array) -> Mapping[
     return out
 
 
-def whitened_unknowns(problem: Problem, whiten: Whitener) -> dict[str, Array]:
+def whitened_unknowns(problem: Problem, whiten: Whitener, with_scans: bool = True) -> dict[str, Array]:
     """`smooth_unknowns` of the readings that are kept, whitened."""
     noise = whiten.noise
-    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction)
+    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction, with_scans)
     return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}

@@ -10,7 +10,7 @@ Cholesky factor itself, not another root of the covariance.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,9 +51,10 @@ class Link:
     decay: Array
 
     @cached_property
-    def _unchanged(self) -> bool:
+    def _kept(self) -> Rows | None:
+        """What decays of a state whose numbers stay in place."""
         same = len(self.source) == self.out.shape[1] and (self.source == np.arange(len(self.source))).all()
-        return bool(same and (self.decay == 1).all())
+        return np.flatnonzero(self.decay != 1) if same else None
 
     @cached_property
     def _taken(self) -> tuple[Rows, Array]:
@@ -62,7 +63,10 @@ class Link:
 
     def carry(self, state: Array) -> Array:
         """The old state, shape (s, k), as part of the new one, shape (s', k)."""
-        if self._unchanged:
+        if self._kept is not None:
+            if len(self._kept):
+                state = state.copy()
+                state[self._kept] *= self.decay[self._kept, None]
             return state
         source, factor = self._taken
         return factor * state[source] if len(state) else np.zeros((len(source), state.shape[1]))
@@ -103,7 +107,8 @@ class ChainFactor:
             self.log_determinant += 2 * float(np.log(np.diag(root)).sum())
             gain = gain @ inverse.T
             known = link.carry(link.carry(known).T) + gain @ gain.T
-            self._links.append((link, root, inverse, gain))
+            nothing = np.zeros((0, 0))  # what the factor holds is not kept twice
+            self._links.append((replace(link, own=nothing, into=nothing), root, inverse, gain))
 
     def white(self, columns: Array) -> Array:
         """L^-1 times columns of shape (n, k)."""

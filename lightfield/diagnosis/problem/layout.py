@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ class Layout:
             return np.zeros(self.size)
         return np.asarray((self.time_s - self.time_s.min()) / np.ptp(self.time_s) - 0.5)
 
-    @property
+    @cached_property
     def angle_rad(self) -> Array:
         """Angle from the lamp's axis, shape (n,)."""
         return np.asarray(np.arctan2(np.hypot(self.x_m, self.y_m), self.z_m))

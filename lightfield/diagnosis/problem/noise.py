@@ -4,7 +4,7 @@ it."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,8 @@ FEW, BLOCK = 512, 128
 _LEFT_OUT, _ROUNDING = 1e-4, 1e-11
 #: Added to a correlation matrix, so that readings of one moment leave it positive definite.
 _JITTER = 1e-9
+#: Photons' contributions are taken as they are where there are so many times more readings.
+_SMALL_RANK = 8
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -182,6 +184,9 @@ class Noise:
         No variance differs by more than `_LEFT_OUT` times that of the reading's own noise.
         """
         if tolerance not in self._smooth_columns:
+            if self._few_modes:
+                self._smooth_columns[tolerance] = np.hstack(self.smooth_parts(tolerance))
+                return self._smooth_columns[tolerance]
             own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
 
             def between(a: Labels, b: Labels) -> Array:
@@ -190,6 +195,17 @@ class Noise:
             few = max(_LEFT_OUT, _ROUNDING * float(variance.max()))
             self._smooth_columns[tolerance] = own[:, None] * low_rank(between, variance, few)
         return self._smooth_columns[tolerance]
+
+    @property
+    def _few_modes(self) -> bool:
+        modes = self.photon_modes
+        return modes is not None and 0 < _SMALL_RANK * modes.shape[1] < self.layout.size
+
+    def smooth_parts(self, tolerance: float) -> list[Array]:
+        """The same, not yet side by side: what photons contribute apart, where that is little."""
+        if not self._few_modes or self.photon_modes is None:
+            return [self.smooth_columns(tolerance)]
+        return [replace(self, photon_modes=None).smooth_columns(tolerance), self.photon_modes]
 
     def extra(self, tolerance: float, rows: Labels | None = None) -> Array:
         """Covariance of all or some readings that does not scale with the quoted errors, shape (n, n)."""
@@ -261,6 +277,7 @@ class Whitener:
         self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
         self._sigma: Array | None = None
         self._order: Labels | None = None
+        self._of: dict[bytes, Whitener] = {}
         if rho == 0 and noise.independent(tolerance):
             variance = noise.variance(phi, tolerance)
             self._sigma = np.sqrt(variance)
@@ -294,6 +311,13 @@ class Whitener:
         out = np.empty(two.shape)
         out[self._order] = factor(two[self._order])
         return out.reshape(columns.shape)
+
+    def of(self, rows: NDArray[np.bool_]) -> Whitener:
+        """The same of some of the readings."""
+        key = rows.tobytes()
+        if key not in self._of:
+            self._of[key] = Whitener(self.noise.subset(rows), self.rho, self.phi, self.tolerance)
+        return self._of[key]
 
     def replicates(self, rng: np.random.Generator, count: int) -> Array:
         """Whitened noise, shape (n, count)."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import FitParameter, Model
@@ -18,6 +21,13 @@ Explanation = tuple[Candidate, ...]
 
 #: Steps of a fit at most, and what a further one would have to gain in chi-square.
 _STEPS, _LEFT = 40, 1e-3
+#: Fits to more readings than this begin with a sample of so many.
+MANY, SAMPLE = 3000, 1500
+#: Chi-square by which fits to the sample are worse than the best, in units of what scatters: up to the first
+#: they may be the best of all readings, beyond the second they are out of the question.
+_AS_GOOD, FAR_BEHIND = 12.0, 100.0
+#: Fits to the sample that differ by less found the same minimum: a fit stops at a hundredth of chi-square.
+_SAME = 1e-2
 
 
 @dataclass(frozen=True)
@@ -65,6 +75,56 @@ class Problem:
                 best = fit
         assert best is not None, "a fit needs a start"
         return best
+
+    def rough(self, explanation: Explanation, whiten: Whiten, start: Array, max_steps: int) -> Fit:
+        """A fit of a few steps, to a sample of many readings: its chi-square ranks it among its like."""
+        if self.sample is None or not isinstance(whiten, Whitener):
+            return self.fit(explanation, whiten, [start], max_steps)
+        rows, problem = self.sample
+        return problem.fit(explanation, whiten.of(rows), [start], max_steps)
+
+    def fit_all(self, begun: Sequence[tuple[Explanation, Sequence[Array]]], whiten: Whiten) -> list[Fit]:
+        """The best fit of every explanation, each from several starts.
+
+        Of many readings, what a sample shows to be far behind the best is left as the sample tells it.
+        """
+        if self.sample is None or not isinstance(whiten, Whitener):
+            return [self.fit(explanation, whiten, starts) for explanation, starts in begun]
+        rows, problem = self.sample
+        rough = [[problem.fit(e, whiten.of(rows), [start]) for start in starts] for e, starts in begun]
+        lowest = min((fit.chi2 for fits in rough for fit in fits), default=0.0)
+        scatter = max(1.0, lowest / len(problem.value))
+        out = []
+        for (explanation, _), fits in zip(begun, rough, strict=True):
+            best = min(fits, key=lambda f: f.chi2)
+            if best.chi2 - lowest > FAR_BEHIND * scatter:
+                out.append(self.fit(explanation, whiten, [best.u], max_steps=0))
+            else:
+                near = [f.u for f in fits if f is best or self._may_be_as_good(f, best, scatter)]
+                out.append(self.fit(explanation, whiten, near))
+        return out
+
+    @staticmethod
+    def _may_be_as_good(fit: Fit, best: Fit, scatter: float) -> bool:
+        """Is it another minimum of a sample than the best one, and not much worse?"""
+        return _SAME * scatter < fit.chi2 - best.chi2 < _AS_GOOD * scatter
+
+    @cached_property
+    def sample(self) -> tuple[NDArray[np.bool_], Problem] | None:
+        """Which readings stand for many: of every few that follow each other in a channel one at random."""
+        if len(self.value) <= MANY:
+            return None
+        layout, every = self.layout, len(self.value) / SAMPLE
+        place = every * (np.arange(SAMPLE) + np.random.default_rng(0).random(SAMPLE))
+        rows = np.zeros(layout.size, bool)
+        rows[layout.order[place.astype(int)]] = True
+        if len(np.unique(layout.channel[rows])) <= layout.channel.max():
+            return None
+        some = replace(
+            self, forward=self.forward.subset(rows), layout=layout.subset(rows), value=self.value[rows],
+            keep=self.keep[rows],
+        )  # fmt: skip
+        return rows, some
 
     def default_start(self, base: Array, explanation: Explanation, fraction: float = 1.0) -> Array:
         """Base coordinates followed by typical amplitudes and the first shapes of each effect."""

@@ -15,10 +15,10 @@ from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, SceneForward
-from lightfield.fitting.light_source import DiffuseSource, has_diffuse_light
+from lightfield.fitting.light_source import DiffuseSource, beam_width_deg, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
-from lightfield.render.diffuse.source import response_for
+from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
@@ -61,8 +61,9 @@ _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
 #: which the model may be wrong in its own way.
 MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
-#: Memory of traced light grows with the square of the places that it is wanted at (2.4 GB at so many).
-MOST_TRACED = 3000
+#: Memory of traced light grows with the cells that are tallied for the places it is wanted at (0.6 to 0.9 GB
+#: for so many, benchmarks/diagnosis_size); a place by itself takes up to nine.
+MOST_CELLS, CELLS_ALONE = 3000, 9
 
 
 def budget_of(readings: Readings) -> Budget:
@@ -297,29 +298,39 @@ def source_of(
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
     readings : Readings
-        At more places than light is traced at, it is done without if the scene has none.
+        Where light would be traced in too many cells, it is done without if the scene has none.
 
     Raises
     ------
     FitError
-        Light of the scene itself would have to be traced at too many places.
+        Light of the scene itself would have to be traced in too many cells.
     """
     if diffuse is None:
         return None, "scattered and reflected light was not traced"
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
-    at = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
-    places = len(np.unique(np.round(at, PLACE_DECIMALS), axis=0)) if len(at) > MOST_TRACED else 0
-    if places > MOST_TRACED:
+    if (cells := _cells(scene, readings)) > MOST_CELLS:
         if has_diffuse_light(scene):
             raise FitError(
-                "too many places to trace the scene's scattered and reflected light",
+                "the scene's scattered and reflected light is wanted at too many places",
                 where=readings.source or None,
-                found=f"{places} places",
-                rule=f"at most {MOST_TRACED}",
-                remedy="diagnose a part of the readings, every third one, say",
+                found=f"{cells} cells to trace it in, around {len(readings)} readings",
+                rule=f"at most {MOST_CELLS}",
+                remedy="diagnose a part of the readings, or round z_m: every distance has cells of its own",
             )
-        return None, f"scattered and reflected light is traced at no more than {MOST_TRACED} places"
+        return None, (
+            f"scattered and reflected light would have to be traced in {cells} cells around the readings, "
+            f"of at most {MOST_CELLS}"
+        )
     if callable(diffuse):
         return diffuse, None
     return response_for, None
+
+
+def _cells(scene: Scene, readings: Readings) -> int:
+    """Cells that light would be traced in; 0 where they cannot be too many."""
+    places = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
+    if CELLS_ALONE * len(np.unique(np.round(places, PLACE_DECIMALS), axis=0)) <= MOST_CELLS:
+        return 0
+    seen = scene.with_values({"lamp.hwhm_deg": beam_width_deg(scene, readings)}, validate=False)
+    return cells_for(seen, *places.T)

@@ -16,7 +16,7 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.own_errors import from_valleys, objective, under_own_errors
+from lightfield.diagnosis.search.own_errors import from_valleys, objective, on_sample, under_own_errors
 from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
@@ -49,6 +49,13 @@ class Description:
     to_trace_per_m: float | None = None
 
 
+def _judged(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> tuple[Whitener, Fit]:
+    """A single effect under its own errors; of many readings by a sample."""
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    diffuse = explanation[0].effect.diffuse
+    return from_valleys(some, explanation, there, own) if diffuse else (own, there)
+
+
 def describe(
     problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[Fitted]
 ) -> Description:
@@ -64,12 +71,13 @@ def describe(
     n = int(problem.keep.sum())
     few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
 
-    def misses(whiten: Whitener, fit: Fit) -> bool:
-        unknowns = whitened_unknowns(problem, whiten)
-        test = AdequacyTest(problem, whiten, unknowns, lambda: few, errors_stated)
+    def test_under(whiten: Whitener) -> AdequacyTest:
+        return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+
+    def misses(test: AdequacyTest, fit: Fit) -> bool:
         return min(test(fit).tests.values()) < _MISSED
 
-    test = AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+    test = test_under(whiten)
     at_base = test(base)
     if min(at_base.tests.values()) > _MISSED:
         return Description((), base)
@@ -80,21 +88,21 @@ def describe(
     ranked = [Tried(e, f, f.chi2) for e, f in known]
     # Light of few photons has large errors: which effect is the best shows only under its own.
     near = [(e, f) for e, f in known if f.chi2 < FAR_FROM_BEST * known[0][1].chi2]
-    judged = [
-        from_valleys(problem, e, f, whiten, whiten.noise) if e[0].effect.diffuse else (whiten, f)
-        for e, f in near
-    ]
+    judged = [_judged(problem, e, f, whiten) for e, f in near]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
+    if problem.sample is not None:
+        own, fit = whiten, best[1]
+        if best[0][0].effect.diffuse:
+            own, fit = under_own_errors(problem, best[0], fit, whiten, rounds=1)
     missing = problem.forward.light.to_trace([fit.values])
-    if misses(whiten, best[1]) and misses(own, fit):
+    if misses(test, best[1]) and (own is whiten or misses(test_under(own), fit)):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
         best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        asked = problem.forward.light.to_trace(
-            [under_own_errors(problem, *best, whiten, whiten.noise)[1].values]
-        )
+        some, there, own = on_sample(problem, *best, whiten)
+        asked = problem.forward.light.to_trace([under_own_errors(some, best[0], there, own)[1].values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
     known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]

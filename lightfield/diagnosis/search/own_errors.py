@@ -6,6 +6,7 @@ where few photons carry it. A fit moves the scene, and with it the errors that i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,40 +29,64 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
 
 
 def under_own_errors(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, rounds: int = _ROUNDS
 ) -> tuple[Whitener, Fit]:
     """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
-    for _ in range(_ROUNDS):
-        whiten = Whitener(with_response_error(problem, noise, fit), whiten.rho, whiten.phi, whiten.tolerance)
+    for _ in range(rounds):
+        noise = with_response_error(problem, whiten.noise, fit)
+        whiten = Whitener(noise, whiten.rho, whiten.phi, whiten.tolerance)
         fit = problem.fit(explanation, whiten, [fit.u])
     return whiten, fit
 
 
 def from_valleys(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener
 ) -> tuple[Whitener, Fit]:
     """The same for a single effect: water between two traced ones may look right only because neither trace
     says much of it, so that dense water is looked for at the traced one as well."""
-    found = [under_own_errors(problem, explanation, fit, whiten, noise)]
+    found = [under_own_errors(problem, explanation, fit, whiten)]
     more = problem.forward.light.factor_to_traced(found[0][1].values)
     if abs(more - 1) > FAR_FROM_TRACED:
         (candidate,), u = explanation, fit.u.copy()
         for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
             u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)
         there = problem.fit(explanation, whiten, [u], max_steps=0)
-        found.append(under_own_errors(problem, explanation, there, whiten, noise))
+        found.append(under_own_errors(problem, explanation, there, whiten))
     return min(found, key=objective)
 
 
 def from_shapes(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, noise: Noise
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener
 ) -> tuple[Whitener, Fit]:
     """The same, at every shape: errors that grow with an effect move the valleys of its shapes."""
-    best = from_valleys(problem, explanation, fit, whiten, noise)
+    best = from_valleys(problem, explanation, fit, whiten)
     other = restarted(problem, explanation, best[1], best[0])
     if other is not best[1]:
-        best = min(best, under_own_errors(problem, explanation, other, whiten, noise), key=objective)
+        best = min(best, under_own_errors(problem, explanation, other, whiten), key=objective)
     return best
+
+
+def on_sample(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener
+) -> tuple[Problem, Fit, Whitener]:
+    """A fit as a sample of many readings sees it, see `Problem.sample`; of few all is as it was."""
+    if problem.sample is None:
+        return problem, fit, whiten
+    rows, some = problem.sample
+    return some, some.fit(explanation, whiten.of(rows), [fit.u], max_steps=0), whiten.of(rows)
+
+
+def refitted(
+    settle: Callable[[Problem, Explanation, Fit, Whitener], tuple[Whitener, Fit]],
+    problem: Problem,
+    explanation: Explanation,
+    fit: Fit,
+    whiten: Whitener,
+) -> tuple[Whitener, Fit]:
+    """What one of these gives; of many readings where a sample leads, and from there to all of them."""
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    found = settle(some, explanation, there, own)
+    return found if some is problem else under_own_errors(problem, explanation, found[1], whiten, rounds=1)
 
 
 def objective(found: tuple[Whitener, Fit]) -> float:

@@ -9,8 +9,9 @@ description is not yet a finding; it only says where the readings lie without ca
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -30,9 +31,14 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Ad
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.diagnosis.search.description import Description, describe
-from lightfield.diagnosis.search.own_errors import from_shapes, under_own_errors, with_response_error
+from lightfield.diagnosis.search.own_errors import (
+    from_shapes,
+    refitted,
+    under_own_errors,
+    with_response_error,
+)
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
@@ -67,6 +73,11 @@ class Prepared:
     to_trace_per_m: float | None = None
     doubted: bool = False
 
+    @cached_property
+    def whitenings(self) -> dict[float, tuple[Whitener, Mapping[str, Array]]]:
+        """Whitening and whitened unknowns by tolerance, once they are made."""
+        return {}
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -79,7 +90,8 @@ class Bench:
 
 
 def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
-    return rich_basis(fit, bank(problem, fit, whiten), whitened_unknowns(problem, whiten), with_time)
+    unknowns = whitened_unknowns(problem, whiten, with_scans=False)
+    return rich_basis(fit, bank(problem, fit, whiten), unknowns, with_time)
 
 
 def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
@@ -216,6 +228,14 @@ def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) 
 
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
+    if tolerance not in prepared.whitenings:
+        whiten = _whitening(prepared, tolerance)
+        prepared.whitenings[tolerance] = whiten, whitened_unknowns(prepared.problem, whiten)
+    return _bench(prepared, *prepared.whitenings[tolerance], rng)
+
+
+def _whitening(prepared: Prepared, tolerance: float) -> Whitener:
+    """By all errors, the quoted ones scaled to the scatter beside the richest model."""
     problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
     quoted_alone = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
     plain = Whitener(quoted_alone, rho)
@@ -226,16 +246,28 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
         phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
     else:
         phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep)
-    return _bench(prepared, Whitener(noise, rho, phi, tolerance), rng)
+    return Whitener(noise, rho, phi, tolerance)
 
 
-def _bench(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Bench:
+def _bench(
+    prepared: Prepared,
+    whiten: Whitener,
+    unknowns: Mapping[str, Array],
+    rng: np.random.Generator,
+    kept: bool = True,
+) -> Bench:
+    """Bench of one whitening; its replicates are kept for the next fit, or drawn again."""
     problem = prepared.problem
-    unknowns = whitened_unknowns(problem, whiten)
-    # Drawn now, worked out when tested: what is drawn must not depend on what was tested before.
-    white = whiten.replicates(rng, REPLICATES)
-    noise, scale = cache(partial(_with_serial, whiten, prepared.serial, white)), whiten.phi * prepared.excess
-    test = AdequacyTest(problem, whiten, unknowns, noise, prepared.errors_stated, scale)
+    # Passed over now, drawn when tested: what is drawn must not depend on what was tested before.
+    drawn = deepcopy(rng)
+    whiten.replicates(rng, REPLICATES)
+
+    def noise() -> Array:
+        return _with_serial(whiten, prepared.serial, whiten.replicates(deepcopy(drawn), REPLICATES))
+
+    scale = whiten.phi * prepared.excess
+    often = cache(noise) if kept else noise
+    test = AdequacyTest(problem, whiten, unknowns, often, prepared.errors_stated, scale)
     return Bench(whiten, test, unknowns, whiten.phi)
 
 
@@ -271,10 +303,26 @@ class OwnErrors:
         residual = whiten(problem.keep * (problem.value - fit.prediction))
         return float(residual @ residual) + whiten.log_determinant - main.log_determinant
 
+    def hopeless(self, fit: Fit, best: Fit) -> bool:
+        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
+        if self.prepared.problem.sample is None:
+            return False
+        rows, problem = self.prepared.problem.sample
+        main = self.main.whiten.of(rows)
+        own = with_response_error(problem, self.prepared.noise.subset(rows), fit)
+        whiten = Whitener(own, main.rho, main.phi, main.tolerance)
+        mine, other = (
+            float((w(problem.keep * (problem.value - f.prediction[rows])) ** 2).sum())
+            for w, f in ((whiten, fit), (main, best))
+        )
+        behind = mine + whiten.log_determinant - main.log_determinant - other
+        return behind > FAR_BEHIND * max(1.0, other / len(problem.value))
+
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit from where the last one lies, and growth of the log determinant."""
         settle = from_shapes if len(explanation) == 1 else under_own_errors
-        problem, noise = self.prepared.problem, self.prepared.noise
-        whiten, best = settle(problem, explanation, fit, self.main.whiten, noise)
+        problem = self.prepared.problem
+        whiten, best = refitted(settle, problem, explanation, fit, self.main.whiten)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
-        return _bench(self.prepared, whiten, self.rng).test, best, growth
+        unknowns = whitened_unknowns(problem, whiten)
+        return _bench(self.prepared, whiten, unknowns, self.rng, kept=False).test, best, growth

@@ -38,7 +38,7 @@ def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
 def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
     """The fit, or a better one begun at another shape: a few steps from each, all the way from the best."""
     starts = with_shapes(fit, explanation)
-    rough = [problem.fit(explanation, whiten, [s], max_steps=ROUGH_STEPS) for s in starts]
+    rough = [problem.rough(explanation, whiten, s, max_steps=ROUGH_STEPS) for s in starts]
     if not rough:
         return fit
     other = problem.fit(explanation, whiten, [min(rough, key=lambda f: f.chi2).u])

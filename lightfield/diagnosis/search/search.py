@@ -133,6 +133,9 @@ class Own(Protocol):
     def promise(self, fit: Fit) -> float:
         """Chi-square and growth of the log determinant where the fit lies now."""
 
+    def hopeless(self, fit: Fit, best: Fit) -> bool:
+        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
+
     def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
         """Test, fit, and growth of the log determinant."""
 
@@ -172,27 +175,32 @@ def fit_singles(
         forms[candidate.key] = candidate
         first = starts.setdefault(candidate.key, [])
         first.append(_start(base.u, [(score, amplitude)], (candidate,)))
-    out: list[Fitted] = []
+    begun: list[tuple[Explanation, list[Array]]] = []
     for key, candidate in forms.items():
         chosen = starts[key]
         if (done := before.get(_key((candidate,)))) is not None:
             chosen = [done]
         elif len(chosen) > 1:
             # A few steps from every grid point of the shape, then all the way from the best.
-            rough = [problem.fit((candidate,), test.whiten, [s], max_steps=ROUGH_STEPS) for s in chosen]
+            rough = [problem.rough((candidate,), test.whiten, s, max_steps=ROUGH_STEPS) for s in chosen]
             best = sorted(rough, key=lambda f: f.chi2)[:_SHAPES_FINISHED]
             chosen = [f.u for f in best]
         else:
             chosen = [*chosen, problem.default_start(base.u, (candidate,))]
-        out.append(((candidate,), problem.fit((candidate,), test.whiten, chosen)))
-    return out
+        begun.append(((candidate,), chosen))
+    fits = problem.fit_all(begun, test.whiten)
+    return [(explanation, fit) for (explanation, _), fit in zip(begun, fits, strict=True)]
 
 
-def _extensions(problem: Problem, single: Tried, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
+def _extensions(
+    problem: Problem, single: Tried, test: AdequacyTest
+) -> list[tuple[float, Explanation, Array]]:
     """Pairs that contain a fitted single effect, with the chi-square the score promises."""
+    known = single.adequacy
+    scores, amplitudes = (known.scores, known.amplitudes) if known else test.score(single.fit)
     found: dict[tuple[str, str], tuple[float, Explanation, Array]] = {}
     (held,) = single.explanation
-    for score, amplitude in zip(at.scores, at.amplitudes, strict=True):
+    for score, amplitude in zip(scores, amplitudes, strict=True):
         candidate = score.template.candidate
         if not score.testable or not candidate.effect.combines_with(held.effect):
             continue
@@ -245,7 +253,8 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
 
 def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
-    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0])]
+    lowest = min((fit for _, fit in fits), key=lambda f: f.chi2)
+    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0]) and not own.hopeless(f[1], lowest)]
     if len(diffuse) > _REFITTED:
         diffuse = sorted(diffuse, key=lambda f: own.promise(f[1]))[:_REFITTED]
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
@@ -285,7 +294,7 @@ def fit_pairs(
     """
     extended: list[tuple[float, Explanation, Array]] = []
     for single in singles[:_SINGLES_EXTENDED]:
-        extended += _extensions(problem, single, single.adequacy or (single.test or test)(single.fit))
+        extended += _extensions(problem, single, single.test or test)
     chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
     for ranked, limit in (
         (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
@@ -304,11 +313,12 @@ def fit_pairs(
     begun: list[Fitted] = []
     for key, starts in chosen.items():
         steps, starts = (_FEW, [before[key]]) if key in before else (_ROUGH, starts)
-        rough = [(pair, problem.fit(pair, test.whiten, [u], max_steps=steps)) for pair, u in starts]
+        rough = [(pair, problem.rough(pair, test.whiten, u, max_steps=steps)) for pair, u in starts]
         begun.append(min(rough, key=lambda f: f[1].chi2))
     begun.sort(key=lambda f: f[1].chi2)
     most = _FINISHED if thorough else _QUICK
-    finished = [(pair, problem.fit(pair, test.whiten, [fit.u])) for pair, fit in begun[:most]]
+    ends = problem.fit_all([(pair, [fit.u]) for pair, fit in begun[:most]], test.whiten)
+    finished = [(pair, fit) for (pair, _), fit in zip(begun, ends, strict=False)]
     finished.sort(key=lambda f: f[1].chi2)
     for i, (pair, fit) in enumerate(finished[: _RESTARTED if thorough else 0]):
         if _key(pair) not in before:

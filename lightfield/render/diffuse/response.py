@@ -28,6 +28,7 @@ from scipy.sparse import csr_array, diags_array
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
+from lightfield.render.diffuse.errors import MANY, Noise, by_plane
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.reflected.light import ReflectedLight, lagrange
@@ -73,24 +74,6 @@ class Traced(NamedTuple):
     relative_stderr: Array
     rows: TransportResponse
     part: Array
-
-
-class Noise(NamedTuple):
-    """Monte Carlo errors of the light of one class and one trace.
-
-    Parameters
-    ----------
-    passed_on : list of n_waters sparse arrays, shape (n_cells, n_cells)
-        Change of the light in one cell with the relative error in another.
-    roots : array, shape (n_waters, n_waters, n_cells)
-        Relative errors in every cell as independent contributions, which waters share.
-    images : array of 0 and 1, shape (n_cells, n_sets)
-        Which cells share their photons.
-    """
-
-    passed_on: list[Any]
-    roots: Array
-    images: Array
 
 
 @dataclass(frozen=True)
@@ -191,6 +174,15 @@ class DiffuseResponse:
         """The same, with what a trace in denser water says of waters like that one."""
         return replace(self, denser=other)
 
+    def some(self, rows: NDArray[np.bool_]) -> DiffuseResponse:
+        """At some of the readings, from the same traces."""
+        return replace(
+            self,
+            shift=self.shift.some(rows),
+            reflected=self.reflected and self.reflected.some(rows),
+            denser=self.denser and self.denser.some(rows),
+        )
+
     def _share_of_denser(self, b: Array) -> Array:
         """How much of each water is left to the denser response; smooth in b, shape (n_waters,).
 
@@ -258,6 +250,9 @@ class DiffuseResponse:
         per_light = 1 / np.maximum(total, DARK * total.max(axis=1, keepdims=True, initial=1e-290))
         open_top = self.under_surface is not None and scene.surface_reflects
         walls = (self.under_surface if open_top and self.under_surface else self).wall_smoother
+        if self.shift.asked > MANY:
+            every = by_plane(self.shift, parts, per_light, walls, channel)
+            return every / np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1)
         modes = []
         for kind, (_, noises) in parts.items():
             for noise in noises:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from scipy import sparse
 
@@ -36,6 +38,8 @@ class Shift:
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
         self.cell_z_m = cells.z
+        #: Number of readings, of which there may be `some`.
+        self.asked = len(self.cell)
         # Readings of several colours at one place are moved alike.
         places = np.stack([x_m, y_m, z_m], axis=1)
         _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
@@ -45,7 +49,8 @@ class Shift:
         # Variances of a place within its cell.
         self._vx, self._vy = grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12
         # Straight to the readings, from the few cells around each.
-        quadratics = [cells.quadratic(i) for i in self._cell.tolist()]
+        of_cell = {i: cells.quadratic(i) for i in np.unique(self._cell).tolist()}
+        quadratics = [of_cell[i] for i in self._cell.tolist()]
         near = np.concatenate([q.near for q in quadratics])
         row = np.repeat(np.arange(len(quadratics)), [len(q.near) for q in quadratics])
         terms = np.concatenate([q.weights for q in quadratics], axis=1)
@@ -79,6 +84,12 @@ class Shift:
         lit = np.where(here > 1e-6 * top, np.exp(value), here)
         bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
         return np.asarray((lit * bent)[..., self._which])
+
+    def some(self, rows: np.ndarray) -> Shift:
+        """To some of the readings."""
+        out = copy(self)
+        out.cell, out._which, out.shares = self.cell[rows], self._which[rows], self.shares[rows]
+        return out
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

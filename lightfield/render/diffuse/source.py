@@ -25,13 +25,12 @@ from lightfield.render.response.beam_tallies import BeamTallies, Sent
 from lightfield.render.response.grid import Grid, angle_nodes, positions_grid, straight_path
 from lightfield.render.response.response import (
     CLASSES,
-    FROM_WALLS,
     NEVER_SCATTERED,
     Reference,
     TransportResponse,
     light_classes,
 )
-from lightfield.render.response.symmetry import mirror_images
+from lightfield.render.response.symmetry import MirrorImages, mirror_images
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import without
@@ -50,6 +49,8 @@ PHOTONS = 2_000_000
 AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.33
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
 CELL_M = 0.2
+#: So many cells may be finer than that bending asks for, because readings are.
+MOST_FINE = 1500
 
 
 def response_for(
@@ -122,6 +123,18 @@ def response_for(
     return replace(made, under_surface=one(middle, True, needed[1:], photons=few))
 
 
+def cells_for(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> int:
+    """How many cells a trace for places of a measurement keeps in memory; see `response_for`."""
+    width = sent_width_deg(scene.lamp.hwhm_deg)
+    traced = _traced_scene(scene, width, False)
+    return len(mirror_images(traced, _grid_for(scene, (x_m, y_m, z_m), width)).kept)
+
+
+def _grid_for(scene: Scene, places: tuple[Array, Array, Array], width: float) -> Grid:
+    grid = positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank, MOST_FINE)
+    return surrounded(grid, scene.tank)
+
+
 def _response(
     scene: Scene,
     places: tuple[Array, Array, Array],
@@ -136,7 +149,7 @@ def _response(
     cache: bool,
 ) -> DiffuseResponse:
     """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    grid = surrounded(positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank), scene.tank)
+    grid = _grid_for(scene, places, width)
     traced = _traced_scene(scene, width, surface)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
@@ -160,21 +173,17 @@ def _response(
         }
         stored = store.load(key) if cache else None
         if stored is None:
-            stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed)
+            stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images)
             if cache:
                 store.save(key, stored)
         histories = np.asarray(stored["histories"], int)
         rows = TransportResponse(
             np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
         )
-        tallies = images.averaged(stored["tallies"], beam_nodes.nodes)
-        from_walls = np.isin(light_classes(histories), FROM_WALLS)
-        if from_walls.any():
-            some = tallies[:, :, from_walls]
-            smoothed = some.reshape(-1, some.shape[-1]) @ smooth.T.astype(np.float32)
-            tallies[:, :, from_walls] = smoothed.reshape(some.shape)
         sent = Sent(np.asarray(stored["density"], float), traced.lamp)
-        beams = BeamTallies(list(tallies), histories, beam_nodes, sent, shift.cell_z_m)
+        beams = BeamTallies(
+            list(stored["tallies"]), histories, beam_nodes, sent, shift.cell_z_m, images, smooth
+        )
         return Traced(beams, stored["relative_stderr"] * images.error, rows, sent_to / sent_to.sum())
 
     return DiffuseResponse(
@@ -211,6 +220,7 @@ def _trace(
     needed: Sequence[int],
     photons: NDArray[np.integer[Any]],
     seed: int,
+    images: MirrorImages,
 ) -> dict[str, Array]:
     use_backend()
     from lightfield.render.tracer.accumulate import trace_by_direction
@@ -219,21 +229,27 @@ def _trace(
     for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
         one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
         tally, stderr, histories, excess, density = trace_by_direction(
-            one, grid, reference, beam_nodes, sent, seed
+            one, grid, reference, beam_nodes, sent, seed, images
         )
-        tallies.append(tally)
+        wanted = np.isin(light_classes(histories), needed)
+        tallies.append(tally[:, wanted])
         errors.append(stderr)
-    stacked, relative = np.array(tallies, np.float32), np.array(errors)
+    histories, excess, relative = histories[wanted], excess[wanted], np.array(errors)
+    classes, used = light_classes(histories), np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
+    rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
     # Light that was never scattered knows no g: the traces are one.
-    part = photons / photons.sum()
-    once, kinds = histories[:, 0] == 0, list(NEVER_SCATTERED)
-    stacked[:, :, once] = np.tensordot(part, stacked[:, :, once], axes=1)
+    part, kinds = photons / photons.sum(), list(NEVER_SCATTERED)
     relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
-    used = stacked.any(axis=(0, 1, 3)) & np.isin(light_classes(histories), needed)
+    once = histories[rows, 0] == 0
+    mean = sum(p * t[:, rows[once]] for p, t in zip(part, tallies, strict=True))
+    stacked = np.empty((len(tallies), len(tallies[0]), len(rows), len(images.kept)), np.float32)
+    for at in reversed(range(len(stacked))):
+        stacked[at] = tallies.pop()[:, rows]
+        stacked[at][:, once] = mean
     return {
-        "tallies": stacked[:, :, used],
+        "tallies": stacked,
         "relative_stderr": relative,
-        "histories": histories[used],
-        "excess_m": excess[used],
+        "histories": histories[rows],
+        "excess_m": excess[rows],
         "density": density,
     }

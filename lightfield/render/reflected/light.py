@@ -14,6 +14,7 @@ response.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import floor, prod, sqrt
@@ -31,8 +32,8 @@ DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpol
 #: Reflections followed one by one; the rest is what a recurrence makes of the last four.
 REFLECTIONS = 7
 C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
-#: Operators in memory: so many, or more in so many bytes; and lamps whose light is remembered.
-KEPT, KEPT_BYTES, KEPT_LAMPS = 40, 400e6, 60
+#: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
+KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
 
 
 class ReflectedLight:
@@ -53,6 +54,12 @@ class ReflectedLight:
         self._which = which.ravel()
         #: The walls, with a lid or with an open top.
         self.room = cache(lambda lid: Room(scene, self.places, lid))
+
+    def some(self, rows: np.ndarray) -> ReflectedLight:
+        """At some of the readings, from what is worked out for all of them."""
+        out = copy(self)
+        out._which = self._which[rows]
+        return out
 
     def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
         """Light for unit on-axis intensity, shape (n,), m^-2.
@@ -83,32 +90,31 @@ class ReflectedLight:
 
 
 class Operators(NamedTuple):
-    """What reaches the readings of the light on the walls, after one reflection and after more.
+    """What reaches patches and readings of the light on the walls.
 
     Parameters
     ----------
     first : array, shape (n, k * n_terms)
-        From the patches before the readings, by terms of their light (see `terms_of_light`).
-    more : array, shape (REFLECTIONS - 1, n, n_patches)
-        After 2, 3 and more reflections, from the patches.
+        From the k patches before the readings, by terms of their light (see `terms_of_light`).
+    whole : array, shape (n, k)
+        From them, each with the same light all over.
+    among : array, shape (n_patches, n_patches)
+        From patch to patch.
     """
 
     first: np.ndarray
-    more: np.ndarray
+    whole: np.ndarray
+    among: np.ndarray
 
     @classmethod
-    def of(cls, among: np.ndarray, reading: np.ndarray, before: np.ndarray, terms: np.ndarray) -> Operators:
-        """Products of the exchange between patches (n_patches, n_patches) and with the readings (n, k)."""
+    def of(cls, among: np.ndarray, reading: np.ndarray, terms: np.ndarray) -> Operators:
+        """Of the exchange between patches, and of their parts with the readings (n, k * parts^2)."""
         parts = reading.reshape(-1, len(terms))
-        onward = np.zeros((len(reading), len(among)), np.float32)
-        onward[:, before] = parts.sum(axis=1).reshape(len(reading), -1)
-        more = []
-        for _ in range(REFLECTIONS - 1):
-            onward = onward @ among
-            more.append(onward)
-        return cls((parts @ terms).reshape(len(reading), -1), np.array(more))
+        first = (parts @ terms).reshape(len(reading), -1)
+        whole = first if len(terms) == 1 else parts.sum(axis=1).reshape(len(reading), -1)
+        return cls(first, whole, among)
 
-    def apply(self, terms: np.ndarray, patches: np.ndarray) -> np.ndarray:
+    def apply(self, terms: np.ndarray, patches: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
 
         Parameters
@@ -117,8 +123,15 @@ class Operators(NamedTuple):
             Of the light on the patches before the readings.
         patches : array, shape (n_patches,)
             Mean irradiance of all patches.
+        before : array of int, shape (k,)
+            Which of them lie before the readings.
         """
-        return np.vstack([self.first @ terms.ravel(), self.more @ patches]).astype(float)
+        reflected = []
+        for _ in range(REFLECTIONS - 1):
+            patches = self.among @ patches
+            reflected.append(patches[before])
+        more = self.whole @ np.stack(reflected, axis=1)
+        return np.vstack([self.first @ terms.ravel(), more.T]).astype(float)
 
 
 def terms_of_light(parts: int) -> np.ndarray:
@@ -188,14 +201,15 @@ class Room:
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
         self._terms = terms_of_light(self.parts)
-        size = 4 * len(places) * (self._terms.shape[1] + REFLECTIONS) * len(self.patches.centre)
-        self._operator = lru_cache(int(max(KEPT, KEPT_BYTES / size)))(self._operator_in)
+        size = 4 * len(places) * (self._terms.shape[1] + 1) * len(self.before)
+        self._operator = lru_cache(int(np.clip(KEPT_BYTES / size, FEWEST, KEPT)))(self._operator_in)
         self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
         self._direct = lru_cache(1)(self._direct_of)
         self._mirrored = lru_cache(1)(self._mirrored_of)
         #: Light of a lamp at the readings, by attenuation and surface reflectance.
         self._known: Callable[[Lamp], dict[tuple[float, float], Orders]]
-        self._known = lru_cache(KEPT_LAMPS)(lambda lamp: {})
+        lamps = KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
+        self._known = lru_cache(int(np.clip(lamps, FEWEST, KEPT_LAMPS)))(lambda lamp: {})
 
     def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
@@ -224,7 +238,7 @@ class Room:
         whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
         operators = [self._operator(c, surface) for c in attenuation_per_m]
         found = zip(operators, terms, whole, strict=True)
-        return [Orders.of(operator.apply(t[self.before], w)) for operator, t, w in found]
+        return [Orders.of(operator.apply(t[self.before], w, self.before)) for operator, t, w in found]
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
@@ -256,7 +270,7 @@ class Room:
         if surface:
             among += np.float32(surface) * self.among_image.through(attenuation_per_m)
             reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
-        return Operators.of(among, reading, self.before, self._terms)
+        return Operators.of(among, reading, self._terms)
 
     @cached_property
     def among(self) -> Transfer:

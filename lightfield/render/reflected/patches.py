@@ -11,6 +11,7 @@ import numpy as np
 from lightfield.scene import Scene
 
 NEAR, SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
+AT_ONCE = 1 << 18  # pairs that are worked out at a time
 
 Response = Callable[[Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -84,8 +85,16 @@ def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transf
     patches : Patches
         k of them.
     """
-    every = np.arange(len(places))[:, None]
-    factor, distance = _exchange(places[:, None], patches.centre, patches.normal, response, every)
+    # A block of places at a time: what is worked out on the way is ten times as large.
+    step = max(AT_ONCE // max(len(patches.centre), 1), 1)
+    blocks = [_block(places, response, patches, slice(i, i + step)) for i in range(0, len(places), step)]
+    factor, distance = (np.concatenate(column) for column in zip(*blocks, strict=True))
+    return Transfer(factor, distance)
+
+
+def _block(places: np.ndarray, response: Response, patches: Patches, some: slice) -> Transfer:
+    every, here = np.arange(len(places))[some, None], places[some]
+    factor, distance = _exchange(here[:, None], patches.centre, patches.normal, response, every)
     factor *= patches.area
     size = 2 * np.maximum(patches.half_across, patches.half_along)
     near, mine = np.nonzero(distance < NEAR * size)
@@ -93,7 +102,7 @@ def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transf
         parts = patches.some(mine).divided(SUBDIVIDED)
         shape = (len(near), SUBDIVIDED**2, 3)
         centre, normal = parts.centre.reshape(shape), parts.normal.reshape(shape)
-        close, _ = _exchange(places[near][:, None], centre, normal, response, near[:, None])
+        close, _ = _exchange(here[near][:, None], centre, normal, response, every[near])
         factor[near, mine] = close.mean(axis=1) * patches.area[mine]
     return Transfer(factor.astype(np.float32), distance.astype(np.float32))
 

@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
-from lightfield.render.response.beam_nodes import BeamNodes, is_round
-from lightfield.render.response.response import CLASSES, NEVER_SCATTERED, light_classes
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.response import CLASSES, FROM_WALLS, NEVER_SCATTERED, light_classes
+from lightfield.render.response.symmetry import MirrorImages
 from lightfield.scene import Lamp
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import fields_on, unit_of
 
-Cells = NDArray[np.integer[Any]] | slice
-KEPT_BEAMS = 256
+#: Contracted tallies in memory: so many, or as many as this number of bytes holds, but some.
+KEPT_BEAMS, FEWEST_BEAMS, KEPT_BYTES = 256, 8, 32e6
 BEAM = attrgetter(*fields_on(Lamp, Acts.BEAM))
 ANGLES = tuple(name for name in fields_on(Lamp, Acts.BEAM) if unit_of(Lamp, name) == "deg")
 
@@ -45,13 +47,17 @@ class BeamTallies:
 
     Parameters
     ----------
-    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_cells)
-        One per trace, of which the caller knows what makes them differ (g).
+    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_kept)
+        One per trace, of which the caller knows what makes them differ (g); of the cells that `images` keeps.
     histories : array of int, shape (n_rows, 3)
-        Scatterings, wall hits and surface reflections of each row.
+        Scatterings, wall hits and surface reflections of each row; classes of light one after the other.
     beam_nodes : BeamNodes
     sent : Sent
     cell_z_m : array, shape (n_cells,), m
+        Plane by plane.
+    images : MirrorImages
+    wall_smoother : sparse array, shape (n_cells, n_cells)
+        For light from walls.
     """
 
     tallies: list[Array]
@@ -59,8 +65,9 @@ class BeamTallies:
     beam_nodes: BeamNodes
     sent: Sent
     cell_z_m: Array
+    images: MirrorImages
+    wall_smoother: csr_array
     _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
-    _tallies: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _then: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     _values: dict[Any, Array] = field(default_factory=dict, repr=False, compare=False)
 
@@ -78,20 +85,54 @@ class BeamTallies:
         """
         key = (kind, squares, BEAM(lamp))
         if key not in self._beams:
-            while len(self._beams) >= KEPT_BEAMS:
-                self._beams.pop(next(iter(self._beams)))
             shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
             contracted = np.empty(shape, np.float32)
-            for stretch, plane in self._stretches(lamp.apparent_distance_m):
+            for stretch, cells in self._stretches(lamp.apparent_distance_m):
                 values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
                 if squares:
                     per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                     values = (per_ring**2 / self.sent.density[:, None]).ravel()
-                tally, cells = self._tally(kind, is_round(lamp), plane)
-                flat = values.astype(np.float32) @ tally.reshape(len(tally), -1)
-                contracted[:, :, cells] = flat.reshape(tally.shape[1:])
+                contracted[:, :, cells] = self._of_beam(kind, values.astype(np.float32), cells)
+            if kind in FROM_WALLS:
+                smoother = self.wall_smoother.astype(np.float32)
+                contracted = (smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
+            most = max(KEPT_BYTES / contracted.nbytes, FEWEST_BEAMS)
+            while len(self._beams) >= min(KEPT_BEAMS, most):
+                self._beams.pop(next(iter(self._beams)))
             self._beams[key] = contracted
         return np.asarray(self._beams[key])
+
+    def _of_beam(self, kind: int, values: Array, cells: slice) -> Array:
+        """Tallies of one class of light at some cells for coefficients of all nodes, or one per ring.
+
+        Parameters
+        ----------
+        values : array, shape (n_emission_nodes,) or (n_rings,)
+
+        Returns
+        -------
+        array, shape (n_g, n_rows, n_cells)
+        """
+        nodes, place, flipped = self.beam_nodes.nodes, self.images.place[cells], self.images.flipped[cells]
+        of_rings = len(values) == nodes.n_theta
+        # What a beam brings to a mirror image is what the mirrored beam brings.
+        flips, which = np.unique(flipped, axis=0, return_inverse=True)
+        if of_rings:
+            flips, which = flips[:1], np.zeros(len(place), int)
+            beams = values[None]
+        else:
+            beams = np.stack([values[nodes.mirrored(*flip)] for flip in flips])
+        rows = self.rows_of[kind]
+        kept = slice(int(place.min()), int(place.max()) + 1)
+        out = np.empty((self._known_g(kind), len(rows), len(place)), np.float32)
+        for g, tally in zip(out, self._of_rings if of_rings else self.tallies, strict=False):
+            some = tally[:, rows[0] : rows[-1] + 1]
+            if kept.stop - kept.start == tally.shape[2]:
+                found = (beams @ some.reshape(len(tally), -1)).reshape(len(beams), len(rows), -1)
+            else:
+                found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
+            g[:] = found[which.ravel(), :, place - kept.start].T
+        return out
 
     def _known_g(self, kind: int) -> int:
         """How many values of g a class of light tells apart."""
@@ -144,29 +185,20 @@ class BeamTallies:
         sums = total[:, None] * total
         return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
 
-    def _tally(self, kind: int, rings: bool, plane: float | None) -> tuple[Array, Cells]:
-        """Rows of one class at the cells of a plane or at all, and which cells they are.
-
-        Of shape (n_nodes, n_g, n_rows, n_cells); for a round beam its sectors are added up.
-        """
-        key = (kind, rings, plane)
-        if key not in self._tallies:
-            cells: Cells = slice(None) if plane is None else np.flatnonzero(self.cell_z_m == plane)
-            rows, every = self.rows_of[kind], self._of_rings if rings else self.tallies
-            one_each = [tally[:, rows][:, :, cells] for tally in every[: self._known_g(kind)]]
-            self._tallies[key] = np.ascontiguousarray(np.stack(one_each, axis=1)), cells
-        tally, cells = self._tallies[key]
-        return tally, cells
-
-    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, float | None]]:
-        """Factor on the beam's angles at each plane, and where that plane is; None for all of them.
+    def _stretches(self, apparent_distance_m: float) -> list[tuple[float, slice]]:
+        """Factor on the beam's angles at each plane, and its cells; or at all of them.
 
         Light from a point z0 behind the window starts at z0 theta beside the axis. At plane z it is, to first
         order in the angles, where light of a beam wider by (z + z0) / z would be that starts at the window.
         """
         if apparent_distance_m == 0:
-            return [(1.0, None)]
-        return [((z + apparent_distance_m) / z, z) for z in np.unique(self.cell_z_m).tolist()]
+            return [(1.0, slice(None))]
+        planes, first = np.unique(self.cell_z_m, return_index=True)
+        ends = [*first[1:].tolist(), len(self.cell_z_m)]
+        return [
+            ((z + apparent_distance_m) / z, slice(start, end))
+            for z, start, end in zip(planes.tolist(), first.tolist(), ends, strict=True)
+        ]
 
 
 def _stretched(lamp: Lamp, factor: float) -> Lamp:

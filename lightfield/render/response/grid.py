@@ -135,6 +135,15 @@ class AngleNodes:
         """Number of nodes; node number = i_theta n_phi + i_phi."""
         return self.n_theta * self.n_phi
 
+    def mirrored(self, in_x: bool, in_y: bool) -> np.ndarray:
+        """Nodes of the directions mirrored at x = 0, at y = 0, or at both, shape (size,)."""
+        ring, sector = np.divmod(np.arange(self.size), self.n_phi)
+        if in_x:
+            sector = self.n_phi // 2 - sector
+        if in_y:
+            sector = -sector
+        return np.asarray(ring * self.n_phi + sector % self.n_phi)
+
     @property
     def reach_rad(self) -> float:
         """Largest angle at which the splines still add up to one."""
@@ -182,6 +191,7 @@ def positions_grid(
     cell_m: float = 0.1,
     hwhm_deg: float = BROAD_DEG,
     tank: Tank | None = None,
+    most_even: int | None = None,
 ) -> Grid:
     """Cells around listed positions: centred on them where they are evenly spaced, else the cells of a grid.
 
@@ -193,16 +203,25 @@ def positions_grid(
     hwhm_deg : float
         Half width of the beam.
     tank : Tank, optional
+    most_even : int, optional
+        More even positions than this that lie closer than the cells of uneven ones are taken as uneven.
     """
     planes = np.unique(np.round(z_m, 4))
     fine = fineness(planes, hwhm_deg, tank)
-    even = all(_is_even(v, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
-    largest = fine * cell_m * (1.0 if even else UNEVEN)
-    (x, pitch_x), (y, pitch_y) = (_axis(v, largest, fine * SHORTEST_STEP_M) for v in (x_m, y_m))
-    grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
-    occupied = np.zeros(grid.shape, bool)
-    occupied[cell_of(grid, x_m, y_m, z_m)] = True
-    return replace(grid, occupied=occupied)
+
+    def cells(shortest_m: float) -> Grid:
+        even = all(_is_even(v, shortest_m) for v in (x_m, y_m))
+        largest = fine * cell_m * (1.0 if even else UNEVEN)
+        (x, pitch_x), (y, pitch_y) = (_axis(v, largest, shortest_m) for v in (x_m, y_m))
+        grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
+        occupied = np.zeros(grid.shape, bool)
+        occupied[cell_of(grid, x_m, y_m, z_m)] = True
+        return replace(grid, occupied=occupied)
+
+    grid, coarse = cells(fine * SHORTEST_STEP_M), fine * cell_m * UNEVEN
+    if most_even is None or not grid.even or np.count_nonzero(np.asarray(grid.occupied)) <= most_even:
+        return grid
+    return cells(coarse) if min(grid.pitch_x_m, grid.pitch_y_m) < coarse else grid
 
 
 def cell_of(

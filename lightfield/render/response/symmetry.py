@@ -68,31 +68,46 @@ class MirrorImages:
     Parameters
     ----------
     y : array of int, shape (n_cells,)
-        The cell's image at -y where there is one, else the cell itself.
+        The cell's image at -y, itself if it lies at y = 0; -1 where there is none.
     orbits : array of 0 and 1, shape (n_cells, n_sets)
         Cells that share their photons once the images at -y are averaged.
+    kept : array of int, shape (n_kept,)
+        Cells whose tallies stand for those of all, ascending.
+    place : array of int, shape (n_cells,)
+        Which of them stands for a cell.
+    flipped : array of bool, shape (n_cells, 2)
+        Whether the cell lies at its -x, and at its -y.
     """
 
     y: np.ndarray
     orbits: np.ndarray
+    kept: np.ndarray
+    place: np.ndarray
+    flipped: np.ndarray
 
     @property
     def error(self) -> np.ndarray:
         """Factor on the Monte Carlo error of each cell by the averaging, shape (n_cells,)."""
-        return np.where(self.y == np.arange(len(self.y)), 1.0, np.sqrt(0.5))
+        return np.where(self._paired, np.sqrt(0.5), 1.0)
 
-    def averaged(self, tallies: np.ndarray, nodes: AngleNodes) -> np.ndarray:
-        """Mean of every cell and its image at -y, whose photons left the lamp at -phi.
+    @property
+    def _paired(self) -> np.ndarray:
+        return (self.y >= 0) & (self.y != np.arange(len(self.y)))
+
+    def add_folded(self, out: np.ndarray, tallies: np.ndarray, nodes: AngleNodes) -> None:
+        """Add the tallies of the cells that are kept, each averaged with that of its image at -y.
 
         Parameters
         ----------
-        tallies : array, shape (..., n_emission_nodes, n_rows, n_cells)
+        out : array, shape (n_emission_nodes, n_rows, n_kept)
+        tallies : array, shape (n_emission_nodes, n_rows, n_cells)
         """
-        if (self.y == np.arange(len(self.y))).all():
-            return tallies
-        ring, sector = np.divmod(np.arange(nodes.size), nodes.n_phi)
-        image = ring * nodes.n_phi + (nodes.n_phi - sector) % nodes.n_phi
-        return np.asarray(0.5 * (tallies + tallies[..., image, :, :][..., self.y]))
+        pairs = np.flatnonzero(self.y[self.kept] >= 0) if self._paired.any() else np.zeros(0, int)
+        other, image = self.y[self.kept[pairs]], nodes.mirrored(False, True)
+        for node, tally in enumerate(tallies):
+            own = tally[:, self.kept]
+            own[:, pairs] = 0.5 * (own[:, pairs] + tallies[image[node]][:, other])
+            out[node] += own
 
 
 def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:
@@ -100,10 +115,19 @@ def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:
     in_x, in_y = symmetric(scene)
     x, y, z = (np.round(v.ravel(), 4) + 0.0 for v in grid.centres())
     number = {place: i for i, place in enumerate(zip(x, y, z, strict=True))}
-    image = np.array([number.get((p, -q if in_y else q, r), i) for i, (p, q, r) in enumerate(number)])
+    image = np.array([number.get((p, -q, r), -1) if in_y else -1 for p, q, r in number])
+    paired = (image >= 0) & (image != np.arange(len(image)))
     first: dict[tuple[float, float, float], int] = {}
     owner = [
-        first.setdefault((abs(p) if in_x else p, abs(q) if image[i] != i else q, r), len(first))
+        first.setdefault((abs(p) if in_x else p, abs(q) if paired[i] else q, r), len(first))
         for i, (p, q, r) in enumerate(number)
     ]
-    return MirrorImages(image, np.eye(len(first))[owner])
+    # A cell that was averaged with its image at -y cannot stand for one that was not.
+    stands: dict[tuple[float, float, float, bool], int] = {}
+    by = [
+        stands.setdefault((abs(p) if in_x else p, abs(q) if paired[i] else q, r, bool(paired[i])), i)
+        for i, (p, q, r) in enumerate(number)
+    ]
+    kept, place = np.unique(by, return_inverse=True)
+    flipped = np.stack([x != x[by], y != y[by]], axis=1)
+    return MirrorImages(image, np.eye(len(first))[owner], kept, place, flipped)

@@ -16,7 +16,7 @@ from lightfield.render.response.response import (
     TransportResponse,
     light_classes,
 )
-from lightfield.render.response.symmetry import merge_mirror_images, symmetric
+from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
 from lightfield.render.settings import Progress, Settings
 from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
@@ -134,13 +134,20 @@ def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
 
 
 def trace_by_direction(
-    scene: Scene, grid: Grid, reference: Reference, beam_nodes: BeamNodes, photons: int, seed: int
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    beam_nodes: BeamNodes,
+    photons: int,
+    seed: int,
+    images: MirrorImages,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
 
     Returns
     -------
-    tally : array, shape (n_emission_nodes, n_rows, n_cells)
+    tally : array, shape (n_emission_nodes, n_rows, n_kept)
+        Of the cells that stand for all of their mirror images.
     relative_stderr : array, shape (5, n_cells)
         Of each class of light, for the scene's own beam in the reference water.
     histories : array of int, shape (n_rows, 3)
@@ -155,7 +162,7 @@ def trace_by_direction(
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
     own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi)  # the traced beam is round
-    total = np.zeros(0)
+    total = np.zeros((emission_nodes, len(histories), len(images.kept)), np.float32)
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
@@ -171,7 +178,7 @@ def trace_by_direction(
             reflecting=setup.reflecting,
         )
         by_node = counts.reshape(len(histories), emission_nodes, -1)
-        total = by_node if batch == 0 else total + by_node
+        images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
         beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
     mean = np.mean(parts, axis=0)
@@ -181,7 +188,7 @@ def trace_by_direction(
     typical = np.sqrt((relative**2).mean(axis=1, keepdims=True))
     relative = np.where(mean > 0, np.sqrt(0.5 * relative**2 + 0.5 * typical**2), 0.0)
     excess = np.tile(setup.histories.excess_m, channels)
-    tally = np.ascontiguousarray(np.moveaxis(total, 1, 0), dtype=np.float32) / np.float32(DIRECTION_BATCHES)
+    total /= np.float32(DIRECTION_BATCHES)
     rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
     density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
-    return tally, relative, histories, excess, density
+    return total, relative, histories, excess, density

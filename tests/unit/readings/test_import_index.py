@@ -226,7 +226,9 @@ def test_nonlinearity_flags_travel_with_the_readings(tmp_path, flags, word):
 
 @pytest.mark.parametrize("option", ["quantity", "units", "bands_nm"])
 def test_what_is_not_stated_is_asked_for_by_its_name(campaign, option):
-    with pytest.raises(MeasurementError, match="not stated: " + ("bands" if option == "bands_nm" else option)):
+    with pytest.raises(
+        MeasurementError, match="not stated: " + ("bands" if option == "bands_nm" else option)
+    ):
         run(campaign, ROWS, **{option: None})
 
 

@@ -1,0 +1,107 @@
+"""Monte Carlo errors of diffuse light at readings, as contributions that are independent of each other."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf
+from scipy.sparse import csr_array
+
+from lightfield.arrays import Array
+from lightfield.render.diffuse.shift import Shift
+from lightfield.render.response.response import FROM_WALLS
+
+#: Of more readings than this the errors are gathered plane by plane, but for this part of a variance.
+MANY, LEFT_OUT = 3000, 0.03
+
+
+class Noise(NamedTuple):
+    """Monte Carlo errors of the light of one class and one trace.
+
+    Parameters
+    ----------
+    passed_on : list of n_waters sparse arrays, shape (n_cells, n_cells)
+        Change of the light in one cell with the relative error in another.
+    roots : array, shape (n_waters, n_waters, n_cells)
+        Relative errors in every cell as independent contributions, which waters share.
+    images : array of 0 and 1, shape (n_cells, n_sets)
+        Which cells share their photons.
+    """
+
+    passed_on: list[Any]
+    roots: Array
+    images: Array
+
+
+def by_plane(
+    shift: Shift,
+    parts: dict[int, tuple[Array, list[Noise]]],
+    per_light: Array,
+    walls: csr_array,
+    channel: NDArray[np.integer[Any]],
+) -> Array:
+    """The modes of many readings: planes share no photons, and have fewer cells than contributions.
+
+    Parameters
+    ----------
+    parts : mapping
+        Light and noises of every class of light.
+    per_light : array, shape (n_waters, n_cells)
+        One over the light of all classes.
+    walls : sparse array, shape (n_cells, n_cells)
+        By which light from walls is smoothed.
+    channel : array of int, shape (n,)
+        Water of each reading.
+
+    Returns
+    -------
+    array, shape (n, k)
+        Relative to the light.
+    """
+    at, waters = shift.cell_z_m[shift.cell], len(per_light)
+    every = []
+    for z in np.unique(shift.cell_z_m):
+        cells, here = np.flatnonzero(shift.cell_z_m == z), at == z
+        columns = []
+        for kind, (_, noises) in parts.items():
+            smooth = walls[cells][:, cells] if kind in FROM_WALLS else None
+            for noise in noises:
+                images = noise.images[cells]
+                images = images[:, images.any(axis=0)]
+                rows = []
+                for passed_on, root in zip(noise.passed_on, noise.roots, strict=True):
+                    mine = passed_on.tocsr()[cells][:, cells]
+                    mine = mine if smooth is None else smooth @ mine
+                    rows.append(mine @ np.hstack([r[cells, None] * images for r in root]))
+                columns.append(np.vstack(rows))
+        modes = per_light[:, cells].reshape(-1, 1) * np.hstack(columns)
+        modes = fewer(modes).reshape(waters, len(cells), -1)
+        found = np.zeros((len(channel), modes.shape[2]))
+        for water in np.unique(channel):
+            mine = here & (channel == water)
+            found[mine] = shift.shares[mine][:, cells] @ modes[water]
+        every.append(found)
+    return np.hstack(every)
+
+
+def fewer(modes: Array) -> Array:
+    """Modes of nearly the same covariance, as few as that takes; a variance loses `LEFT_OUT` of it at most.
+
+    Cholesky decomposition with pivots (Harbrecht, Peters and Schneider 2012, Appl. Numer. Math. 62, 428).
+
+    Parameters
+    ----------
+    modes : array, shape (n, k)
+
+    Returns
+    -------
+    array, shape (n, rank)
+    """
+    size = np.linalg.norm(modes, axis=1, keepdims=True)
+    unit = modes / np.maximum(size, 1e-300)
+    root, order, rank, _ = dpstrf(unit @ unit.T, tol=LEFT_OUT, lower=1)
+    out = np.empty((len(modes), rank))
+    out[order - 1] = np.tril(root)[:, :rank]
+    return size * out
