@@ -97,7 +97,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no scene given", remedy="lightfield sweep SCENE --vary PATH=RANGE -o STORE.zarr")
     scene = Scene.load(args.scene)
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
-    plan = make_plan(scene, [*axes, *map(parse_axis, args.vary)], _settings(args, settings))
+    axes = [*axes, *(parse_axis(text, "--vary") for text in args.vary)]
+    if not axes:
+        remedy = f"--vary PATH=RANGE with RANGE {FORMS}, or --plan FILE"
+        raise UsageError("nothing is varied", where=str(args.scene), remedy=remedy)
+    plan = make_plan(scene, axes, _settings(args, settings))
     if args.dry_run:
         print(estimate.as_text(plan))
         return 0

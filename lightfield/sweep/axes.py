@@ -49,13 +49,15 @@ class Axis:
         return {path: values[step] for path, values in self.values.items()}
 
 
-def parse_axis(text: str) -> Axis:
+def parse_axis(text: str, where: str = "range") -> Axis:
     """Axis from `PATH=RANGE` as on the command line.
 
     Parameters
     ----------
     text : str
         `water.scattering_per_m=0:0.5:11`, `...=0.01:1:9:log` or `tank.wall_albedo=0,0.2,0.4`.
+    where : str
+        What errors call the place of the text.
 
     Raises
     ------
@@ -64,22 +66,22 @@ def parse_axis(text: str) -> Axis:
     """
     path, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not path or not given:
-        raise UsageError("not a range", where="range", found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
+        raise UsageError("not a range", where=where, found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
     parts = given.split(":")
     if len(parts) == 1:
         try:
             values = [toml.value(word) for word in given.split(",")]
         except ValueError as error:
-            raise UsageError("not a value", where=path, found=given, rule=str(error)) from error
-        return _axis(path, {path: values}, path)
+            raise UsageError("not a value", where=f"{where} {path}", found=given, rule=str(error)) from error
+        return _axis(path, {path: values}, f"{where} {path}")
     scale = parts[3] if len(parts) == 4 else "linear"
     try:
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
         if len(parts) > 4:
             raise ValueError
     except (ValueError, IndexError):
-        raise UsageError("not a range", where=path, found=given, rule=FORMS) from None
-    return _axis(path, {path: span(start, stop, count, scale, path)}, path)
+        raise UsageError("not a range", where=f"{where} {path}", found=given, rule=FORMS) from None
+    return _axis(path, {path: span(start, stop, count, scale, f"{where} {path}")}, f"{where} {path}")
 
 
 def span(start: float, stop: float, count: int, scale: str = "linear", where: str = "range") -> list[float]:

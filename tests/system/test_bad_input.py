@@ -171,14 +171,14 @@ WRONG: list[tuple[str, list[str]]] = [
     # import
     ("import", ["required: INDEX.csv"]),
     ("import index.csv --quantity irradiance", ["-o READINGS.csv"]),
-    ("import index.csv -o out.csv", ["--quantity", "--units", "--band"]),
+    ("import index.csv -o out.csv", ["quantity", "units", "bands"]),
     (f"import no.csv {ASKED}", ["no.csv", "No such file"]),
     (f"import folder {ASKED}", ["folder", "Is a directory"]),
     (f"import readings.csv {ASKED}", ["line 1", "the column file is missing"]),
     (f"import index.csv {ASKED}", ["line 2", "no.txt"]),
-    (f"import index.csv {ASKED} --units furlongs", ["'furlongs'", "--units"]),
-    (f"import index.csv {ASKED} --band nan:nan", ["nan", "--band"]),
-    (f"import index.csv {ASKED} --saturation-level -1", ["--saturation-level", "> 0"]),
+    (f"import index.csv {ASKED} --units furlongs", ["'furlongs'", "unit"]),
+    (f"import index.csv {ASKED} --band nan:nan", ["nan", "band"]),
+    (f"import index.csv {ASKED} --saturation-level -1", ["saturation level", "> 0"]),
     (f"import index.csv {ASKED} -o taken/out.csv", ["taken", "cannot write here"]),
     # hide
     ("hide scene.toml", ["required: -o"]),

@@ -57,7 +57,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_at_once(
     def traced(*_: object, **__: object) -> None:
         raise AssertionError("light was traced")
 
-    for module in ("lightfield.commands._tracing", "lightfield.sweep.work"):
+    for module in ("lightfield.commands.render", "lightfield.commands.compare", "lightfield.sweep.work"):
         monkeypatch.setattr(f"{module}.render_scene", traced)
     with locked_folder(tmp_path):
         assert main(line.format(made=made, out=tmp_path).split()) == 2

@@ -128,6 +128,9 @@ def test_explanations_by_diffuse_light_are_ranked_with_the_growth_of_their_error
     asked = []
 
     class Own:
+        def hopeless(self, fit: Any, best: Any) -> bool:
+            return False
+
         def promise(self, fit: Any) -> float:
             return float(fit.chi2)
 
