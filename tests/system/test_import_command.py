@@ -61,13 +61,13 @@ def test_files_become_a_reading_table(index):
 
 
 WRONG = {
-    "nothing stated": ([], "not stated: --quantity, --units, --band"),
-    "no unit": (["--quantity", "irradiance", "--band", "500:550"], "--units"),
+    "nothing stated": ([], "not stated: quantity, units, bands"),
+    "no unit": (["--quantity", "irradiance", "--band", "500:550"], "not stated: units"),
     "unit of another quantity": (
         ["--quantity", "radiance", "--units", "W/m2/nm", "--band", "500:550"],
-        "--units",
+        "unusable unit",
     ),
-    "no band": (["--quantity", "irradiance", "--units", "counts"], "--band"),
+    "no band": (["--quantity", "irradiance", "--units", "counts"], "not stated: bands"),
     "band without end": (["--quantity", "irradiance", "--units", "counts", "--band", "500"], "LOW:HIGH"),
     "band turned": (["--quantity", "irradiance", "--units", "counts", "--band", "550:500"], "low < high"),
     "band beyond": (["--quantity", "irradiance", "--units", "counts", "--band", "500:650"], "not within"),
