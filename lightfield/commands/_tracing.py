@@ -14,7 +14,7 @@ from rich.progress import Progress as Bar
 from lightfield.commands._console import console
 from lightfield.commands._options import add_tracing, given
 from lightfield.render.maps import Rendering
-from lightfield.render.settings import Progress, Settings
+from lightfield.render.settings import OnProgress, Settings
 from lightfield.scene import Scene
 
 Made = TypeVar("Made")
@@ -39,7 +39,7 @@ def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) 
 
 
 @contextmanager
-def progress_bar(name: str) -> Iterator[Progress]:
+def progress_bar(name: str) -> Iterator[OnProgress]:
     """Progress of a trace on standard error; nothing unless that is a terminal."""
     output = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())

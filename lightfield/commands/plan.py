@@ -16,7 +16,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
-    from lightfield.diagnosis.plan import Plan
+    from lightfield.diagnosis.plan import LayoutPlan
 
 _SHOWN = 6
 
@@ -57,12 +57,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _unit(made: Plan, path: str) -> str:
+def _unit(made: LayoutPlan, path: str) -> str:
     unit = made.units.get(path, "1")
     return "" if unit == "1" else f" {unit}"
 
 
-def as_text(made: Plan) -> str:
+def as_text(made: LayoutPlan) -> str:
     from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
 
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
@@ -104,7 +104,7 @@ def as_text(made: Plan) -> str:
     return "\n".join(lines)
 
 
-def as_data(made: Plan) -> dict[str, Any]:
+def as_data(made: LayoutPlan) -> dict[str, Any]:
     iso = made.isolability
     return {
         "readings": made.readings,

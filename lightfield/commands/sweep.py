@@ -22,7 +22,7 @@ from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_p
 from lightfield.sweep.estimate import duration, size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
-from lightfield.sweep.runner import Progress, Report, run_sweep
+from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
 
 EPILOG = f"""\
@@ -144,7 +144,7 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
     return SweepSettings(**chosen)
 
 
-def as_text(plan: Plan, done: Progress, path: Path) -> str:
+def as_text(plan: Plan, done: SweepProgress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
@@ -190,7 +190,7 @@ def progress_bar(plan: Plan) -> Iterator[Report | None]:
     with Bar(*columns, console=output) as bar:
         task = bar.add_task("starting", total=plan.cases.count)
 
-        def report(progress: Progress) -> None:
+        def report(progress: SweepProgress) -> None:
             rate = progress.photons / max(progress.seconds, 1e-9)
             failed = f", {progress.failed} failed" if progress.failed else ""
             bar.update(

@@ -60,7 +60,7 @@ class Helpful:
 
 
 @dataclass(frozen=True)
-class Plan:
+class LayoutPlan:
     """What a layout can do.
 
     Parameters
@@ -100,7 +100,7 @@ def planned(readings: Readings, scene: Scene) -> Readings:
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
 
 
-def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> Plan:
+def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> LayoutPlan:
     """Detectability, isolability and advice for a layout.
 
     Parameters
@@ -117,7 +117,7 @@ def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None)
         return _plan(readings, scene, diffuse)
 
 
-def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> Plan:
+def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> LayoutPlan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     layout_table = planned(readings, scene)
@@ -141,7 +141,9 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> Pl
     limits = detection_limits(adequacy, 1.0) | by_gain
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
     helpful = _helpful(forward, problem, base, adequacy, found)
-    return Plan(limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed)
+    return LayoutPlan(
+        limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed
+    )
 
 
 def _identity(columns: Array) -> Array:

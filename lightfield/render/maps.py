@@ -14,7 +14,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.response import store
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
-from lightfield.render.settings import Progress, Settings
+from lightfield.render.settings import OnProgress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
@@ -112,7 +112,7 @@ def render_scene(
     seed: int = 0,
     reference: Reference | None = None,
     grid: Grid | None = None,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
     cache: bool = True,
     symmetry: bool = False,
 ) -> Rendering:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lightfield.errors import RenderError
 
-Progress = Callable[
+OnProgress = Callable[
     [int, float, float], None
 ]  # photons so far, relative error so far, requested relative error
 

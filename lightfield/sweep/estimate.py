@@ -16,7 +16,7 @@ PROGRAM_BYTES = 450e6
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Cost:
     """Seconds on one core, bytes on disk, and bytes of memory per worker."""
 
     trace_seconds: float
@@ -25,13 +25,13 @@ class Estimate:
     memory_bytes: float
 
 
-def estimate(plan: Plan) -> Estimate:
+def estimate(plan: Plan) -> Cost:
     """Cost of a plan, photon budgets spent in full."""
     values = float(plan.cases.count) * plan.cells * plan.bands
     maps = 2 * BYTES_PER_VALUE * values if plan.settings.maps else 0.0
     derived = 10 * 8.0 * plan.cases.count * plan.bands * plan.grids[0].shape[0]
     tally = max((_tally_bytes(plan, trace) for trace in plan.traces), default=0.0)
-    return Estimate(
+    return Cost(
         len(plan.traces) * plan.settings.max_photons / PHOTONS_PER_SECOND,
         values * SECONDS_PER_VALUE,
         maps + derived,

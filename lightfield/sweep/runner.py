@@ -19,11 +19,11 @@ from lightfield.sweep.schema import quantity_of
 from lightfield.sweep.store import SweepStore
 from lightfield.sweep.work import BlockDone, Target, TraceDone, do_block, do_trace
 
-Report = Callable[["Progress"], None]
+Report = Callable[["SweepProgress"], None]
 
 
 @dataclass
-class Progress:
+class SweepProgress:
     """How far a sweep is.
 
     Parameters
@@ -76,7 +76,7 @@ def run_sweep(
     scheduler: str | None = None,
     memory_gb: float | None = None,
     report: Report | None = None,
-) -> Progress:
+) -> SweepProgress:
     """Run a plan, or what is left of it, into a store.
 
     Parameters
@@ -109,11 +109,11 @@ def _run(
     scheduler: str | None,
     memory_gb: float | None,
     report: Report | None,
-) -> Progress:
+) -> SweepProgress:
     done = store.blocks()
     left = [block for block in plan.blocks if block.number not in done]
     needed = {t for block in left for t in block.traces}
-    progress = Progress(
+    progress = SweepProgress(
         plan.cases.count, len(needed), cases_before=sum(len(plan.blocks[number].cases) for number in done)
     )
     progress.repaired = store.repaired
@@ -136,7 +136,7 @@ class _Dispatch:
     """Submits what can be done next and notes what is done."""
 
     def __init__(
-        self, client: Any, plan: Plan, store: SweepStore, progress: Progress, report: Report | None
+        self, client: Any, plan: Plan, store: SweepStore, progress: SweepProgress, report: Report | None
     ) -> None:
         from distributed import as_completed
 
@@ -256,7 +256,7 @@ class _Dispatch:
         self.completed.add(job)
 
 
-def _note(progress: Progress, result: TraceDone | BlockDone, report: Report | None) -> None:
+def _note(progress: SweepProgress, result: TraceDone | BlockDone, report: Report | None) -> None:
     if result.worker:
         progress.workers[result.worker] = max(progress.workers.get(result.worker, 0), result.peak_bytes)
     if report is not None:

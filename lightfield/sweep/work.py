@@ -23,7 +23,7 @@ from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
-from lightfield.render.settings import Progress
+from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
@@ -88,7 +88,7 @@ class Target:
 
 
 def do_trace(
-    trace: Trace, scene: Scene, settings: SweepSettings, path: Path, progress: Progress | None = None
+    trace: Trace, scene: Scene, settings: SweepSettings, path: Path, progress: OnProgress | None = None
 ) -> TraceDone:
     """Trace a scene, and leave the response beside the store; one that is there already is not traced again.
 

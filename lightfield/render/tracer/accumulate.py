@@ -17,7 +17,7 @@ from lightfield.render.response.response import (
     light_classes,
 )
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
-from lightfield.render.settings import Progress, Settings
+from lightfield.render.settings import OnProgress, Settings
 from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
 from lightfield.scene import Scene
@@ -33,7 +33,7 @@ DIRECTION_BATCHES = 8
 
 
 def trace_until(
-    scene: Scene, grid: Grid, reference: Reference, settings: Settings, progress: Progress | None = None
+    scene: Scene, grid: Grid, reference: Reference, settings: Settings, progress: OnProgress | None = None
 ) -> tuple[TransportResponse, Bookkeeping, float]:
     """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
 
