@@ -187,7 +187,7 @@ class Retraced:
         Traces that may still be asked for.
     """
 
-    def __init__(self, scene: Scene, readings: Any, diffuse: DiffuseSource | None) -> None:
+    def __init__(self, scene: Scene, readings: Readings, diffuse: DiffuseSource | None) -> None:
         self._forward = partial(SceneForward, scene, readings, remembered(diffuse))
         self.asked: float | None = None
         self.left = TRACES

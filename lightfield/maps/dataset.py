@@ -17,6 +17,8 @@ from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
+from lightfield.render.response.grid import Grid
+from lightfield.scene import Scene
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
 
@@ -33,9 +35,9 @@ class Rendered(Protocol):
     """What this module needs of a rendering; `lightfield.render.maps.Rendering` is one."""
 
     @property
-    def scene(self) -> Any: ...
+    def scene(self) -> Scene: ...
     @property
-    def grid(self) -> Any: ...
+    def grid(self) -> Grid: ...
 
     def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
 
@@ -44,7 +46,7 @@ class RenderedAtPlaces(Protocol):
     """The same for single places; `lightfield.render.at_readings.AtPlaces` is one."""
 
     @property
-    def scene(self) -> Any: ...
+    def scene(self) -> Scene: ...
     @property
     def rendering(self) -> Rendered: ...
     @property

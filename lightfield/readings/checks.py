@@ -17,7 +17,7 @@ from lightfield.readings.problems import Problems
 
 if TYPE_CHECKING:
     from lightfield.readings.readings import Readings
-    from lightfield.scene import Tank
+    from lightfield.scene import Scene, Tank
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
@@ -160,7 +160,7 @@ def _check_head(readings: Readings, noted: Problems) -> None:
         )
 
 
-def against_scene(readings: Readings, scene: Any, problems: Problems | None = None) -> Readings:
+def against_scene(readings: Readings, scene: Scene, problems: Problems | None = None) -> Readings:
     """The readings with the scene's band filled in; see `Readings.check_against`."""
     bands = [(float(low), float(high)) for low, high in scene.detector.bands_nm]
     wavelength = readings.wavelength_nm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ from lightfield.errors import MeasurementError
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
 from lightfield.readings.columns import COLUMNS, DEFAULTS, TERMS, TEXT_COLUMNS, ErrorBudget, LoadWarning
+
+if TYPE_CHECKING:
+    from lightfield.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +148,7 @@ class Readings:
         """The readings that are not saturated."""
         return self.subset(~self.saturated)
 
-    def check_against(self, scene: Any) -> Readings:
+    def check_against(self, scene: Scene) -> Readings:
         """These readings with the scene's band filled in where none is given.
 
         Parameters

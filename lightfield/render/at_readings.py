@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.readings import Readings
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
@@ -30,7 +31,7 @@ CELL_M = 0.1
 
 def rendered_light(
     scene: Scene,
-    readings: Any,
+    readings: Readings,
     *,
     seed: int = 1,
     rel_error: float = REL_ERROR,

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike, fspath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,10 +31,15 @@ from lightfield.readings.sheet import Sheet, look_alike, read_sheet
 from lightfield.storage import toml
 from lightfield.storage.inputs import READINGS
 
+if TYPE_CHECKING:
+    from lightfield.scene import Scene
+
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
-def read_table(path: str | PathLike[str], scene: Any = None, required: Sequence[str] = REQUIRED) -> Readings:
+def read_table(
+    path: str | PathLike[str], scene: Scene | None = None, required: Sequence[str] = REQUIRED
+) -> Readings:
     """Read a reading table.
 
     Parameters
