@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, TINY, beside, combined, orthonormal
+from lightfield.diagnosis.adequacy.subspace import (
+    DISTINCT,
+    INDEPENDENT,
+    TINY,
+    beside,
+    combined,
+    orthonormal,
+    thin_svd,
+)
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -126,7 +134,7 @@ def _score(template: Template, free: Array) -> Score:
     q = template.columns.shape[1]
     if not visible.any():
         return Score(template, np.zeros((len(rest), 0)), np.zeros((q, 0)), 0.0, False)
-    u, s, vt = np.linalg.svd(rest[:, visible] / after[visible], full_matrices=False)
+    u, s, vt = thin_svd(rest[:, visible] / after[visible])
     strong = s > DISTINCT * s[0]
     to_amplitude = np.zeros((q, int(strong.sum())))
     to_amplitude[visible] = (vt[strong].T / s[strong]) / after[visible][:, None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
 from lightfield.arrays import Array
 
@@ -13,6 +14,19 @@ TINY = 1e-300
 INDEPENDENT = 1e-9
 #: The same of effects and unknowns, whose directions must be told apart by readings good to a per cent or so.
 DISTINCT = 1e-3
+
+
+def thin_svd(columns: Array) -> tuple[Array, Array, Array]:
+    """Singular value decomposition u, s, v^T of columns, shape (n, k), by a driver that converges.
+
+    LAPACK's divide and conquer (gesdd) is fast, and fails on some finite matrices of nearly parallel columns;
+    the QR iteration (gesvd) then does it.
+    """
+    try:
+        u, s, vt = np.linalg.svd(columns, full_matrices=False)
+    except np.linalg.LinAlgError:
+        u, s, vt = scipy.linalg.svd(columns, full_matrices=False, lapack_driver="gesvd")
+    return u, s, vt
 
 
 def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
@@ -27,7 +41,7 @@ def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
     usable = columns[:, norm > TINY] / norm[norm > TINY]
     if usable.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    u, s, _ = np.linalg.svd(usable, full_matrices=False)
+    u, s, _ = thin_svd(usable)
     return np.asarray(u[:, s > tolerance * s[0]])
 
 
