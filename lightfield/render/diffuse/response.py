@@ -128,6 +128,7 @@ class DiffuseResponse:
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:
         """The same, with what a trace in denser water says of waters like that one at the same places."""
+        assert np.array_equal(other.straight_m, self.straight_m)
         return replace(self, denser=other.clear)
 
     def some(self, rows: NDArray[np.bool_]) -> DiffuseResponse:
