@@ -59,6 +59,7 @@ class Tracing:
 
     def __call__(self, scene: Any, *places: Any, **options: Any) -> Any:
         from lightfield.render.diffuse.source import response_for, sent_width_deg
+        from lightfield.render.diffuse.traced import TracedWater
 
         where = (np.asarray(p).tobytes() for p in places)
         options = {**options, "seed": self.sequence}
@@ -66,10 +67,9 @@ class Tracing:
         if key in self._kept:
             return self._kept[key]
         response = self._clocked(partial(response_for, scene, *places, **options))
-        under = response.under_surface
-        if under is not None:
-            under = replace(under, trace=partial(self._clocked, under.trace))
-        response = replace(response, trace=partial(self._clocked, response.trace), under_surface=under)
+        tops = (response.clear.own_top, response.clear.under_surface)
+        clocked = [top and replace(top, trace=partial(self._clocked, top.trace)) for top in tops]
+        response = replace(response, clear=TracedWater(*clocked))
         if self.bench:
             self._kept[key] = response
         return response

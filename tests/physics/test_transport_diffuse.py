@@ -129,7 +129,7 @@ def test_errors_gathered_by_plane(response: DiffuseResponse, monkeypatch: pytest
         scene = SCENE.with_values({"tank.surface_reflectance": surface})
         modes, _ = response.errors(scene, [450.0, 650.0], channel)
         with monkeypatch.context() as patch:
-            patch.setattr("lightfield.render.diffuse.response.MANY", 5)
+            patch.setattr("lightfield.render.diffuse.errors.MANY", 5)
             few, _ = response.errors(scene, [450.0, 650.0], channel)
         size = np.linalg.norm(modes, axis=1)
         apart = np.abs(few @ few.T - modes @ modes.T) / np.outer(size, size)
@@ -230,7 +230,8 @@ def test_another_layout_and_another_water_need_no_new_kernel() -> None:
     def kernels(places: np.ndarray, photons: int, dense_per_m: float | None = None) -> set[int]:
         dr.kernel_history_clear()
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-            response_for(SCENE, *places.T, photons=photons, dense_per_m=dense_per_m, cache=False).trace()
+            made = response_for(SCENE, *places.T, photons=photons, dense_per_m=dense_per_m, cache=False)
+            made.clear.own_top.trace()
         return {kernel["hash"] for kernel in dr.kernel_history([dr.KernelType.JIT])}
 
     first = kernels(PLACES, 40_000)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from lightfield.arrays import Array
 from lightfield.render.diffuse.shift import Shift
@@ -15,6 +15,8 @@ from lightfield.render.response.response import FROM_WALLS
 
 #: Of more readings than this the errors are gathered plane by plane, but for this part of a variance.
 MANY, LEFT_OUT = 3000, 0.03
+#: Cells darker than this part of the brightest have no relative error of their own.
+DARK = 1e-9
 
 
 class Noise(NamedTuple):
@@ -35,21 +37,30 @@ class Noise(NamedTuple):
     images: Array
 
 
-def by_plane(
+class ClassLight(NamedTuple):
+    """Light of one class in every cell, shape (n_waters, n_cells), and its noise at every node of g."""
+
+    value: Array
+    noises: list[Noise]
+
+
+def relative_modes(
     shift: Shift,
-    parts: dict[int, tuple[Array, list[Noise]]],
-    per_light: Array,
+    parts: dict[int, ClassLight],
+    light: Array,
     walls: csr_array,
     channel: NDArray[np.integer[Any]],
 ) -> Array:
-    """The modes of many readings: planes share no photons, and have fewer cells than contributions.
+    """Relative Monte Carlo errors of the light at readings as independent contributions.
+
+    At most 1: beyond the nodes of g the light of a dim cell may come out as nothing.
 
     Parameters
     ----------
     parts : mapping
-        Light and noises of every class of light.
-    per_light : array, shape (n_waters, n_cells)
-        One over the light of all classes.
+        By class of light, before any smoothing.
+    light : array, shape (n_waters, n_cells)
+        Of all classes.
     walls : sparse array, shape (n_cells, n_cells)
         By which light from walls is smoothed.
     channel : array of int, shape (n,)
@@ -58,8 +69,47 @@ def by_plane(
     Returns
     -------
     array, shape (n, k)
-        Relative to the light.
     """
+    if not parts:
+        return np.zeros((len(channel), 0))
+    per_light = 1 / np.maximum(light, DARK * light.max(axis=1, keepdims=True, initial=1e-290))
+    gathered = _by_plane if shift.asked > MANY else _one_by_one
+    every = gathered(shift, parts, per_light, walls, channel)
+    return np.asarray(every / np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1))
+
+
+def _one_by_one(
+    shift: Shift,
+    parts: dict[int, ClassLight],
+    per_light: Array,
+    walls: csr_array,
+    channel: NDArray[np.integer[Any]],
+) -> Array:
+    """Every contribution of every class and trace."""
+    modes = []
+    for kind, (_, noises) in parts.items():
+        for noise in noises:
+            found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
+            for water in np.unique(channel):
+                mine = channel == water
+                spread = shift.shares[mine] @ diags_array(per_light[water])
+                if kind in FROM_WALLS:
+                    spread = spread @ walls
+                passed_on = (spread @ noise.passed_on[water]).tocsr()
+                each = [passed_on @ (root[:, None] * noise.images) for root in noise.roots[water]]
+                found[mine] = np.hstack(each)
+            modes.append(found)
+    return np.hstack(modes)
+
+
+def _by_plane(
+    shift: Shift,
+    parts: dict[int, ClassLight],
+    per_light: Array,
+    walls: csr_array,
+    channel: NDArray[np.integer[Any]],
+) -> Array:
+    """The modes of many readings: planes share no photons, and have fewer cells than contributions."""
     at, waters = shift.cell_z_m[shift.cell], len(per_light)
     every = []
     for z in np.unique(shift.cell_z_m):

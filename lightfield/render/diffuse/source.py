@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.bending import surrounded
+from lightfield.render.diffuse.between_g import BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
-from lightfield.render.diffuse.response import DiffuseResponse, Traced
+from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
+from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
 from lightfield.render.maps import transport_key
 from lightfield.render.reflected.light import ReflectedLight, applies
 from lightfield.render.response import store
@@ -113,14 +116,21 @@ def response_for(
     scattering, sent = CLEAR_PER_M, share * photons
     if dense_per_m is not None:
         scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
+    reference = Reference(REFERENCE_ABSORPTION, scattering, REFERENCE_ALBEDO if scene.tank else 0.0)
     width = sent_width_deg(scene.lamp.hwhm_deg)
-    one = functools.partial(_response, scene, places, scattering, width, seed=seed, cache=cache)
-    made = replace(one(nodes, open_top, needed, photons=round(sent)), reflected=reflected)
-    if scene.tank is None or open_top:
-        return made
-    # Light that was only scattered is the same under either top.
-    few = round(UNDER_SURFACE * sent)
-    return replace(made, under_surface=one(middle, True, needed[1:], photons=few))
+    grid = _grid_for(scene, places, width)
+    walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
+    one = functools.partial(
+        _light, grid=grid, reference=reference, walls=walls, ratios=ratios, seed=seed, cache=cache
+    )
+    traced = _traced_scene(scene, width, open_top)
+    own_top, under_surface = one(traced, nodes, needed, round(sent)), None
+    if scene.tank is not None and not open_top:
+        # Light that was only scattered is the same under either top.
+        few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True)
+        under_surface = one(surface, middle, needed[1:], few)
+    water = TracedWater(own_top, under_surface)
+    return DiffuseResponse(Shift(grid, *places), straight_path(traced, grid), walls, water, reflected)
 
 
 def cells_for(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> int:
@@ -135,36 +145,31 @@ def _grid_for(scene: Scene, places: tuple[Array, Array, Array], width: float) ->
     return surrounded(grid, scene.tank)
 
 
-def _response(
+def _light(
     scene: Scene,
-    places: tuple[Array, Array, Array],
-    scattering_per_m: float,
-    width: float,
     nodes: tuple[float, ...],
-    surface: bool,
     needed: Sequence[int],
-    *,
     photons: int,
+    *,
+    grid: Grid,
+    reference: Reference,
+    walls: csr_array,
+    ratios: csr_array,
     seed: int,
     cache: bool,
-) -> DiffuseResponse:
-    """Response of the needed classes of light, with or without a water surface on top of the tank."""
-    grid = _grid_for(scene, places, width)
-    traced = _traced_scene(scene, width, surface)
-    albedo = REFERENCE_ALBEDO if scene.tank else 0.0
-    reference = Reference(REFERENCE_ABSORPTION, scattering_per_m, albedo)
-    images, shift = mirror_images(traced, grid), Shift(grid, *places)
-    smooth, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
-    straight = straight_path(traced, grid)
+) -> TracedLight:
+    """The needed classes of light of a traced scene."""
+    sent_to = np.full(max(len(nodes), 1), photons)
+    if len(nodes) > 2:
+        sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
 
     def tell() -> Traced:
+        width = scene.lamp.hwhm_deg
         beam_nodes = BeamNodes(angle_nodes(width), width)
-        sent_to = np.full(max(len(nodes), 1), photons)
-        if len(nodes) > 2:
-            sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
+        images = mirror_images(scene, grid)
         key = {
             "kind": "diffuse",
-            **transport_key(traced, grid, reference),
+            **transport_key(scene, grid, reference),
             "g": nodes,
             "classes": list(needed),
             "photons": sent_to.tolist(),
@@ -173,22 +178,25 @@ def _response(
         }
         stored = store.load(key) if cache else None
         if stored is None:
-            stored = _trace(traced, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images)
+            stored = _trace(scene, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images)
             if cache:
                 store.save(key, stored)
         histories = np.asarray(stored["histories"], int)
         rows = TransportResponse(
-            np.zeros((1, 0, 0)), histories, stored["excess_m"], straight, reference, photons
+            np.zeros((1, 0, 0)),
+            histories,
+            stored["excess_m"],
+            straight_path(scene, grid),
+            reference,
+            photons,
         )
-        sent = Sent(np.asarray(stored["density"], float), traced.lamp)
-        beams = BeamTallies(
-            list(stored["tallies"]), histories, beam_nodes, sent, shift.cell_z_m, images, smooth
-        )
-        return Traced(beams, stored["relative_stderr"] * images.error, rows, sent_to / sent_to.sum())
+        sent = Sent(np.asarray(stored["density"], float), scene.lamp)
+        z = grid.centres()[2].ravel()
+        beams = BeamTallies(list(stored["tallies"]), histories, beam_nodes, sent, z, images, walls)
+        return Traced(beams, stored["relative_stderr"] * images.error, rows)
 
-    return DiffuseResponse(
-        functools.cache(tell), tuple(needed), reference, straight, nodes, shift, images.orbits, smooth, ratios
-    )
+    between = BetweenG(nodes, sent_to / sent_to.sum(), ratios)
+    return TracedLight(functools.cache(tell), tuple(needed), reference, between)
 
 
 def sent_width_deg(hwhm_deg: float) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from operator import attrgetter
 from typing import Any
 
@@ -19,10 +20,13 @@ from lightfield.scene import Lamp
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import fields_on, unit_of
 
-#: Contracted tallies in memory: so many, or as many as this number of bytes holds, but some.
+#: Contracted tallies in memory: at most so many, and in so many bytes, but some.
 KEPT_BEAMS, FEWEST_BEAMS, KEPT_BYTES = 256, 8, 32e6
-BEAM = attrgetter(*fields_on(Lamp, Acts.BEAM))
-ANGLES = tuple(name for name in fields_on(Lamp, Acts.BEAM) if unit_of(Lamp, name) == "deg")
+BEAM_FIELDS = fields_on(Lamp, Acts.BEAM)
+#: All of a lamp that a contracted tally knows.
+BEAM = attrgetter(*BEAM_FIELDS)
+ANGLES = tuple(name for name in BEAM_FIELDS if unit_of(Lamp, name) == "deg")
+Beam = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,6 @@ class BeamTallies:
     cell_z_m: Array
     images: MirrorImages
     wall_smoother: csr_array
-    _beams: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
-    _then: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
-    _values: dict[Any, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def rows_of(self) -> dict[int, NDArray[np.integer[Any]]]:
@@ -83,24 +84,28 @@ class BeamTallies:
         Of one g for light that knows none. With `squares` the sum over photons of squared contributions, up
         to a constant.
         """
-        key = (kind, squares, BEAM(lamp))
-        if key not in self._beams:
-            shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
-            contracted = np.empty(shape, np.float32)
-            for stretch, cells in self._stretches(lamp.apparent_distance_m):
-                values = self._coefficients(_stretched(lamp, stretch)) / stretch**2
-                if squares:
-                    per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
-                    values = (per_ring**2 / self.sent.density[:, None]).ravel()
-                contracted[:, :, cells] = self._of_beam(kind, values.astype(np.float32), cells)
-            if kind in FROM_WALLS:
-                smoother = self.wall_smoother.astype(np.float32)
-                contracted = (smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
-            most = max(KEPT_BYTES / contracted.nbytes, FEWEST_BEAMS)
-            while len(self._beams) >= min(KEPT_BEAMS, most):
-                self._beams.pop(next(iter(self._beams)))
-            self._beams[key] = contracted
-        return np.asarray(self._beams[key])
+        return self._contracted(kind, squares, BEAM(lamp))
+
+    @cached_property
+    def _contracted(self) -> Callable[[int, bool, Beam], Array]:
+        rows = max(self._known_g(kind) * len(rows) for kind, rows in self.rows_of.items())
+        largest = np.dtype(np.float32).itemsize * rows * len(self.cell_z_m)
+        return lru_cache(int(np.clip(KEPT_BYTES / largest, FEWEST_BEAMS, KEPT_BEAMS)))(self._contract)
+
+    def _contract(self, kind: int, squares: bool, beam: Beam) -> Array:
+        lamp = _lamp_with(beam)
+        shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
+        contracted = np.empty(shape, np.float32)
+        for stretch, cells in self._stretches(lamp.apparent_distance_m):
+            values = self._coefficients(BEAM(_stretched(lamp, stretch))) / stretch**2
+            if squares:
+                per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
+                values = (per_ring**2 / self.sent.density[:, None]).ravel()
+            contracted[:, :, cells] = self._of_beam(kind, values.astype(np.float32), cells)
+        if kind in FROM_WALLS:
+            smoother = self.wall_smoother.astype(np.float32)
+            contracted = (smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
+        return contracted
 
     def _of_beam(self, kind: int, values: Array, cells: slice) -> Array:
         """Tallies of one class of light at some cells for coefficients of all nodes, or one per ring.
@@ -144,14 +149,10 @@ class BeamTallies:
         nodes = self.beam_nodes.nodes
         return [t.reshape(nodes.n_theta, nodes.n_phi, *t.shape[1:]).sum(axis=1) for t in self.tallies]
 
-    def _coefficients(self, lamp: Lamp) -> Array:
-        """`BeamNodes.values` of the last few lamps: they are the same for every trace and class of light."""
-        key = BEAM(lamp)
-        if key not in self._values:
-            while len(self._values) >= KEPT_BEAMS:
-                self._values.pop(next(iter(self._values)))
-            self._values[key] = self.beam_nodes.values(lamp)
-        return np.asarray(self._values[key])
+    @cached_property
+    def _coefficients(self) -> Callable[[Beam], Array]:
+        """`BeamNodes.values` of the last few beams: they are the same for every trace and class of light."""
+        return lru_cache(KEPT_BEAMS)(lambda beam: self.beam_nodes.values(_lamp_with(beam)))
 
     def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Factor on the variance because other photons count now than in the traced beam and water.
@@ -168,14 +169,19 @@ class BeamTallies:
         -------
         array, shape (n_waters, n_waters, n_cells)
         """
-        key = (index, kind)
-        if key not in self._then:
-            once = np.ones((1, len(self.rows_of[kind])))
-            self._then[key] = self._concentration(index, kind, self.sent.lamp, once)
-        now, then = self._concentration(index, kind, lamp, weights), self._then[key]
+        now, then = self._concentration(index, kind, lamp, weights), self._as_sent(index, kind)
         lit = (np.einsum("wwh->wh", now) > 0) & (then[0] > 0)
         unknown = np.broadcast_to(np.eye(len(now))[:, :, None], now.shape)
         return np.divide(now, then, out=unknown.copy(), where=lit[:, None] & lit)
+
+    @cached_property
+    def _as_sent(self) -> Callable[[int, int], Array]:
+        """`_concentration` in the beam and water of the trace."""
+
+        def of(index: int, kind: int) -> Array:
+            return self._concentration(index, kind, self.sent.lamp, np.ones((1, len(self.rows_of[kind]))))
+
+        return lru_cache(CLASSES * len(self.tallies))(of)
 
     def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Sum of products over the product of the sums of what single photons bring, up to a constant."""
@@ -199,6 +205,10 @@ class BeamTallies:
             ((z + apparent_distance_m) / z, slice(start, end))
             for z, start, end in zip(planes.tolist(), first.tolist(), ends, strict=True)
         ]
+
+
+def _lamp_with(beam: Beam) -> Lamp:
+    return Lamp.model_construct(**dict(zip(BEAM_FIELDS, beam, strict=True)))
 
 
 def _stretched(lamp: Lamp, factor: float) -> Lamp:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from lightfield.render.diffuse.response import DiffuseResponse
+from lightfield.render.diffuse.between_g import BetweenG
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, smoother
 from lightfield.render.reflected.light import lagrange
 from lightfield.render.response.grid import positions_grid
@@ -27,9 +27,8 @@ def smooth() -> sparse.csr_array:
 
 
 @pytest.fixture(scope="module")
-def response(smooth: sparse.csr_array) -> DiffuseResponse:
-    unused: dict = dict.fromkeys(("trace", "kinds", "reference", "straight_m", "shift", "images"))
-    return DiffuseResponse(**unused, g_nodes=(), wall_smoother=smooth, ratio_smoother=smooth)
+def between(smooth: sparse.csr_array) -> BetweenG:
+    return BetweenG((), PART, smooth)
 
 
 def light() -> np.ndarray:
@@ -39,38 +38,38 @@ def light() -> np.ndarray:
     return np.asarray((mean * ratios)[:, None])
 
 
-def at(response: DiffuseResponse, found: np.ndarray, t: float, errors: bool = False):
-    return response._at_g(found, lagrange(T.tolist(), t), PART, errors)
+def at(between: BetweenG, found: np.ndarray, t: float, errors: bool = False):
+    return between.light(found, lagrange(T.tolist(), t), errors)
 
 
 @pytest.mark.parametrize("t", [1.4, 1.9, 2.6, 3.2])
-def test_without_noise_it_is_the_interpolation(response: DiffuseResponse, t: float) -> None:
-    value, _ = at(response, light(), t)
+def test_without_noise_it_is_the_interpolation(between: BetweenG, t: float) -> None:
+    value, _ = at(between, light(), t)
     plain = np.tensordot(lagrange(T.tolist(), t), light(), axes=1)
     np.testing.assert_allclose(value, plain, rtol=1e-10)
 
 
-def test_a_dark_cell_stays_dark(response: DiffuseResponse) -> None:
+def test_a_dark_cell_stays_dark(between: BetweenG) -> None:
     found = light()
     found[:, 0, 0] = 0.0
-    value, _ = at(response, found, 2.2, errors=True)
+    value, _ = at(between, found, 2.2, errors=True)
     assert value[0, 0] == 0 and np.isfinite(value).all()
 
 
 @pytest.mark.parametrize("t", [1.7, 2.0, 2.3, 3.0])
-def test_noise_is_less_hardly_depends_on_g_and_is_stated(response: DiffuseResponse, t: float) -> None:
+def test_noise_is_less_hardly_depends_on_g_and_is_stated(between: BetweenG, t: float) -> None:
     """Against plain interpolation between the nodes: noise of the light, and of its difference over g."""
     rng = np.random.default_rng(0)
     step = 0.1
     ours, plain = [], []
     for _ in range(DRAWS):
         found = light() * (1 + NOISE * rng.standard_normal((4, 1, 21)))
-        ours.append([at(response, found, u)[0][0] for u in (t, t + step)])
+        ours.append([at(between, found, u)[0][0] for u in (t, t + step)])
         plain.append([np.tensordot(lagrange(T.tolist(), u), found, axes=1)[0] for u in (t, t + step)])
-    here, there = (np.array(v) / at(response, light(), t)[0][0] for v in (ours, plain))
+    here, there = (np.array(v) / at(between, light(), t)[0][0] for v in (ours, plain))
     scatter, before = here[:, 0].std(axis=0), there[:, 0].std(axis=0)
     change, change_before = ((v[:, 1] - v[:, 0]).std(axis=0) for v in (here, there))
-    value, passed_on = at(response, light(), t, errors=True)
+    value, passed_on = at(between, light(), t, errors=True)
     variance = sum((node[0].toarray() ** 2).sum(axis=1) for node in passed_on)
     stated = NOISE * np.sqrt(variance) / value[0]
     np.testing.assert_allclose(scatter, stated, rtol=0.15)  # 600 draws: 3 % of each, 21 cells

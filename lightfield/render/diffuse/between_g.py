@@ -1,0 +1,100 @@
+"""Light at one asymmetry parameter g from that at a few others, which were traced apart.
+
+A fit would take the difference of their noise for that of g. But the light at one g over that at another
+varies slowly from cell to cell: smoothed ratios, times the mean of all nodes, have a noise that hardly
+depends on g, and less of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+from lightfield.render.reflected.light import lagrange
+from lightfield.scene import Scene
+
+
+@dataclass(frozen=True)
+class BetweenG:
+    """Interpolation of light over the traced nodes of g.
+
+    Parameters
+    ----------
+    nodes : tuple of float
+        Ascending; empty when the phase function has no g (one trace then).
+    part : array, shape (n_nodes,)
+        Of the photons that each was traced with.
+    smoother : sparse array, shape (n_cells, n_cells)
+        For ratios of the light at one g and another.
+    """
+
+    nodes: tuple[float, ...]
+    part: Array
+    smoother: csr_array
+
+    def shares(self, scene: Scene) -> Array:
+        """Lagrange interpolation in log(1 - g) over the nodes, shape (n_nodes,).
+
+        Raises
+        ------
+        RenderError
+            The scene's g is outside the traced range.
+        """
+        if len(self.nodes) < 2:
+            return np.ones(1)
+        g = float(scene.get("water.phase.g"))
+        if not self.nodes[0] - 0.1 <= g <= 0.99:
+            raise RenderError(
+                "g is outside the traced range",
+                where="water.phase.g",
+                found=g,
+                rule=f"{self.nodes[0] - 0.1:.2f} to 0.99",
+            )
+        return _interpolation(self.nodes, g)
+
+    def light(self, found: Array, shares: Array, errors: bool) -> tuple[Array, list[list[Any]]]:
+        """Light at one g from that at the nodes.
+
+        Parameters
+        ----------
+        found : array, shape (n_nodes, n_waters, n_cells)
+            Or of one node, if the light knows no g.
+        shares : array, shape (n_nodes,)
+            See `shares`.
+        errors : bool
+
+        Returns
+        -------
+        value : array, shape (n_waters, n_cells)
+        passed_on : list of n_nodes lists of n_waters sparse arrays, shape (n_cells, n_cells)
+            Change of the value in one cell with the relative error of a node's light in another; empty unless
+            errors are asked for.
+        """
+        if len(found) < 2:
+            return found[0], [[diags_array(light) for light in found[0]]] if errors else []
+        flat = found.reshape(len(found), -1)
+        mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (self.part, shares))
+        lit = mean > 0
+        ratio = np.divide(wanted, mean, out=np.ones_like(mean), where=lit)
+        value = mean * (ratio @ self.smoother.T)
+        if not errors:
+            return value, []
+        ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)
+        common = self.part[:, None, None] * ratios
+        apart = shares[:, None, None] * ratios - common * ratio
+        passed_on = [
+            [diags_array(m) @ self.smoother @ diags_array(n) + diags_array(c) for m, n, c in each]
+            for each in (zip(mean, apart[i], common[i] * value, strict=True) for i in range(len(found)))
+        ]
+        return value, passed_on
+
+
+@lru_cache(maxsize=64)
+def _interpolation(nodes: tuple[float, ...], g: float) -> Array:
+    return lagrange(np.log1p(-np.array(nodes)).tolist(), float(np.log1p(-g)))

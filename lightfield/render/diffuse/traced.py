@@ -1,0 +1,148 @@
+"""What a single trace tells of any beam, water and walls: light of the classes in every cell, and its errors.
+
+It is tallied by history *and* by direction of emission, once per node of the asymmetry parameter g:
+
+    E(cell) = sum over directions w  I(w)
+              sum over histories h  R_g[h, w, cell]  (b/b_0)^n (rho/rho_0)^m s^k e^{-dc (r + e)}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.render.diffuse.between_g import BetweenG
+from lightfield.render.diffuse.errors import ClassLight, Noise
+from lightfield.render.response.beam_tallies import BeamTallies, roots
+from lightfield.render.response.response import (
+    CLASSES,
+    FROM_SURFACE,
+    FROM_WALLS,
+    HERMITE_NODES,
+    HERMITE_SHARES,
+    NEVER_SCATTERED,
+    Reference,
+    TransportResponse,
+)
+from lightfield.scene import Scene
+
+
+class Traced(NamedTuple):
+    """What a trace tells.
+
+    Parameters
+    ----------
+    beams : BeamTallies
+        One per node of g.
+    relative_stderr : array, shape (n_g, 5, n_cells)
+        Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
+    rows : TransportResponse
+        Histories of the rows, with an empty tally.
+    """
+
+    beams: BeamTallies
+    relative_stderr: Array
+    rows: TransportResponse
+
+
+@dataclass(frozen=True)
+class TracedLight:
+    """Light of one trace.
+
+    Parameters
+    ----------
+    trace : callable
+        Gives what the trace tells; asked only when light is wanted that it must tell of.
+    kinds : tuple of int
+        The classes of light that it tells of, see `light_classes`.
+    reference : Reference
+        Water and walls that it is made with.
+    between_g : BetweenG
+    """
+
+    trace: Callable[[], Traced]
+    kinds: tuple[int, ...]
+    reference: Reference
+    between_g: BetweenG
+
+    def classes(self, scene: Scene, a: Array, b: Array, kinds: range, errors: bool) -> dict[int, ClassLight]:
+        """Light of some classes in every cell, and its errors before any smoothing, in uniform waters.
+
+        Parameters
+        ----------
+        a, b : arrays, shape (n_waters,), m^-1
+            Absorption and scattering coefficients.
+        kinds : range
+        errors : bool
+            Without, no noises come with the light.
+        """
+        rho, surface = scene.reflectances
+        lit = [
+            kind
+            for kind in self.kinds
+            if kind in kinds
+            and (rho > 0 or kind not in FROM_WALLS)
+            and (surface > 0 or kind not in FROM_SURFACE)
+            and (kind in NEVER_SCATTERED or (b > 0).any())
+        ]
+        if not lit:
+            return {}
+        beams, relative_stderr, rows = self.trace()
+        within, average = within_band(scene)
+        absorption, scattering = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
+        ones, reference = np.ones_like(absorption), self.reference
+        change = absorption + scattering - reference.absorption_per_m - reference.scattering_per_m
+        along = np.exp(-change[:, None] * rows.straight_m)
+        shares = self.between_g.shares(scene)
+        out = {}
+        for kind in (k for k in lit if k in beams.rows_of):
+            mine = beams.rows_of[kind]
+            weights = rows.row_weights(absorption, scattering, rho * ones, surface * ones, mine)
+            light = weights @ beams.contracted(kind, scene.lamp) * along
+            found = average @ light.reshape(len(light), len(a), len(within), -1)
+            value, passed_on = self.between_g.light(found, shares, errors)
+            noises = []
+            for i, passed in enumerate(passed_on):
+                mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
+                own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
+                noises.append(Noise(passed, own, beams.images.orbits))
+            out[kind] = ClassLight(value, noises)
+        return out
+
+
+@dataclass(frozen=True)
+class TracedWater:
+    """Light of one traced water, in the same tank under its own top and under a water surface.
+
+    Parameters
+    ----------
+    own_top : TracedLight
+    under_surface : TracedLight, optional
+        Of a tank that has a lid; for light that was reflected.
+    """
+
+    own_top: TracedLight
+    under_surface: TracedLight | None = None
+
+    @property
+    def scattering_per_m(self) -> float:
+        """Scattering coefficient of the water, m^-1."""
+        return self.own_top.reference.scattering_per_m
+
+    def classes(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, ClassLight]:
+        """Light of every class in every cell, and its errors; see `TracedLight.classes`."""
+        if self.under_surface is None or not scene.surface_reflects:
+            return self.own_top.classes(scene, a, b, range(CLASSES), errors)
+        # Light that was only scattered is the same under either top, and known for every g here.
+        scattered = self.own_top.classes(scene, a, b, range(1), errors)
+        return scattered | self.under_surface.classes(scene, a, b, range(1, CLASSES), errors)
+
+
+def within_band(scene: Scene) -> tuple[Array, Array]:
+    """Changes of the attenuation within a band, m^-1, and the share of each."""
+    q = scene.water.hardening_per_m
+    return (q * HERMITE_NODES, HERMITE_SHARES) if q else (np.zeros(1), np.ones(1))
