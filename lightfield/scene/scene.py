@@ -276,7 +276,12 @@ class Scene(Part):
         values = self._with_points(self._surface_follows(values))
         if not validate:
             return self._replaced(values)
-        data = self.model_dump(exclude_unset=True)
+        # Parts that stay as they are were checked when they were made.
+        changed = {path.partition(".")[0] for path in values}
+        data = {name: getattr(self, name) for name in self.model_fields_set}
+        for name in changed & data.keys():
+            if isinstance(data[name], BaseModel):
+                data[name] = data[name].model_dump(exclude_unset=True)
         for path, value in values.items():
             *parents, leaf = path.split(".")
             self.get(path)

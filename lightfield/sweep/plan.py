@@ -21,7 +21,7 @@ from lightfield.scene.acts import ATTENUATION, TRACED, Acts
 from lightfield.scene.all_parameters import acts_on, only, without
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.sweep.axes import Axis, apply, checked_axes
+from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
@@ -188,7 +188,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
             remedy="give detector.planes_m instead; single positions: `lightfield render`, case by case",
         )
     grid_axes = _axes_on(cases, Acts.PLACES | Acts.BOX)
-    grids = [detector_grid(scene) for _, scene in cases.subset(grid_axes)]
+    grids = _grids(cases, grid_axes)
     if len({grid.shape for grid in grids}) > 1:
         raise UsageError(
             "maps of different shapes cannot share a store",
@@ -209,7 +209,24 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
 
 def _axes_on(cases: Cases, what: Acts) -> list[int]:
     """Axes that set something which acts on any of these stages."""
-    return [i for i, axis in enumerate(cases.axes) if any(acts_on(path) & what for path in axis.values)]
+    coefficients = dict.fromkeys(COMPOUND, Acts.ABSORPTION | Acts.SCATTERING)
+    return [
+        i
+        for i, axis in enumerate(cases.axes)
+        if any(coefficients.get(path, acts_on(path)) & what for path in axis.values)
+    ]
+
+
+def _grids(cases: Cases, axes: list[int]) -> list[Grid]:
+    """Detector grid of every combination of the steps of some axes, alike ones made once."""
+    known: dict[object, Grid] = {}
+    found = []
+    for _, scene in cases.subset(axes):
+        key = scene.detector, scene.plane_size_m
+        if key not in known:
+            known[key] = detector_grid(scene)
+        found.append(known[key])
+    return found
 
 
 def _combination(cases: Cases, axes: Sequence[int]) -> np.ndarray:
@@ -263,11 +280,12 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
             problems |= {int(n): problem for n in alike if (problem := problem_of(cases, int(n)))}
     table = np.zeros((*cases.shape, 4))
     # Water and walls apart: where both vary, each has far fewer values than there are cases.
-    for columns, parts, values_of in (
-        (slice(0, 2), ("water.", "detector."), _coefficients),
-        (slice(2, 4), ("tank.",), lambda scene: scene.reflectances),
+    water = Acts.ABSORPTION | Acts.SCATTERING | Acts.BASE | Acts.COLOUR | Acts.PLACES
+    for columns, what, values_of in (
+        (slice(0, 2), water, _coefficients),
+        (slice(2, 4), Acts.REFLECTION, lambda scene: scene.reflectances),
     ):
-        axes = [i for i, a in enumerate(cases.axes) if any(path.startswith(parts) for path in a.values)]
+        axes = _axes_on(cases, what)
         for steps, scene in cases.subset(axes):
             where = _where(cases, axes, steps)
             try:
@@ -323,12 +341,21 @@ def _traces(
     for steps, left in zip(steps_of, np.split(ordered, starts[1:]), strict=False):
         key = f"{as_it_is} {sorted(pair for i, told in transport.items() for pair in told[steps[i]])}"
         while len(left):
-            near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
-            near[near] = _same_reflections(waters[left][near])
-            members, left = left[near], left[~near]
+            members, left = _served_together(left, waters, far_m)
             trace_of_case[members] = len(traces)
             traces.append(_trace(settings, key, members, waters[members], len(traces)))
     return tuple(traces), trace_of_case
+
+
+def _served_together(
+    left: np.ndarray, waters: np.ndarray, far_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of cases that one beam and geometry serve, those of one reference water; and the others."""
+    if len(left) == 1:  # as most are where every case has a beam of its own
+        return left, left[:0]
+    near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
+    near[near] = _same_reflections(waters[left][near])
+    return left[near], left[~near]
 
 
 def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
@@ -344,7 +371,7 @@ def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
 def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
     """Spread of the weights of waters about the most turbid of them, shape (n,)."""
     b = waters[:, 1]
-    if len(b) == 1 or not b.any():
+    if not b.any():
         return np.zeros_like(b)
     most = b.max()
     # Direct light is an expected value: without reflection, clear water has no weights to spread.
