@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if program:
         sys.unraisablehook = _not_swallowed
         # Called last: while Python takes itself apart, the work is done and its code stands.
-        atexit.register(_on_signals, signal.SIG_IGN)
+        atexit.register(_at_rest)
     try:
         from lightfield.commands._terminal import plain_output
 
@@ -121,6 +121,12 @@ def _on_signals(handler: Callable[[int, FrameType | None], Any] | signal.Handler
         signal.signal(signal.SIGTERM, handler)
     except ValueError:
         pass
+
+
+def _at_rest() -> None:
+    """No stop any more, not even one that was put off: at its end Python forgets who answers to alarms."""
+    _on_signals(signal.SIG_IGN)
+    signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _leave(number: int, frame: FrameType | None) -> None:

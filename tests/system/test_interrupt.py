@@ -225,3 +225,28 @@ def test_a_stop_while_the_walk_is_recorded_is_still_a_stop(monkeypatch, stop) ->
     monkeypatch.setattr(Planes, "reading", stopped)
     with pytest.raises(stop):
         render_scene(Scene.from_toml(SCENE), max_photons=3e4, cache=False)
+
+
+LATE = """
+import sys, time
+from lightfield import cli
+class Slow:
+    def __del__(self):
+        time.sleep(0.3)
+kept, run = Slow(), cli._run
+def stopped_at_the_end(argv):
+    code = run(argv)
+    cli._again_soon(2)
+    return code
+cli._run = stopped_at_the_end
+sys.exit(cli.main())
+"""
+
+
+def test_a_stop_that_was_put_off_does_not_kill_a_program_that_has_done(tmp_path):
+    """Python forgets who answers to an alarm before it has taken itself apart."""
+    (tmp_path / "scene.toml").write_text("[detector]\nplanes_m = [2.0]\n")
+    words = [sys.executable, "-c", LATE, "scene", str(tmp_path / "scene.toml")]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode in (0, 130), done.returncode
+    assert done.stderr in ("", "lightfield: interrupted\n")
