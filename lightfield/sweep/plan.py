@@ -23,14 +23,11 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
+from lightfield.sweep.sharing import served_together
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
-# Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
-# variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
-# Beyond 1.5 single photons show as bright cells that the stated error does not cover: another trace then.
-MOST_SPREAD = 1.5
 
 Told = tuple[tuple[str, Any], ...]  # values by path
 
@@ -341,21 +338,10 @@ def _traces(
     for steps, left in zip(steps_of, np.split(ordered, starts[1:]), strict=False):
         key = f"{as_it_is} {sorted(pair for i, told in transport.items() for pair in told[steps[i]])}"
         while len(left):
-            members, left = _served_together(left, waters, far_m)
+            members, left = served_together(left, waters, far_m)
             trace_of_case[members] = len(traces)
             traces.append(_trace(settings, key, members, waters[members], len(traces)))
     return tuple(traces), trace_of_case
-
-
-def _served_together(
-    left: np.ndarray, waters: np.ndarray, far_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of cases that one beam and geometry serve, those of one reference water; and the others."""
-    if len(left) == 1:  # as most are where every case has a beam of its own
-        return left, left[:0]
-    near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
-    near[near] = _same_reflections(waters[left][near])
-    return left[near], left[~near]
 
 
 def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
@@ -366,29 +352,6 @@ def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
         along = np.array([kinds[step] for step in told])
         of_case = of_case * len(kinds) + along.reshape([-1 if k == i else 1 for k in range(len(cases.shape))])
     return of_case.ravel()
-
-
-def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
-    """Spread of the weights of waters about the most turbid of them, shape (n,)."""
-    b = waters[:, 1]
-    if not b.any():
-        return np.zeros_like(b)
-    most = b.max()
-    # Direct light is an expected value: without reflection, clear water has no weights to spread.
-    direct_alone = (b == 0) & (waters[:, 2:] == 0).all(axis=1)
-    return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
-
-
-def _same_reflections(waters: np.ndarray) -> np.ndarray:
-    """Waters whose walls and surface are those of the brightest, or black; shape (n,).
-
-    A response tells few reflections apart and holds all higher ones together: with other walls these would be
-    weighed wrong, in a short bright tank by as much as (rho0 - rho) / (1 - rho0).
-    """
-    rho, surface = waters[:, 2], waters[:, 3]
-    brightest = np.lexsort((surface, rho))[-1]
-    alike = [(v == 0) | (v == v[brightest]) for v in (rho, surface)]
-    return np.asarray(alike[0] & alike[1])
 
 
 def _trace(settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int) -> Trace:

@@ -15,7 +15,8 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
 from lightfield.sweep.estimate import as_text
-from lightfield.sweep.plan import MOST_SPREAD, Plan, SweepSettings, make_plan
+from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.sharing import MOST_SPREAD
 
 SCENE = Scene.from_toml(
     """

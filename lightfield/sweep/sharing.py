@@ -1,0 +1,52 @@
+"""Which waters one trace serves: those whose photons would not be weighed too unequally, nor wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
+# variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
+# Beyond 1.5 single photons show as bright cells that the stated error does not cover: another trace then.
+MOST_SPREAD = 1.5
+
+
+def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of cases that one beam and geometry serve, those of one reference water; and the others.
+
+    Parameters
+    ----------
+    left : array of int
+        Their numbers.
+    waters : array, shape (n_cases, 4)
+        Of every case: absorption, scattering (1/m), wall albedo, surface reflectance.
+    far_m : array, shape (n_cases,), m
+        Distance of the farthest plane.
+    """
+    if len(left) == 1:  # as most are where every case has a beam of its own
+        return left, left[:0]
+    near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
+    near[near] = _same_reflections(waters[left][near])
+    return left[near], left[~near]
+
+
+def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
+    """Spread of the weights of waters about the most turbid of them, shape (n,)."""
+    b = waters[:, 1]
+    if not b.any():
+        return np.zeros_like(b)
+    most = b.max()
+    # Direct light is an expected value: without reflection, clear water has no weights to spread.
+    direct_alone = (b == 0) & (waters[:, 2:] == 0).all(axis=1)
+    return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
+
+
+def _same_reflections(waters: np.ndarray) -> np.ndarray:
+    """Waters whose walls and surface are those of the brightest, or black; shape (n,).
+
+    A response tells few reflections apart and holds all higher ones together: with other walls these would be
+    weighed wrong, in a short bright tank by as much as (rho0 - rho) / (1 - rho0).
+    """
+    rho, surface = waters[:, 2], waters[:, 3]
+    brightest = np.lexsort((surface, rho))[-1]
+    alike = [(v == 0) | (v == v[brightest]) for v in (rho, surface)]
+    return np.asarray(alike[0] & alike[1])
