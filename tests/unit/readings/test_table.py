@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lightfield.errors import LightfieldError, MeasurementError, OutputError
+from lightfield.errors import MeasurementError, OutputError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
 from lightfield.readings.columns import COLUMNS, LAYOUT
 from lightfield.readings.table.write import dumps
@@ -353,23 +353,6 @@ def test_what_cannot_be_written_exactly_is_refused(fields):
         dumps(Readings.from_arrays(z_m=[1], value=[2], **fields))
 
 
-# --- fuzzing: an error that a user can act on, or a table that fulfils the rules
-
-
-def check_fuzzed(data: bytes, folder: Path) -> None:
-    path = folder / "fuzz.csv"
-    path.write_bytes(data)
-    try:
-        readings = read_table(path)
-    except LightfieldError as error:
-        assert isinstance(error, MeasurementError) and str(error)
-        return
-    assert len(readings) > 0
-    assert np.isfinite(readings.value).all() and (readings.z_m > 0).all()
-    assert not (readings.stderr <= 0).any()
-    assert set(readings.medium.tolist()) <= {"water", "air"}
-
-
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_a_layout_is_a_table_whose_values_do_not_exist_yet(tmp_path, delimiter):
     """Whatever delimits a table may delimit a layout, and with values it is the table itself."""
@@ -395,33 +378,3 @@ def test_a_cell_that_could_not_be_read_is_one_problem(load):
     assert len(problems(load, "z_m,value\nx,1\n2,1\n")) == 1
     assert len(problems(load, "x_m,value\n1,2\n1,3\n")) == 1
     assert len(problems(load, "z_m,value\nx,1\n-2,1\n")) == 2
-
-
-@settings(max_examples=100)
-@given(data=st.binary(max_size=300))
-def test_any_bytes(data, tmp_path_factory):
-    check_fuzzed(data, tmp_path_factory.getbasetemp())
-
-
-LETTERS = "z_m,value;#=\"[]'\n\r\t .0123456789-+eE\\x"
-ENCODINGS = ["utf-8", "utf-16", "utf-8-sig", "latin-1"]
-
-
-@settings(max_examples=100)
-@given(text=st.text(alphabet=LETTERS, max_size=200), encoding=st.sampled_from(ENCODINGS))
-def test_any_text_of_the_formats_letters(text, encoding, tmp_path_factory):
-    check_fuzzed(("z_m,value\n" + text).encode(encoding), tmp_path_factory.getbasetemp())
-    check_fuzzed(("# " + text).encode(encoding), tmp_path_factory.getbasetemp())
-
-
-@settings(max_examples=200)
-@given(
-    edits=st.lists(
-        st.tuples(st.integers(0, len(FULL)), st.integers(0, 12), st.binary(max_size=6)), max_size=4
-    ),
-)
-def test_damaged_tables(edits, tmp_path_factory):
-    data = bytearray(FULL.encode())
-    for start, length, insert in edits:
-        data[start : start + length] = insert
-    check_fuzzed(bytes(data), tmp_path_factory.getbasetemp())
