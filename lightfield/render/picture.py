@@ -93,7 +93,7 @@ def picture_dict(
     """Stock Mitsuba description of the tank, the lamp and a camera, at one wavelength."""
     import mitsuba as mi
 
-    from lightfield.render.tracer.build import phase_dict, surfaces
+    from lightfield.render.tracer.build import phase_dict, shapes
 
     attenuation = max(absorption + scattering, 1e-6)
     water = {
@@ -105,7 +105,7 @@ def picture_dict(
     }
     inside = {"type": "ref", "id": "water"}
     reflects = scene.surface_reflects
-    box = surfaces(scene, albedo, scene.reflectances[1] if reflects else None)
+    box = shapes(scene, albedo, scene.reflectances[1] if reflects else None)
     if reflects:
         box["surface"]["interior"] = inside
     eye, target, view_deg = camera_pose(scene)

@@ -38,7 +38,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
     """
     use_backend()
     from lightfield.render.plugins.lamp import PROPERTIES
-    from lightfield.render.tracer.build import phase_dict, surfaces
+    from lightfield.render.tracer.build import phase_dict, shapes
 
     at = np.array([middles_nm(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
@@ -76,7 +76,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         "integrator": {"type": "photon_tracer", "photons": 1_000_000},
         "water": medium,
         "lamp": lamp,
-        **surfaces(scene, scene.reflectances[0], scene.reflectances[1] if scene.surface_reflects else None),
+        **shapes(scene, scene.reflectances[0], scene.reflectances[1] if scene.surface_reflects else None),
         **planes,
     }
 

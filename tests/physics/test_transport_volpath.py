@@ -161,12 +161,12 @@ def plugin(model: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_sum_of_all_orders() -> None:
-    """On and off axis: values on which two independent codes agree within 2 %."""
+    """On and off axis: values on which two independent codes agree within 2 %, and three of our errors."""
     traced = traced_irradiance(lit_water(PHASES["henyey-greenstein"]), [0.0, 0.3, 0.6, 1.0], 6e6, once=False)
     for mine, known in zip(traced, (0.00426, 0.00341, 0.00186, 0.00059), strict=True):
         mean, error = mean_and_error(mine)
         assert error < 0.012 * known
-        assert abs(mean / known - 1) < 0.02
+        assert abs(mean - known) < np.hypot(0.02 * known, 3 * error)
 
 
 @pytest.mark.parametrize("name", PHASES)

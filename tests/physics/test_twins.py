@@ -14,7 +14,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
 from lightfield.render.response.grid import Grid, scene_grid
-from lightfield.render.tracer.build import surfaces
+from lightfield.render.tracer.build import shapes
 from lightfield.render.tracer.emission import TABLE, Emission
 from lightfield.render.tracer.planes import OPEN_WATER_REACH, Planes
 from lightfield.render.tracer.walk import Absorption
@@ -151,7 +151,7 @@ def test_tank_and_its_surface() -> None:
     """Walls of the trace, patches of the reflected light and the box of the tank are the same walls."""
     tank = Tank(width_m=3.0, depth_m=2.0, length_m=7.0, behind_lamp_m=0.6, lamp_depth_m=0.7)
     scene = Scene(tank=tank, detector=Detector(planes_m=(3.0,)))
-    boxes = [mi.load_dict(shape).bbox() for shape in surfaces(scene, 0.3, None).values()]
+    boxes = [mi.load_dict(shape).bbox() for shape in shapes(scene, 0.3, None).values()]
     assert len(boxes) == 6
     ends = [np.min([b.min for b in boxes], axis=0), np.max([b.max for b in boxes], axis=0)]
     np.testing.assert_allclose(np.transpose(ends), tank.box_m, atol=1e-6)
@@ -161,7 +161,7 @@ def test_tank_and_its_surface() -> None:
     np.testing.assert_allclose(np.array([corners.min(axis=0), corners.max(axis=0)]).T, tank.box_m)
 
     cosine = np.linspace(0.01, 1, 100)
-    made = mi.load_dict(surfaces(scene, 0.3, 1.0)["surface"]["bsdf"])
+    made = mi.load_dict(shapes(scene, 0.3, 1.0)["surface"]["bsdf"])
     index = float(mi.traverse(made)["eta"])
     assert index == pytest.approx(WATER_INDEX)
     reflected, *_ = mi.fresnel(mi.Float(cosine), 1 / mi.Float(index))

@@ -12,7 +12,9 @@ from lightfield.render.plugins.lamp import LightfieldLamp
 from lightfield.render.response.grid import Grid
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
-from lightfield.render.tracer.walk import Water, trace
+from lightfield.render.tracer.scattering import by_plugin
+from lightfield.render.tracer.surfaces import OpenWater, Shapes
+from lightfield.render.tracer.walk import Water, counted, trace
 
 BATCHES = 8
 LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
@@ -70,6 +72,8 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         histories = Histories(0, path_nodes=2)
         position = (lamp.lamp.offset_x_m, lamp.lamp.offset_y_m, 0.0)
         planes = Planes(grid, sensors[0].receiver, position, lamp.lamp.apparent_distance_m)
+        surfaces = Shapes(scene) if scene.shapes() else OpenWater(planes)
+        turn = by_plugin(medium.phase_function())
         photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES
         maps = []
         for batch in range(BATCHES):
@@ -77,8 +81,8 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
             for first in range(0, photons, LARGEST_LAUNCH):
                 launch = min(LARGEST_LAUNCH, photons - first)
                 counts, _ = trace(
-                    scene,
-                    medium.phase_function(),
+                    surfaces,
+                    turn,
                     lamp.emission,
                     planes,
                     histories,
@@ -87,7 +91,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
                     seed * 1009 + batch,
                     first=first,
                 )
-                total += counts.sum(axis=0).reshape(grid.shape) * (launch / photons)
+                total += counts.sum(axis=0).reshape(grid.shape) * (launch / photons / counted(launch))
             maps.append(total * lamp.intensity)
         back = np.argsort(order)
         return np.mean(maps, axis=0)[back], (np.std(maps, axis=0, ddof=1) / np.sqrt(BATCHES))[back]

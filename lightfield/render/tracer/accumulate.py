@@ -19,7 +19,7 @@ from lightfield.render.response.response import (
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
 from lightfield.render.settings import OnProgress, Settings
 from lightfield.render.tracer.build import Setup, prepare
-from lightfield.render.tracer.walk import PHOTONS_PER_LANE, trace
+from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -58,8 +58,8 @@ def trace_until(
     while True:
         for batch in range(batches):
             counts, book = trace(
-                setup.mitsuba_scene,
-                setup.phase,
+                setup.surfaces,
+                setup.turn,
                 setup.emission,
                 setup.planes,
                 setup.histories,
@@ -68,9 +68,7 @@ def trace_until(
                 settings.seed * 1009 + batch,
                 first=first,
                 mirror_x=mirrored,
-                reflecting=setup.reflecting,
             )
-            counts *= launch
             sums[batch] += counts
             books.append(book)
             shares.append(launch)
@@ -81,7 +79,11 @@ def trace_until(
         if progress:
             progress(spent, reached, settings.rel_error)
         if reached <= settings.rel_error or spent >= settings.max_photons:
-            return response_from(sums, first, setup), average(books, shares), reached
+            return (
+                response_from(sums, counted(first, mirrored), spent, setup),
+                average(books, shares),
+                reached,
+            )
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
@@ -92,7 +94,7 @@ def _whole_lanes(photons: float) -> int:
     return PHOTONS_PER_LANE * ceil(photons / PHOTONS_PER_LANE)
 
 
-def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> TransportResponse:
+def response_from(sums: np.ndarray, counted_per_batch: int, photons: int, setup: Setup) -> TransportResponse:
     """Response of accumulated tallies, which it takes over; rows that stayed empty are left out."""
     seen = np.asarray(sums.any(axis=(0, 2)))
     seen[0] = True
@@ -100,8 +102,8 @@ def response_from(sums: np.ndarray, photons_per_batch: int, setup: Setup) -> Tra
     for batch in sums:
         batch[:kept] = batch[seen]
     tally = sums[:, :kept]
-    tally /= np.float32(photons_per_batch)
-    return _response(tally, photons_per_batch * len(sums), setup, seen)
+    tally /= np.float32(counted_per_batch)
+    return _response(tally, photons, setup, seen)
 
 
 def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -> TransportResponse:
@@ -166,8 +168,8 @@ def trace_by_direction(
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
-            setup.mitsuba_scene,
-            setup.phase,
+            setup.surfaces,
+            setup.turn,
             setup.emission,
             setup.planes,
             setup.histories,
@@ -175,8 +177,9 @@ def trace_by_direction(
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=symmetric,
-            reflecting=setup.reflecting,
+            direct=False,  # a fit knows it in closed form
         )
+        counts /= np.float32(counted(photons // DIRECTION_BATCHES, symmetric))
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
         beam = np.einsum("n,rnc->rc", own, by_node)

@@ -16,9 +16,12 @@ from lightfield.render.response.response import Reference
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes, open_water_m
+from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein
+from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces
 from lightfield.render.tracer.walk import Water
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
+from lightfield.scene.water.phase.spec import HenyeyGreenstein
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,8 @@ class Setup:
     """Everything a trace needs."""
 
     mitsuba_scene: Any
-    phase: Any
+    surfaces: Surfaces
+    turn: Turn
     emission: Emission
     planes: Planes
     histories: Histories
@@ -34,7 +38,6 @@ class Setup:
     reference: Reference
     grid: Grid
     straight_m: np.ndarray
-    reflecting: bool
 
 
 def histories_of(
@@ -101,12 +104,18 @@ def prepare(
     reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
     top = reference.surface_reflectance if reflects else None
-    parts = surfaces(scene, reference.wall_albedo, top) if scene.tank else {}
+    parts = shapes(scene, reference.wall_albedo, top) if scene.tank else {}
     loaded = mi.load_dict({"type": "scene", **parts})
-    phase = mi.load_dict(phase_dict(scene))
+    met = Box(scene.tank, reference.wall_albedo, top) if scene.tank else OpenWater(planes)
+    phase = scene.water.phase
+    if isinstance(phase, HenyeyGreenstein):
+        turn = henyey_greenstein(phase.g)
+    else:
+        turn = by_plugin(mi.load_dict(phase_dict(scene)))
     return Setup(
         loaded,
-        phase,
+        met,
+        turn,
         emission,
         planes,
         histories,
@@ -114,7 +123,6 @@ def prepare(
         reference,
         grid,
         straight_path(scene, grid),
-        reference.wall_albedo > 0 or reflects,
     )
 
 
@@ -126,7 +134,7 @@ def phase_dict(scene: Scene) -> dict[str, Any]:
     return {"type": "lightfield_phase", "model": json.dumps(phase.model_dump(mode="json"))}
 
 
-def surfaces(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str, Any]:
+def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str, Any]:
     """Mitsuba shapes: black sphere round open water, or the tank's walls with a lid or a water surface.
 
     Parameters

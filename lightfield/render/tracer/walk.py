@@ -1,4 +1,4 @@
-"""The photon walk: one Dr.Jit loop through Mitsuba's geometry, BSDFs and phase function.
+"""The photon walk: one Dr.Jit loop through water and whatever surfaces there are.
 
 What is estimated, at every detector cell, is the power of the light that crosses it, split by its history:
 
@@ -27,7 +27,9 @@ from lightfield.render.response.response import Bookkeeping
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
+from lightfield.render.tracer.scattering import Turn
 from lightfield.render.tracer.sobol import ScrambledSobol
+from lightfield.render.tracer.surfaces import FAR, Surfaces
 from lightfield.scene import Water as SceneWater
 from lightfield.scene.water.layers import is_layered, slab_m
 
@@ -35,7 +37,6 @@ ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
 ROULETTE_SURVIVAL = 0.25
 FORCED = 0.9  # share of the first flights that scatter before the last plane, where they would pass it
 MAX_FLIGHTS = 4000
-FAR = 1e7  # m, where nothing is hit
 PHOTONS_PER_LANE = 64
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -127,8 +128,8 @@ def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
 @_as_raised
 @dr.syntax
 def trace(
-    scene: mi.Scene,
-    phase: mi.PhaseFunction,
+    surfaces: Surfaces,
+    turn: Turn,
     emission: Emission,
     planes: Planes,
     histories: Histories,
@@ -137,15 +138,14 @@ def trace(
     seed: int,
     first: int = 0,
     mirror_x: bool = False,
-    reflecting: bool = True,
+    direct: bool = True,
 ) -> tuple[np.ndarray, Bookkeeping]:
     """Trace one batch of photons.
 
     Parameters
     ----------
-    scene : mi.Scene
-        Surfaces (none: open water); a smooth dielectric surface reflects, what it transmits is lost.
-    phase : mi.PhaseFunction
+    surfaces, turn
+        What light meets, and how a scattering turns it.
     emission, planes, histories, water
         Lamp, detectors, cells of the tally, reference water.
     photons : int
@@ -156,18 +156,20 @@ def trace(
         Number of the first photon: a longer batch can be traced in parts.
     mirror_x : bool
         Also tally the mirror image at -x (only right in a scene that is symmetric in x).
-    reflecting : bool
-        False: every surface is black, and its BSDF is not asked.
+    direct : bool
+        Tally light that has met nothing.
 
     Returns
     -------
-    tally : array, shape (histories.size, planes.cells), per m^2 (per m^2 sr for radiance)
-        For unit on-axis radiant intensity.
+    sums : array, shape (histories.size, planes.cells), per m^2 (per m^2 sr for radiance)
+        For unit on-axis radiant intensity, summed over as many photons as `counted` says.
     bookkeeping : Bookkeeping
+        Per photon.
     """
-    each = min(PHOTONS_PER_LANE, photons)
-    lanes = -(-photons // each)
+    each, lanes = _launch(photons)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
+    # A literal would be written out anew for every launch, and copied to be read.
+    dr.make_opaque(tally)
     lane = dr.arange(mi.UInt32, lanes)
     # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
     number = lane + dr.opaque(mi.UInt32, first)
@@ -180,9 +182,6 @@ def trace(
     points = ScrambledSobol(seed)
     absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
 
-    open_water = not scene.shapes()
-    reflecting = reflecting and not open_water
-
     # -------------------------------------------------------------- loop state
     started = mi.UInt32(0)  # photons that this lane has begun: a lane never waits for its neighbours
     alive = dr.zeros(mi.Bool, lanes)  # the lane's photon is under way
@@ -194,13 +193,10 @@ def trace(
     node = mi.UInt32(0)  # node of the direction of emission
     scatterings = mi.UInt32(0)
     walls = mi.UInt32(0)
-    surfaces = mi.UInt32(0)
+    mirrors = mi.UInt32(0)
     flights = mi.UInt32(0)
     emitted, absorbed, at_walls = mi.Float(0), mi.Float(0), mi.Float(0)
     escaped, invented, unfinished = mi.Float(0), mi.Float(0), mi.Float(0)
-    context = mi.BSDFContext(mi.TransportMode.Importance)
-    context.type_mask = int(mi.BSDFFlags.DeltaReflection) | int(mi.BSDFFlags.DiffuseReflection)
-    phase_context = mi.PhaseFunctionContext(None)
 
     while alive | (started < each):
         # ---------------------------------------------------------- a new photon
@@ -209,49 +205,37 @@ def trace(
             position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
             weight, node = mi.Float(start.weight), mi.UInt32(start.node)
             survival, length = mi.Float(1), mi.Float(0)
-            scatterings, walls, surfaces, flights = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
+            scatterings, walls, mirrors, flights = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
             emitted += weight
             started += 1
         active = weight > 0
 
         # ---------------------------------------------------------- the next surface and the next scattering
-        if dr.hint(open_water, mode="scalar"):
-            to_surface, leaves = planes.way_out(position, direction), mi.Bool(True)
-        elif dr.hint(not reflecting, mode="scalar"):
-            met = scene.ray_intersect_preliminary(
-                mi.Ray3f(position, direction), coherent=False, active=active
-            )
-            to_surface, leaves = dr.select(met.is_valid(), met.t, FAR), ~met.is_valid()
-        else:
-            # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
-            hit = scene.ray_intersect(
-                mi.Ray3f(position, direction),
-                ray_flags=mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame,
-                coherent=False,
-                active=active,
-            )
-            to_surface, leaves = dr.select(hit.is_valid(), hit.t, FAR), ~hit.is_valid()
+        met = surfaces.meet(position, direction, active)
+        to_surface, leaves = met.distance, met.leaves
         free, bias = first_or_free_flight(
             b0, planes.ahead(position, direction), to_surface, flights == 0, rng.next_float32()
         )
-        channel = histories.channel(scatterings, walls, surfaces)
+        channel = histories.channel(scatterings, walls, mirrors)
 
         # ---------------------------------------------------------- expected tally at every plane on the way
+        counts = active if direct else active & (flights > 0)
         plane = mi.UInt32(0)
         while plane < planes.count:
             crossing = planes.crossing(plane, position, direction, to_surface, mirror_x)
-            if active & (crossing.hits | crossing.mirror_hits):
+            if counts & (crossing.hits | crossing.mirror_hits):
                 response, straight = planes.reading(crossing, direction)
                 depth = absorption.depth(position.z, direction.z, crossing.distance)
                 value = weight * response * dr.exp(-depth - b0 * crossing.distance)
                 excess = dr.maximum(length + crossing.distance - straight, 0)
-                histories.deposit(tally, channel, excess, node, crossing.cell, cells, value, crossing.hits)
+                at = histories.node(excess, rng.next_float32())
+                histories.deposit(tally, channel, at, node, crossing.cell, cells, value, crossing.hits)
                 if dr.hint(mirror_x, mode="scalar"):
                     image = histories.mirrored(node)
                     histories.deposit(
                         tally,
                         channel,
-                        excess,
+                        at,
                         image,
                         crossing.mirror_cell,
                         cells,
@@ -277,34 +261,23 @@ def trace(
         active &= ~gone
 
         # ---------------------------------------------------------- scatter (the same numbers serve a bounce)
-        turn = mi.Point2f(rng.next_float32(), rng.next_float32())
-        interaction = dr.zeros(mi.MediumInteraction3f)
-        interaction.wi = -direction
-        interaction.sh_frame = mi.Frame3f(interaction.wi)
-        turned, _, _ = phase.sample(
-            phase_context,
-            interaction,
-            rng.next_float32(),
-            mi.Point2f(rng.next_float32(), rng.next_float32()),
-            active & scatters,
-        )
+        u = mi.Point2f(rng.next_float32(), rng.next_float32())
+        turned = turn(direction, rng.next_float32(), u, active & scatters)
 
         # ---------------------------------------------------------- reflect
-        if dr.hint(reflecting, mode="scalar"):
+        if dr.hint(surfaces.reflecting, mode="scalar"):
             bounces = active & ~scatters
-            sample, factor = hit.bsdf().sample(context, hit, 0.5, turn, bounces)
-            reflected = dr.select(bounces, factor[0], 1)
-            smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+            bounce = surfaces.bounce(met, position, direction, u, bounces)
+            reflected = dr.select(bounces, bounce.reflected, 1)
             lost = dr.select(bounces, weight * (1 - reflected), 0)
-            escaped += dr.select(smooth, lost, 0)
-            at_walls += dr.select(smooth, 0, lost)
+            escaped += dr.select(bounce.smooth, lost, 0)
+            at_walls += dr.select(bounce.smooth, 0, lost)
             weight *= reflected
             survival *= reflected
-            off = hit.n * dr.select(dr.dot(hit.n, direction) < 0, 1e-4, -1e-4)
-            position = dr.select(bounces, hit.p + off, position)
-            turned = dr.select(bounces, hit.to_world(sample.wo), turned)
-            surfaces += dr.select(bounces & smooth, 1, 0)
-            walls += dr.select(bounces & ~smooth, 1, 0)
+            position = mi.Point3f(dr.select(bounces, bounce.position, position))
+            turned = mi.Vector3f(dr.select(bounces, bounce.direction, turned))
+            mirrors += dr.select(bounces & bounce.smooth, 1, 0)
+            walls += dr.select(bounces & ~bounce.smooth, 1, 0)
         else:
             at_walls += dr.select(active & ~scatters, weight, 0)
             weight = dr.select(scatters, weight, 0)
@@ -326,13 +299,23 @@ def trace(
         unfinished += dr.select(active & (flights >= MAX_FLIGHTS), weight, 0)
         alive = active & (flights < MAX_FLIGHTS)
 
-    traced = lanes * each
     # All outputs in one kernel: a sum asked for alone would walk every photon again.
     outputs = (emitted, absorbed, at_walls, escaped, unfinished, invented)
     dr.eval(tally, *outputs)
-    sums = [float(dr.sum(v)[0]) / traced for v in outputs]
-    counts = np.array(tally, copy=True).reshape(histories.size, planes.cells)
-    counts /= traced if planes.images is None else traced * planes.images.astype(np.float32)
-    if mirror_x:
-        counts *= 0.5
-    return counts, Bookkeeping(*sums)
+    books = [float(dr.sum(v)[0]) / (lanes * each) for v in outputs]
+    sums = tally.numpy().reshape(histories.size, planes.cells)  # no copy
+    if planes.images is not None:
+        sums /= planes.images.astype(np.float32)
+    return sums, Bookkeeping(*books)
+
+
+def _launch(photons: int) -> tuple[int, int]:
+    """Photons of each lane, and lanes."""
+    each = min(PHOTONS_PER_LANE, photons)
+    return each, -(-photons // each)
+
+
+def counted(photons: int, mirror_x: bool = False) -> int:
+    """What to divide the sums of `trace` by: photons that a launch really traces, and their images."""
+    each, lanes = _launch(photons)
+    return each * lanes * (2 if mirror_x else 1)
