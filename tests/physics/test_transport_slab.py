@@ -50,13 +50,17 @@ class FluxThrough:
     """
 
     images = None
+    is_slab = False
 
     def __init__(self, z_m: list[float], down: list[bool], edges: np.ndarray) -> None:
         self.count, self.rings = dr.opaque(mi.UInt32, len(z_m)), len(edges) - 1
         self.cells = len(z_m) * self.rings
+        self.row_length = self.component_length = dr.opaque(mi.UInt32, self.cells)
         self.z, self.down, self.edges = mi.Float(z_m), mi.Bool(down), mi.Float(edges)
 
-    def crossing(self, plane: Any, position: Any, direction: Any, reach: Any, mirror: bool) -> Crossing:
+    def crossing(
+        self, plane: Any, position: Any, direction: Any, reach: Any, mirror: bool, u: Any
+    ) -> Crossing:
         z = dr.gather(mi.Float, self.z, plane)
         distance = (z - position.z) / direction.z
         cosine = dr.abs(direction.z)
@@ -66,10 +70,11 @@ class FluxThrough:
         )
         hits &= cosine >= dr.gather(mi.Float, self.edges, 0)
         cell = plane * self.rings + ring
-        return Crossing(distance, mi.Float(0), mi.Float(0), z, hits, cell, mi.Bool(False), cell)
+        x = y = mi.Float(0)
+        return Crossing(distance, x, y, z, hits, cell, mi.Bool(False), cell, mi.Float(1))
 
     def reading(self, crossing: Crossing, direction: Any) -> tuple[Any, Any]:
-        return mi.Float(1), mi.Float(0)
+        return (mi.Float(1),), mi.Float(0)
 
     def behind(self, position: Any, direction: Any) -> Any:
         return mi.Bool(False)

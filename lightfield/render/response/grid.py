@@ -18,6 +18,8 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 #: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
 #: the width of the tank: from these on cells are as large as asked for.
 BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
+#: Of a tally of the flux vector: its components, and the irradiance of a plane that faces away from the lamp.
+COMPONENTS = ("x", "y", "z", "back")
 #: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
 UNEVEN = 0.5
 SHORTEST_STEP_M = 0.02

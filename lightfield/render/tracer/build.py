@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from math import atan, ceil, hypot, log, pi, sqrt
+from math import atan, ceil, hypot, inf, log, pi, sqrt
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
 from lightfield.errors import RenderError
-from lightfield.render.response.grid import AngleNodes, Grid, scene_grid, straight_path
+from lightfield.render.response.grid import COMPONENTS, AngleNodes, Grid, scene_grid, straight_path
 from lightfield.render.response.response import Reference
 from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein
@@ -41,9 +42,17 @@ class Setup:
 
 
 def histories_of(
-    scene: Scene, reference: Reference, grid: Grid, surface: bool, nodes: AngleNodes | None = None
+    scene: Scene,
+    reference: Reference,
+    grid: Grid,
+    surface: bool,
+    nodes: AngleNodes | None = None,
+    coarse: bool = False,
 ) -> Histories:
-    """Tally layout fine enough for the scene: scattering classes up to the tail of their Poisson number."""
+    """Tally layout fine enough for the scene: scattering classes up to the tail of their Poisson number.
+
+    `coarse` is for tallies that are kept by more than history and cell, and asked near their reference only.
+    """
     far = float(grid.z_m.max())
     mean = reference.scattering_per_m * far * 1.2
     scatterings = ceil(mean + 4 * sqrt(mean) + 1) if mean > 0 else 0
@@ -53,10 +62,10 @@ def histories_of(
         scatterings,
         walls,
         surfaces,
-        max_reflections=2 if (walls and surfaces) or nodes is not None else 3,
-        max_scatterings_reflected=5 if nodes is None else 3,
+        max_reflections=2 if (walls and surfaces) or coarse else 3,
+        max_scatterings_reflected=3 if coarse else 5,
         longest_excess_m=_longest_excess(scene, reference, far),
-        path_nodes=28 if nodes is None else 8,
+        path_nodes=8 if coarse else 28,
         emission_nodes=1 if nodes is None else nodes.size,
         n_phi=1 if nodes is None else nodes.n_phi,
     )
@@ -81,8 +90,18 @@ def prepare(
     surface: bool | None = None,
     nodes: AngleNodes | None = None,
     wide_share: float | None = None,
+    flux: bool = False,
 ) -> Setup:
-    """Assemble a trace of `scene` on `grid`; `surface` forces the water surface on or off."""
+    """Assemble a trace of `scene` on `grid`.
+
+    Parameters
+    ----------
+    surface : bool, optional
+        Forces the water surface on or off.
+    flux : bool
+        Tally the flux vector, see `FluxPlanes`, instead of what the scene's detector reads: the maps of the
+        components follow each other.
+    """
     reflects = scene.surface_reflects if surface is None else surface
     if reflects and scene.tank is None:
         raise RenderError(
@@ -99,8 +118,14 @@ def prepare(
         wide_share = 0.1 if reference.scattering_per_m * grid.z_m.max() > 0.2 else 0.4
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
-    planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m)
-    histories = histories_of(scene, reference, grid, reflects, nodes)
+    ends = scene.tank.box_m[2] if scene.tank else (-inf, inf)
+    straight = straight_path(scene, grid)
+    if flux:
+        planes: Planes = FluxPlanes(grid, position, lamp.apparent_distance_m, ends)
+        straight = np.tile(straight, (len(COMPONENTS), 1, 1))
+    else:
+        planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends)
+    histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None)
     reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
     top = reference.surface_reflectance if reflects else None
@@ -122,7 +147,7 @@ def prepare(
         reference_water,
         reference,
         grid,
-        straight_path(scene, grid),
+        straight,
     )
 
 

@@ -96,8 +96,8 @@ class Histories:
             else node
         )
 
-    def node(self, excess: mi.Float, u: mi.Float) -> mi.UInt32:
-        """Path node for an excess path, one of two, chosen by a uniform number."""
+    def row(self, channel: mi.UInt32, excess: mi.Float, u: mi.Float, node: mi.UInt32) -> mi.UInt32:
+        """Row of the tally: of the two path nodes around `excess` a uniform number chooses one."""
         last = mi.Float(self._last)
         # The cube root; its rounding may choose the next node over, which the clipping below forgives.
         place = dr.exp2(dr.log2(dr.clip(excess / self._longest, 1e-30, 1)) / 3) * last
@@ -107,19 +107,5 @@ class Histories:
         below = a * a * a * scale
         above = (a + 1) * (a + 1) * (a + 1) * scale
         share = dr.clip((excess - below) / (above - below), 0, 1)
-        return low + dr.select(u < share, mi.UInt32(1), mi.UInt32(0))
-
-    def deposit(
-        self,
-        tally: mi.Float,
-        channel: mi.UInt32,
-        path_node: mi.UInt32,
-        node: mi.UInt32,
-        cell: mi.UInt32,
-        cells: mi.UInt32,
-        value: mi.Float,
-        active: mi.Bool,
-    ) -> None:
-        """Add `value` to one cell of the tally."""
-        row = (channel * (self._last + 1) + path_node) * self._directions + node
-        dr.scatter_add(tally, value, row * cells + cell, active, mode=dr.ReduceMode.Direct)
+        path_node = low + dr.select(u < share, mi.UInt32(1), mi.UInt32(0))
+        return (channel * (self._last + 1) + path_node) * self._directions + node

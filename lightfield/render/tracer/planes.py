@@ -1,8 +1,14 @@
-"""Detector planes inside the photon walk: where a flight crosses one, in which cell, with which response."""
+"""Detector planes inside the photon walk: where a flight crosses one, in which cell, with which response.
+
+A receiver that does not face along the tank weighs a crossing by 1 / |cos|, whose variance has no bound:
+light that grazes the plane is rare and heavy. For such receivers a plane is a thin slab, and a flight counts
+by its length in it, at a point of that length chosen at random (track-length estimator; Spanier and Gelbard
+1969, Monte Carlo Principles and Neutron Transport Problems, ch. 2): the same mean, a variance that exists.
+"""
 
 from __future__ import annotations
 
-from math import log, pi, radians
+from math import inf, log, pi, radians
 from typing import NamedTuple
 
 import drjit as dr
@@ -15,10 +21,15 @@ from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import looks_aside, tilted_axis
 
 OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest cell's distance
+#: Thickness of the slab, as a part of the distance: the mean of the inverse square over it is 1e-4 too large.
+SLAB = 0.02
 
 
 class Crossing(NamedTuple):
-    """A flight meets a plane: how far on, in which cell, and in which cell its mirror image at -x does."""
+    """A flight meets a plane: how far on, in which cell, and in which cell its mirror image at -x does.
+
+    `per_depth` is the path per unit of depth, which makes power through the plane the sum over directions.
+    """
 
     distance: mi.Float
     x: mi.Float
@@ -28,6 +39,7 @@ class Crossing(NamedTuple):
     cell: mi.UInt32
     mirror_hits: mi.Bool
     mirror_cell: mi.UInt32
+    per_depth: mi.Float
 
 
 class Planes:
@@ -42,6 +54,8 @@ class Planes:
         Where the straight line to a cell starts (window centre).
     apparent_distance_m : float, m
         How far behind the window the light seems to come from.
+    ends_m : tuple of 2 floats, m
+        Where the water begins and ends in z: no slab reaches beyond.
     """
 
     def __init__(
@@ -50,6 +64,7 @@ class Planes:
         receiver: Detector,
         lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         apparent_distance_m: float = 0.0,
+        ends_m: tuple[float, float] = (-inf, inf),
     ) -> None:
         self.receiver = receiver
         every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
@@ -59,6 +74,7 @@ class Planes:
         if grid.merged is not None:
             number, self.images = grid.merged, np.bincount(grid.merged.ravel())
             self.cells = len(self.images)
+        self.row_length = self.component_length = dr.opaque(mi.UInt32, self.cells)
         self.lookup = mi.UInt32(number.ravel())
         # In variables, not literals: another layout needs no new kernel.
         self.count, self._n_y, self._n_x, self._n_cells = (
@@ -69,7 +85,10 @@ class Planes:
         self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
         self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
-        self.last = _opaque(grid.z_m.max())
+        room = 2 * np.minimum(grid.z_m - ends_m[0], ends_m[1] - grid.z_m)
+        thickness = np.clip(SLAB * grid.z_m, 0, np.maximum(room, 1e-6))
+        self.thickness = mi.Float(thickness)
+        self.last = _opaque((grid.z_m + 0.5 * thickness).max())
         self.reach = _opaque(open_water_m(grid))
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
@@ -77,28 +96,61 @@ class Planes:
         x, _, z = tilted_axis(receiver)
         self.axis = mi.Vector3f(_opaque(x), 0.0, _opaque(z))
         # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
-        self.both_sides = receiver.quantity == "scalar_irradiance" or looks_aside(receiver)
+        self.is_slab = receiver.quantity == "scalar_irradiance" or looks_aside(receiver)
 
     def crossing(
-        self, plane: mi.UInt32, position: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
+        self,
+        plane: mi.UInt32,
+        position: mi.Point3f,
+        direction: mi.Vector3f,
+        reach: mi.Float,
+        mirror: bool,
+        u: mi.Float,
     ) -> Crossing:
-        """Where a flight from `position` along `direction`, at most `reach` long, meets a plane."""
+        """Where a flight from `position` along `direction`, at most `reach` long, meets a plane.
+
+        `u` is a uniform number, which a slab asks for.
+        """
         z = dr.gather(mi.Float, self.z, plane)
-        distance = (z - position.z) / direction.z
+        if self.is_slab:
+            distance, per_depth = self._in_slab(plane, z, position, direction, reach, u)
+            meets = per_depth > 0
+            z = dr.fma(direction.z, distance, position.z)
+        else:
+            distance, per_depth = (z - position.z) / direction.z, dr.rcp(dr.maximum(direction.z, 1e-3))
+            meets = (distance > 0) & (distance < reach) & (direction.z > 0)
         x, y = dr.fma(direction.x, distance, position.x), dr.fma(direction.y, distance, position.y)
-        meets = (distance > 0) & (distance < reach)
-        if not self.both_sides:
-            meets &= direction.z > 0
         hits, cell = self._cell(plane, x, y, meets)
         mirror_hits, mirror_cell = self._cell(plane, -x, y, meets) if mirror else (mi.Bool(False), cell)
-        return Crossing(distance, x, y, z, hits, cell, mirror_hits, mirror_cell)
+        return Crossing(distance, x, y, z, hits, cell, mirror_hits, mirror_cell, per_depth)
 
-    def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-        """Receiver's response to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m."""
+    def _in_slab(
+        self,
+        plane: mi.UInt32,
+        z: mi.Float,
+        position: mi.Point3f,
+        direction: mi.Vector3f,
+        reach: mi.Float,
+        u: mi.Float,
+    ) -> tuple[mi.Float, mi.Float]:
+        """A point of a flight's part in a slab, and the length of that part per thickness."""
+        thickness = dr.gather(mi.Float, self.thickness, plane)
+        steep = dr.select(dr.abs(direction.z) > 1e-6, direction.z, 1e-6)
+        middle, half = (z - position.z) / steep, 0.5 * thickness / dr.abs(steep)
+        enters, leaves = dr.maximum(middle - half, 0), dr.minimum(middle + half, reach)
+        inside = dr.maximum(leaves - enters, 0)
+        return dr.fma(u, inside, enters), inside / thickness
+
+    def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[tuple[mi.Float, ...], mi.Float]:
+        """Receiver's responses to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m.
+
+        There is one response; a receiver of several components has its tally once for each.
+        """
         z = crossing.z
         to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
         full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
-        return self._response(direction, to_lamp) * self.per_area, beyond_window(full, z, self.apparent)
+        response = self._response(direction, to_lamp, crossing.per_depth)
+        return (response * self.per_area,), beyond_window(full, z, self.apparent)
 
     def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
         ny, nx = mi.Float(self._n_y), mi.Float(self._n_x)
@@ -109,10 +161,9 @@ class Planes:
         cell = dr.gather(mi.UInt32, self.lookup, at, on_grid)
         return on_grid & (cell < self._n_cells), cell
 
-    def _response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
-        """Weight of a crossing: power through the plane into what the receiver reads."""
+    def _response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f, across: mi.Float) -> mi.Float:
+        """Weight of a crossing: what the receiver makes of power through the plane; `across` is 1 / |cos|."""
         receiver = self.receiver
-        across = dr.rcp(dr.maximum(dr.abs(direction.z), 1e-3))
         axis = dr.normalize(to_lamp) if receiver.aim == "lamp" else self.axis
         facing = -dr.dot(direction, axis)
         if receiver.quantity == "scalar_irradiance":
@@ -132,7 +183,8 @@ class Planes:
 
     def point_response(self, direction: mi.Vector3f, to_lamp: mi.Vector3f) -> mi.Float:
         """Reading of a point receiver in light of unit normal irradiance from `direction`."""
-        return self._response(direction, to_lamp) * dr.abs(direction.z)
+        cosine = dr.maximum(dr.abs(direction.z), 1e-3)
+        return self._response(direction, to_lamp, dr.rcp(cosine)) * cosine
 
     def way_out(self, position: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
         """Distance after which a flight in open water is so far out that it is not followed any more, m."""

@@ -14,7 +14,7 @@ numbers of scatterings n, wall hits m, surface reflections k, the excess path ov
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
 from typing import ParamSpec, TypeVar
@@ -107,6 +107,21 @@ def first_or_free_flight(
     return free, dr.select(steered, bias, 1)
 
 
+def deposit(
+    tally: mi.Float,
+    row: mi.UInt32,
+    planes: Planes,
+    cell: mi.UInt32,
+    value: mi.Float,
+    responses: Sequence[mi.Float],
+    active: mi.Bool,
+) -> None:
+    """Add to the tally what each component of the receiver makes of a crossing."""
+    for number, response in enumerate(responses):
+        at = row * planes.row_length + number * planes.component_length + cell
+        dr.scatter_add(tally, value * response, at, active, mode=dr.ReduceMode.Direct)
+
+
 def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
     """Interrupts come out of a loop as such: Dr.Jit turns whatever stops one into an error of its own."""
 
@@ -173,7 +188,7 @@ def trace(
     lane = dr.arange(mi.UInt32, lanes)
     # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
     number = lane + dr.opaque(mi.UInt32, first)
-    stride, cells = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, planes.cells)
+    stride = dr.opaque(mi.UInt32, lanes)
     # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
     low, high = mi.sample_tea_32(
         dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
@@ -222,25 +237,19 @@ def trace(
         counts = active if direct else active & (flights > 0)
         plane = mi.UInt32(0)
         while plane < planes.count:
-            crossing = planes.crossing(plane, position, direction, to_surface, mirror_x)
+            u = rng.next_float32() if planes.is_slab else mi.Float(0)
+            crossing = planes.crossing(plane, position, direction, to_surface, mirror_x, u)
             if counts & (crossing.hits | crossing.mirror_hits):
-                response, straight = planes.reading(crossing, direction)
+                responses, straight = planes.reading(crossing, direction)
                 depth = absorption.depth(position.z, direction.z, crossing.distance)
-                value = weight * response * dr.exp(-depth - b0 * crossing.distance)
+                value = weight * dr.exp(-depth - b0 * crossing.distance)
                 excess = dr.maximum(length + crossing.distance - straight, 0)
-                at = histories.node(excess, rng.next_float32())
-                histories.deposit(tally, channel, at, node, crossing.cell, cells, value, crossing.hits)
+                row = histories.row(channel, excess, rng.next_float32(), node)
+                deposit(tally, row, planes, crossing.cell, value, responses, crossing.hits)
                 if dr.hint(mirror_x, mode="scalar"):
-                    image = histories.mirrored(node)
-                    histories.deposit(
-                        tally,
-                        channel,
-                        at,
-                        image,
-                        crossing.mirror_cell,
-                        cells,
-                        value,
-                        crossing.mirror_hits,
+                    image = row - node + histories.mirrored(node)
+                    deposit(
+                        tally, image, planes, crossing.mirror_cell, value, responses, crossing.mirror_hits
                     )
             plane += 1
 

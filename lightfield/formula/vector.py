@@ -1,0 +1,51 @@
+"""Direct light as a flux vector: what a cosine receiver reads that stands and faces anywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.formula.field import source, window_points
+from lightfield.formula.path import optical_depth, rays
+from lightfield.scene import Scene
+
+
+def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None) -> Array:
+    """Flux vector of the light that comes straight from the lamp, for unit radiant intensity on the axis.
+
+        F = sum over the window  I(theta) exp(-tau) / r^2  u
+
+    Parameters
+    ----------
+    scene : Scene
+    place_m : array, shape (n, 3), m
+        In front of the window plane; behind it there is none.
+    wavelength_nm : float, nm, optional
+        Default: the middle of the first band.
+
+    Returns
+    -------
+    array, shape (n, 3), 1/m^2
+        A receiver of outward normal n reads max(-n . F, 0).
+    """
+    place = np.asarray(place_m, float)
+    ahead = place[:, 2] > 0
+    x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], 1.0)
+    total = np.zeros_like(place)
+    for lamp, share in window_points(scene.lamp):
+        ray = rays(lamp, x, y, z)
+        middle = 0.5 * sum(scene.detector.bands_nm[0])
+        light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, wavelength_nm, middle))
+        total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)
+    return np.where(ahead[:, None], total, 0.0)
+
+
+def on_receivers(flux: Array, normal: Array) -> Array:
+    """What cosine receivers read in light that comes from in front of them, max(-n . F, 0), shape (n,).
+
+    Parameters
+    ----------
+    flux, normal : array, shape (n, 3)
+        Flux vector of the light; outward unit normals.
+    """
+    return np.maximum(-(flux * normal).sum(axis=1), 0.0)

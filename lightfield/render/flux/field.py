@@ -1,0 +1,258 @@
+"""The light of a scene on cosine receivers of any place and orientation, in any water, fast.
+
+    E(n) = max(-n . F_direct, 0) + max(-n . F_diffuse, 0)
+
+F_direct is the closed form. F_diffuse comes from one trace (`trace`): the tally of every history, times z^2,
+becomes a cubic spline over x, y and z, and a new water only weighs the splines anew,
+
+    F_diffuse(p) = exp(-(c - c_0) r) / z^2  sum over histories  w_h(a, b, rho, s) S_h(p),
+
+with the weights of `response`. The formula is exact while no light comes from behind a receiver's plane; the
+backward part of the light, kept beside, tells how much that can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+from lightfield.formula.path import rays
+from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.render.backend import use_backend
+from lightfield.render.maps import transport_key
+from lightfield.render.response import store
+from lightfield.render.response.grid import COMPONENTS, Grid, reference_of
+from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.symmetry import symmetric
+from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.frame import is_round
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: How the components change under x -> -x and y -> -y, and which they become when x and y are exchanged.
+_MIRROR_X, _MIRROR_Y, _EXCHANGED = (-1, 1, 1, 1), (1, -1, 1, 1), (1, 0, 2, 3)
+
+
+class Field(Protocol):
+    """Light on cosine receivers, for unit radiant intensity on the lamp's axis."""
+
+    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
+        """Readings and standard errors, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Part of the water in which a field is known.
+
+    Parameters
+    ----------
+    half_width_m : float, m
+        |x| and |y| at most.
+    near_m, far_m : float, m
+        First and last distance.
+    step_m : float, m
+        Largest distance of places across the beam at which it is tallied; along it four times that.
+    """
+
+    half_width_m: float
+    near_m: float
+    far_m: float
+    step_m: float = 0.1
+
+    def grid(self) -> Grid:
+        """Cells whose centres reach one step beyond the region."""
+        across = 2 * int(np.ceil(self.half_width_m / self.step_m)) + 3
+        along = int(np.ceil((self.far_m - self.near_m) / (4 * self.step_m))) + 2
+        step_z = (self.far_m - self.near_m) / (along - 2)
+        first = max(self.near_m - 0.5 * step_z, 0.5 * self.near_m)
+        x = self.step_m * (np.arange(across) - 0.5 * (across - 1))
+        return Grid(np.linspace(first, self.far_m + 0.5 * step_z, along), x, x, self.step_m, self.step_m)
+
+
+def traced_field(
+    scene: Scene,
+    region: Region,
+    *,
+    photons: float = 1e7,
+    seed: int = 0,
+    reference: Reference | None = None,
+    cache: bool = True,
+) -> TracedField:
+    """Trace the flux vector of a scene's light in a region.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its detector is not asked.
+    region : Region
+    photons : float
+    seed : int
+    reference : Reference, optional
+        Water to trace in: give scattering here to evaluate waters that scatter from a scene that does not.
+    cache : bool
+        Look for, and leave, the trace on disk.
+
+    Raises
+    ------
+    RenderError
+        A region that is not all in the water in front of the lamp.
+    """
+    grid = region.grid()
+    _check(scene, region)
+    chosen = reference_of(scene) if reference is None else reference
+    key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}
+    stored = store.load(key) if cache else None
+    if stored is not None:
+        return TracedField(scene, grid, TransportResponse.unpacked(stored, chosen))
+    use_backend()
+    from lightfield.render.flux.trace import trace_flux  # Mitsuba, which a cached response does not need
+
+    response = trace_flux(scene, grid, chosen, int(photons), seed)
+    if cache:
+        store.save(key, response.packed())
+    return TracedField(scene, grid, response)
+
+
+def _check(scene: Scene, region: Region) -> None:
+    box = scene.tank.box_m if scene.tank else ((-np.inf, np.inf),) * 3
+    grid = region.grid()
+    inside = region.near_m > 0 and region.far_m > region.near_m and region.half_width_m > 0
+    for cells, pitch, (low, high) in zip(
+        (grid.x_m, grid.y_m, grid.z_m), (grid.pitch_x_m, grid.pitch_y_m, 0.0), box, strict=True
+    ):
+        inside = inside and cells[0] - 0.5 * pitch >= low and cells[-1] + 0.5 * pitch <= high
+    if not inside:
+        raise RenderError(
+            "the light is asked for where there is no water",
+            where="region",
+            found=f"|x|, |y| up to {region.half_width_m:g} m, z {region.near_m:g} to {region.far_m:g} m",
+            rule="in front of the lamp, and one and a half steps away from every wall",
+            remedy="ask for a smaller region, or take smaller steps",
+        )
+
+
+@dataclass(frozen=True)
+class TracedField:
+    """Direct light in closed form and diffuse light of a trace, see `traced_field`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its lamp, tank and phase function are those of the trace; its water is free.
+    grid : Grid
+        Cells of the trace.
+    response : TransportResponse
+        Flux vector, cell by cell.
+    """
+
+    scene: Scene
+    grid: Grid
+    response: TransportResponse
+
+    def in_water_of(self, scene: Scene) -> TracedField:
+        """The same trace in the water, walls and surface of another scene."""
+        other = TracedField(scene, self.grid, self.response)
+        other.__dict__["_splines"] = self._splines
+        return other
+
+    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
+        """Readings and their standard errors, 1/m^2, shape (n,).
+
+        Parameters
+        ----------
+        place_m, normal : array, shape (n, 3)
+            Places in the region, m, and outward unit normals of the receivers.
+        """
+        place, normal = np.asarray(place_m, float), np.asarray(normal, float)
+        direct = on_receivers(direct_flux(self.scene, place), normal)
+        diffuse = on_receivers(self.diffuse_flux(place)[:, :3], normal)
+        spread = [on_receivers(self._at(one, place)[:, :3], normal) for one in self._batches]
+        return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
+
+    def reading(self, place_m: Array, normal: Array) -> Array:
+        """`irradiance` without its errors."""
+        direct = on_receivers(direct_flux(self.scene, place_m), normal)
+        return direct + on_receivers(self.diffuse_flux(place_m)[:, :3], normal)
+
+    def diffuse_flux(self, place_m: Array) -> Array:
+        """Flux vector of scattered and reflected light, and what of it flies back, 1/m^2, shape (n, 4)."""
+        return self._at(self._mean, place_m)
+
+    def _at(self, splines: Array, place_m: Array) -> Array:
+        x, y, z = np.asarray(place_m, float).T
+        axes = ((self.grid.z_m, z), (self.grid.y_m, y), (self.grid.x_m, x))
+        at = [(value - axis[0]) / (axis[1] - axis[0]) for axis, value in axes]
+        found = [map_coordinates(one, at, order=3, prefilter=False, mode="nearest") for one in splines]
+        straight = rays(self.scene.lamp, x, y, z).water_m
+        depth = self._change * straight - 0.5 * (self.scene.water.hardening_per_m * straight) ** 2
+        return np.stack(found, axis=1) * (np.exp(-depth) / z**2)[:, None]
+
+    @cached_property
+    def _water(self) -> tuple[Array, Array]:
+        """Absorption and scattering coefficient in the middle of the first band, 1/m, shape (1,) each."""
+        at = middles_nm(self.scene)[0].mean(keepdims=True)
+        return absorption_per_m(self.scene.water, at), scattering_per_m(self.scene.water, at)
+
+    @property
+    def _change(self) -> float:
+        (a,), (b,) = self._water
+        before = self.response.reference
+        return float(a + b - before.absorption_per_m - before.scattering_per_m)
+
+    @cached_property
+    def _weights(self) -> Array:
+        a, b = self._water
+        rho, surface = (np.array([v]) for v in self.scene.reflectances)
+        return np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
+
+    @cached_property
+    def _mean(self) -> Array:
+        mean, _ = self._splines
+        return np.tensordot(self._weights, mean, axes=1)
+
+    @cached_property
+    def _batches(self) -> Array:
+        _, batches = self._splines
+        return np.tensordot(batches, self._weights, axes=([1], [0]))
+
+    @cached_property
+    def _splines(self) -> tuple[Array, Array]:
+        """Coefficients of the splines of every history: of the mean, and batch by batch.
+
+        Shape (n_rows, 4, n_z, n_y, n_x), and (n_batches, the same).
+        """
+        shape = (len(COMPONENTS), *self.grid.shape)
+        tally = self.response.tally.reshape(*self.response.tally.shape[:2], *shape)
+        tally = _averaged_over_images(tally, self.scene) * (self.grid.z_m**2)[:, None, None]
+        tally = _at_middles(_at_middles(tally).swapaxes(-1, -2)).swapaxes(-1, -2)
+        # The straight line of the response is not in the tally, but in its factor exp(-change r).
+        for axis in (-3, -2, -1):
+            tally = spline_filter1d(tally, order=3, axis=axis, mode="nearest", output=np.float32)
+        return tally.mean(axis=0), tally
+
+
+def _at_middles(means: Array) -> Array:
+    """Values in the middle of cells from their means, along the last axis: f = mean - (step^2 / 24) f''."""
+    values = means.copy()
+    values[..., 1:-1] -= (means[..., 2:] - 2 * means[..., 1:-1] + means[..., :-2]) / 24
+    return values
+
+
+def _averaged_over_images(tally: Array, scene: Scene) -> Array:
+    """Mean over the mirror images that the light has, components turned with them, shape as given."""
+    plain = scene.model_copy(update={"detector": scene.detector.model_copy(update={"tilt_x_deg": 0.0})})
+    in_x, in_y = symmetric(plain)
+    signs_x, signs_y = (np.array(s, np.float32)[:, None, None, None] for s in (_MIRROR_X, _MIRROR_Y))
+    if in_x:
+        tally = 0.5 * (tally + signs_x * tally[..., ::-1])
+    if in_y:
+        tally = 0.5 * (tally + signs_y * tally[..., ::-1, :])
+    if in_x and in_y and scene.tank is None and is_round(scene.lamp):
+        tally = 0.5 * (tally + tally[:, :, _EXCHANGED].swapaxes(-1, -2))
+    return tally

@@ -1,0 +1,55 @@
+"""A trace of the flux vector over a part of the water. Import it after `use_backend()`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.render.response.grid import Grid
+from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.tracer.accumulate import LARGEST_LAUNCH, response_from
+from lightfield.render.tracer.build import prepare
+from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
+from lightfield.scene import Scene
+
+#: Independent parts, whose scatter is the error.
+BATCHES = 8
+
+
+def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, seed: int) -> TransportResponse:
+    """Scattered and reflected light's flux vector in every cell, split by history.
+
+    Parameters
+    ----------
+    scene : Scene
+    grid : Grid
+        All of its cells are tallied.
+    reference : Reference
+    photons : int
+        At least; every batch gets whole lanes.
+    seed : int
+
+    Returns
+    -------
+    TransportResponse
+        Its planes are those of the grid once for every one of `COMPONENTS`.
+    """
+    setup = prepare(scene, grid, reference, flux=True)
+    each = PHOTONS_PER_LANE * -(-photons // (BATCHES * PHOTONS_PER_LANE))
+    sums = np.zeros((BATCHES, setup.histories.size, setup.planes.cells), np.float32)
+    for batch in range(BATCHES):
+        for first in range(0, each, LARGEST_LAUNCH):
+            launch = min(LARGEST_LAUNCH, each - first)
+            counts, _ = trace(
+                setup.surfaces,
+                setup.turn,
+                setup.emission,
+                setup.planes,
+                setup.histories,
+                setup.water,
+                launch,
+                seed * 1009 + batch,
+                first=first,
+                direct=False,
+            )
+            sums[batch] += counts
+    return response_from(sums, counted(each), each * BATCHES, setup)

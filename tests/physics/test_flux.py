@@ -1,0 +1,159 @@
+"""The flux vector against receivers that were tilted before the trace, and against a walk of its own."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lightfield.errors import RenderError
+from lightfield.formula.field import direct_field
+from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.render.flux.field import Region, TracedField, traced_field
+from lightfield.render.maps import render_scene
+from lightfield.scene import Scene
+
+PLANES, SIDE, PITCH = [3.0, 4.0], 0.6, 0.2
+A, B, G = 0.05, 0.3, 0.8
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 8.0},
+        "water": {
+            "absorption_per_m": A,
+            "scattering_per_m": B,
+            "phase": {"type": "henyey-greenstein", "g": G},
+        },
+        "detector": {"planes_m": PLANES, "width_m": 1.4, "pixels": 7},
+    }
+)
+REGION = Region(SIDE, 2.9, 4.1)
+
+
+@pytest.fixture(scope="module")
+def field() -> TracedField:
+    return traced_field(SCENE, REGION, photons=6e5, cache=False)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 40.0, -25.0])
+def test_tilted_receivers_read_the_flux_vector(field: TracedField, tilt_deg: float) -> None:
+    """Maps of a scene whose detector is tilted, traced with its own response, other seeds and cells."""
+    tilted = SCENE.with_values({"detector.tilt_x_deg": tilt_deg})
+    done = render_scene(tilted, rel_error=1e-4, max_photons=2e6, seed=3, cache=False)
+    maps, errors = (v[0] for v in done.relative_maps(np.array([525.0]), "diffuse"))
+    z, y, x = (v.ravel() for v in np.meshgrid(PLANES, done.grid.y_m, done.grid.x_m, indexing="ij"))
+    place = np.stack([x, y, z], axis=1)
+    turn = np.radians(tilt_deg)
+    normal = np.tile([np.sin(turn), 0.0, -np.cos(turn)], (len(place), 1))
+    mean, error = field.irradiance(place, normal)
+    diffuse = mean - on_receivers(direct_flux(SCENE, place), normal)
+    back = field.diffuse_flux(place)[:, 3]
+    # Light from behind a tilted receiver is what the vector leaves out: at most the part that flies back and,
+    # of a receiver turned by 40 degrees, what comes from beyond 50 degrees on one side.
+    inside = (np.abs(x) <= SIDE) & (np.abs(y) <= SIDE)
+    ratio = (maps.ravel() / diffuse)[inside]
+    known = np.hypot(errors.ravel() / maps.ravel(), error / diffuse)[inside]
+    missing = (back / diffuse)[inside]
+    assert np.median(known) < 0.02
+    # A cell of 0.2 m reads its mean: the spline at its middle and the curvature of the light differ by this.
+    cells = _means_over_cells(field, place, normal)[inside] / diffuse[inside]
+    excess = ratio / cells - 1
+    assert np.average(excess, weights=known**-2) < 2 * missing.max() + 0.03 * (abs(tilt_deg) > 0) + 0.005
+    assert np.average(excess, weights=known**-2) > -0.005
+
+
+def _means_over_cells(field: TracedField, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    total = 0.0
+    for dx in (-PITCH / 3, 0, PITCH / 3):
+        for dy in (-PITCH / 3, 0, PITCH / 3):
+            there = place + np.array([dx, dy, 0.0])
+            total = total + on_receivers(field.diffuse_flux(there)[:, :3], normal) / 9
+    return np.asarray(total)
+
+
+def test_another_water_without_another_trace(field: TracedField) -> None:
+    """Weighed to less scattering and more absorption: as a trace there, within the errors of both."""
+    other = SCENE.with_values({"water.scattering_per_m": 0.2, "water.absorption_per_m": 0.1})
+    fresh = traced_field(other, REGION, photons=6e5, seed=9, cache=False)
+    rng = np.random.default_rng(1)
+    place = rng.uniform([-SIDE, -SIDE, 2.9], [SIDE, SIDE, 4.1], (40, 3))
+    normal = np.tile([0.3, 0.0, -np.sqrt(1 - 0.09)], (40, 1))
+    (one, e1), (two, e2) = (f.irradiance(place, normal) for f in (field.in_water_of(other), fresh))
+    pulls = (one - two) / np.hypot(e1, e2)
+    # Neighbouring places share cells: 40 places are some ten independent ones.
+    assert np.sqrt((pulls**2).mean()) < stats.t.isf(1e-3, 7) / np.sqrt(2)
+    np.testing.assert_allclose(one, two, rtol=0.02)
+
+
+def test_flux_vector_of_an_independent_walk(field: TracedField) -> None:
+    """A plain photon walk in NumPy, with nothing in common: all components on a plane, in rings."""
+    rings = np.array([0.0, 0.25, 0.5])
+    mean, error = _walk(rings, z=3.5, photons=400_000)
+    turn = 2 * np.pi * (np.arange(12) + 0.5) / 12
+    for ring, (low, high) in enumerate(pairwise(rings)):
+        radius = np.sqrt((np.arange(6) + 0.5) / 6 * (high**2 - low**2) + low**2)
+        r, t = (v.ravel() for v in np.meshgrid(radius, turn))
+        flux = field.diffuse_flux(np.stack([r * np.cos(t), r * np.sin(t), np.full(r.shape, 3.5)], axis=1))
+        outward = flux[:, 0] * np.cos(t) + flux[:, 1] * np.sin(t)
+        for mine, theirs, known in (
+            (outward.mean(), mean[ring, 0], error[ring, 0]),
+            (flux[:, 2].mean(), mean[ring, 1], error[ring, 1]),
+            (flux[:, 3].mean(), mean[ring, 2], error[ring, 2]),
+        ):
+            assert abs(mine - theirs) < 4 * known + 0.01 * abs(theirs)
+    assert (error[:, 1] < 0.02 * mean[:, 1]).all() and (error[:, 0] < 0.06 * mean[:, 0]).all()
+
+
+def _walk(rings: np.ndarray, z: float, photons: int) -> tuple[np.ndarray, np.ndarray]:
+    """Outward, forward and backward flux through rings of a plane, scattered light only, with errors."""
+    rng = np.random.default_rng(11)
+    width = np.radians(SCENE.lamp.hwhm_deg)
+    theta = np.sqrt(-np.log(rng.random(photons)) / np.log(2)) * width
+    solid = np.pi * width**2 / np.log(2) * np.sin(theta) / theta
+    phi = 2 * np.pi * rng.random(photons)
+    u = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    p, length, weight, batch = np.zeros((3, photons)), np.zeros(photons), solid, np.arange(photons) % 10
+    found, area = np.zeros((10, len(rings) - 1, 3)), np.pi * np.diff(rings**2)
+    for order in range(40):
+        flight = -np.log(rng.random(len(weight))) / B
+        t = (z - p[2]) / u[2]
+        at = p + u * t
+        r = np.hypot(at[0], at[1])
+        crosses = (t > 0) & (t < flight) & (order > 0) & (r < rings[-1])
+        light = (weight * np.exp(-A * (length + np.where(crosses, t, 0))))[crosses]
+        out = ((u[0] * at[0] + u[1] * at[1]) / np.maximum(r, 1e-12) / np.maximum(np.abs(u[2]), 0.02))[crosses]
+        place = batch[crosses], np.searchsorted(rings, r[crosses], side="right") - 1
+        for part, value in enumerate((out, np.sign(u[2][crosses]), (u[2][crosses] < 0).astype(float))):
+            np.add.at(found, (*place, part), light * value)
+        p, length = p + u * flight, length + flight
+        keep = (length < 20) & (np.abs(p[2] - z) < 8)
+        p, u, length, weight, batch = p[:, keep], u[:, keep], length[keep], weight[keep], batch[keep]
+        q = (1 - G * G) / (1 - G + 2 * G * rng.random(len(weight)))
+        c = (1 + G * G - q * q) / (2 * G)
+        s, phi = np.sqrt(np.maximum(1 - c * c, 0)), 2 * np.pi * rng.random(len(weight))
+        side = np.stack([u[2], 0 * u[2], -u[0]]) / np.hypot(u[0], u[2])
+        up = np.cross(u, side, axis=0)
+        u = c * u + s * (np.cos(phi) * side + np.sin(phi) * up)
+        u /= np.linalg.norm(u, axis=0)
+    found /= (photons / 10) * area[:, None]
+    return found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(10)
+
+
+def test_direct_flux_is_the_direct_field() -> None:
+    """Facing the lamp's plane: the closed form of irradiance; with an apparent source, offset and window."""
+    lit = SCENE.with_values({"lamp.apparent_distance_m": 0.7, "lamp.offset_x_m": 0.1, "lamp.radius_m": 0.05})
+    place = np.array([[0.2, -0.1, 3.0], [0.0, 0.5, 5.0], [0.1, 0.1, -1.0]])
+    read = on_receivers(direct_flux(lit, place), np.tile([0.0, 0.0, -1.0], (3, 1)))
+    np.testing.assert_allclose(read, direct_field(lit, *place.T), rtol=1e-12)
+    assert (on_receivers(direct_flux(lit, place), np.tile([0.0, 0.0, 1.0], (3, 1))) == 0).all()
+
+
+def test_a_region_beyond_the_walls_is_refused() -> None:
+    narrow = Scene.from_dict(
+        {**SCENE.model_dump(exclude={"tank"}), "tank": {"width_m": 1.4, "wall_albedo": 0.2}}
+    )
+    with pytest.raises(RenderError, match="no water"):
+        traced_field(narrow, REGION, photons=1e4, cache=False)
+    with pytest.raises(RenderError, match="no water"):
+        traced_field(SCENE, Region(0.5, 2.0, 1.0), photons=1e4, cache=False)
