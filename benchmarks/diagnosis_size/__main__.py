@@ -62,7 +62,7 @@ TRACED = (
     (10_000, "scattering", "open water", True),
     (300, "offset", "tank", False),
     (1000, "offset", "murky tank", True),
-    (10_000, "offset", "murky tank", True),
+    (3900, "offset", "murky tank", True),
 )
 
 TEXT = """\

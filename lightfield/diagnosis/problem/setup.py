@@ -64,6 +64,9 @@ MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
 #: Memory of traced light grows with the cells that are tallied for the places it is wanted at (0.6 to 0.9 GB
 #: for so many, benchmarks/diagnosis_size); a place by itself takes up to nine.
 MOST_CELLS, CELLS_ALONE = 3000, 9
+#: Where the scene's own light is scattered and reflected, five classes of it are evaluated, each with errors
+#: of its own, for every explanation that is tried: so many readings take 1 GB (benchmarks/diagnosis_size).
+MOST_MURKY = 4000
 
 
 def budget_of(readings: Readings) -> Budget:
@@ -307,6 +310,14 @@ def source_of(
     """
     if diffuse is None:
         return None, "scattered and reflected light was not traced"
+    if scene.water.scattering_per_m > 0 and any(scene.reflectances) and len(readings) > MOST_MURKY:
+        raise FitError(
+            "too many readings where the scene both scatters and reflects",
+            where=readings.source or None,
+            found=f"{len(readings)} readings",
+            rule=f"at most {MOST_MURKY}",
+            remedy="diagnose every third reading, say, or average what was read at neighbouring places",
+        )
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
     if (cells := _cells(scene, readings)) > MOST_CELLS:

@@ -65,3 +65,20 @@ def test_light_is_not_traced_in_too_many_cells() -> None:
     for n in (600, 3005, 15_005):
         few, believed = scan(n, 5)
         assert source_of(believed, never, few) == (never, None)
+
+
+def test_many_readings_where_the_scene_scatters_and_reflects_are_refused() -> None:
+    """Each of the two alone is taken; both together are within the limit, and not beyond."""
+    murky = {"tank.wall_albedo": 0.2, "water.scattering_per_m": 0.1}
+    for n, hidden, taken in (
+        (4005, murky, False),
+        (4000, murky, True),
+        (4005, {"tank.wall_albedo": 0.2}, True),
+    ):
+        readings, believed = scan(n, 5)
+        there = Scene.from_dict({**believed.model_dump(), "tank": {}}).with_values(hidden)
+        if taken:
+            source_of(there, "trace", readings)
+        else:
+            with pytest.raises(FitError, match="rule: at most 4000"):
+                source_of(there, "trace", readings)
