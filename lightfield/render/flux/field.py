@@ -171,14 +171,14 @@ class TracedField:
         """
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        diffuse = on_receivers(self.diffuse_flux(place)[:, :3], normal)
-        spread = [on_receivers(self._at(one, place)[:, :3], normal) for one in self._batches]
+        diffuse = on_receivers(self._at(self._mean[:3], place), normal)
+        spread = [on_receivers(self._at(one[:3], place), normal) for one in self._batches]
         return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
         direct = on_receivers(direct_flux(self.scene, place_m), normal)
-        return direct + on_receivers(self.diffuse_flux(place_m)[:, :3], normal)
+        return direct + on_receivers(self._at(self._mean[:3], place_m), normal)
 
     def diffuse_flux(self, place_m: Array) -> Array:
         """Flux vector of scattered and reflected light, and what of it flies back, 1/m^2, shape (n, 4)."""

@@ -1,0 +1,138 @@
+"""Re-used traces against fresh ones: in five tanks, everything that a sweep weighs anew instead of tracing.
+
+    python -m benchmarks.reuse [--photons N] [--page FOLDER]
+
+Nothing is asserted; the page says where the stated errors do not cover the difference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from lightfield.render.maps import render_scene
+from lightfield.render.response.grid import reference_of
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path
+from lightfield.sweep.sharing import MOST_SPREAD
+
+HERE = Path(__file__).resolve().parent
+PLANES = [2.0, 4.0, 6.0]
+DETECTOR = {"planes_m": PLANES, "width_m": 1.0, "pixels": 9}
+TANKS: dict[str, dict[str, Any]] = {
+    "open water": {"lamp": {"hwhm_deg": 4.0}},
+    "tow tank": {"lamp": {"hwhm_deg": 4.0}, "tank": {"surface": "flat", "wall_albedo": 0.3}},
+    "narrow bright tank": {
+        "lamp": {"hwhm_deg": 8.0},
+        "tank": {"width_m": 1.2, "depth_m": 1.2, "length_m": 8.0, "wall_albedo": 0.8},
+    },
+    "shallow tank, mirror": {
+        "lamp": {"hwhm_deg": 6.0},
+        "tank": {"width_m": 3.0, "depth_m": 1.2, "length_m": 8.0, "surface": "flat"},
+    },
+    "short tank, wide lamp": {
+        "lamp": {"hwhm_deg": 25.0},
+        "tank": {"width_m": 2.0, "depth_m": 2.0, "length_m": 7.0, "wall_albedo": 0.6},
+    },
+}
+WATER = {"absorption_per_m": 0.08, "scattering_per_m": 0.3, "phase": {"type": "henyey-greenstein", "g": 0.9}}
+TEXT = """\
+# Re-used traces
+
+Made by `python -m benchmarks.reuse`. A sweep traces once and weighs the photons anew for other waters, walls
+and surfaces; how far it may go is in `lightfield/sweep/sharing.py`. Here every weighed map stands beside a
+fresh trace with other seeds, at the end of the allowed range, in five tanks: scattering down to the least
+that shares a trace, absorption by 0.5 per metre, black walls and no surface from bright ones, colour.
+
+`mean` is the mean ratio of diffuse light, weighed over fresh, with its error, plane by plane (2, 4, 6 m);
+`stated` the median relative error that the weighed map states; `chi2/n` the mean square of the differences in
+units of both stated errors (errors from ten batches: 1.3 is expected), and `p` the probability of a larger.
+
+| tank | re-used | mean at 2, 4, 6 m | stated | chi2/n | p |
+|---|---|---|---:|---:|---:|
+{rows}
+
+{photons:.0e} photons a trace. Of {n} comparisons {low} have p < 0.01.
+"""
+
+
+def changes(scene: Scene) -> dict[str, dict[str, float]]:
+    """What is re-used, and the values that a sweep would evaluate from the scene's own trace."""
+    b = scene.water.scattering_per_m
+    least = b - np.sqrt(MOST_SPREAD * b / max(PLANES))
+    found = {
+        "scattering, least": {"water.scattering_per_m": float(max(least, 0.02))},
+        "absorption + 0.5": {"water.absorption_per_m": scene.water.absorption_per_m + 0.5},
+        "dissolved matter": {"water.cdom_440_per_m": 1.0},
+    }
+    if scene.reflectances[0]:
+        found["black walls"] = {"tank.wall_albedo": 0.0}
+    if scene.reflectances[1]:
+        found["no surface"] = {"tank.surface_reflectance": 0.0}
+    return found
+
+
+def compared(name: str, what: str, scene: Scene, other: Scene, photons: float) -> dict[str, Any]:
+    """Weighed against fresh maps of the diffuse light, plane by plane."""
+    at = np.array([525.0])
+    known = dict(rel_error=1e-4, max_photons=photons, cache=False)
+    shared = render_scene(other, reference=reference_of(scene), seed=1, **known)
+    fresh = render_scene(other, seed=2, **known)
+    (m1, e1), (m2, e2) = ((v[0] for v in r.relative_maps(at, "diffuse")) for r in (shared, fresh))
+    ratios, errors = [], []
+    for plane in range(len(PLANES)):
+        one, two = m1[plane].sum(), m2[plane].sum()
+        spread = np.hypot(
+            np.hypot.reduce(e1[plane], axis=None) / one, np.hypot.reduce(e2[plane], axis=None) / two
+        )
+        ratios.append(one / two)
+        errors.append(spread)
+    pulls = (m1 - m2) / np.hypot(e1, e2)
+    chi2, n = float((pulls**2).mean()), pulls.size
+    p = float(stats.chi2.sf(chi2 / 1.29 * n, n))  # ten batches: t of nine degrees, variance 9/7
+    stated = float(np.median(e1 / m1))
+    return {
+        "tank": name,
+        "what": what,
+        "ratios": ratios,
+        "errors": errors,
+        "stated": stated,
+        "chi2": chi2,
+        "p": p,
+    }
+
+
+def main() -> int:
+    """Compare everywhere and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.reuse", description=__doc__)
+    parser.add_argument("--photons", type=float, default=1e6, help="of every trace")
+    parser.add_argument("--page", type=Path, default=HERE)
+    args = parser.parse_args()
+    rows = []
+    for name, parts in TANKS.items():
+        scene = Scene.from_dict({"water": WATER, "detector": DETECTOR, **parts})
+        for what, values in changes(scene).items():
+            rows.append(compared(name, what, scene, scene.with_values(values), args.photons))
+            print(rows[-1], file=sys.stderr)
+    lines = [
+        f"| {r['tank']} | {r['what']} | "
+        + ", ".join(f"{v:.3f} ± {e:.3f}" for v, e in zip(r["ratios"], r["errors"], strict=True))
+        + f" | {100 * r['stated']:.1f} % | {r['chi2']:.2f} | {r['p']:.2g} |"
+        for r in rows
+    ]
+    text = TEXT.format(
+        rows="\n".join(lines), photons=args.photons, n=len(rows), low=sum(r["p"] < 0.01 for r in rows)
+    )
+    args.page.mkdir(parents=True, exist_ok=True)
+    with atomic_path(args.page / "README.md") as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
