@@ -58,6 +58,7 @@ class SceneForward:
         self.scene, self.readings = scene, readings
         self.light = light or LightSource.of(scene, readings, diffuse, dense_per_m)
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
+        self._in_air = analytic.air_mask(readings.medium)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -123,7 +124,7 @@ class SceneForward:
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
-        factor = self._gain(values) * self.power(values)
+        factor = self._gain(values) * self.power(values) * self._immersed(values)
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -135,7 +136,7 @@ class SceneForward:
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
             there = replace(r, **moved)
             square += ((self.light.direct(scene, there) - here) / step_m) ** 2
-        return np.asarray(np.sqrt(square) * self._gain(values))
+        return np.asarray(np.sqrt(square) * self._gain(values) * self._immersed(values))
 
     def _gain(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light from an on-axis intensity of one, shape (n,)."""
@@ -157,10 +158,13 @@ class SceneForward:
         """Lamp power over its value at time zero, shape (n,)."""
         return analytic.time_factor(self._with(values, _TIME), self._time)
 
+    def _immersed(self, values: Mapping[str, float]) -> Array | float:
+        return analytic.immersed(self._with(values, READOUT), self._in_air)
+
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
-        """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
+        """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full)
+        return analytic.readout(self._with(values, READOUT), signal, self._full, self._in_air)
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""

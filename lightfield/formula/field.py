@@ -3,7 +3,7 @@
     I(theta)  = I0 exp(-B theta^2)                       source      (paper eq. 1)
     E         = I(theta) / r^2                           inverse square (eq. 2-3)
     T         = exp(-integral of c along the ray)        path        (eq. 4-7)
-    reading   = readout(gain (E T x response + diffuse) x lamp power(t) + background)
+    reading   = readout(gain (E T x response + diffuse) x lamp power(t) / immersion + background)
 
 All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, or 1/m^2/sr for radiance.
 """
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
-from lightfield.formula.readout import readout, time_factor
+from lightfield.formula.readout import immersed, readout, time_factor
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
 from lightfield.scene.receiver import response
@@ -31,6 +31,7 @@ __all__ = [
     "air_mask",
     "attenuation_per_m",
     "direct_field",
+    "immersed",
     "optical_depth",
     "paper_model",
     "predict",
@@ -216,7 +217,7 @@ def predict(
     time = getattr(readings, "time_s", None)
     if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
         light = light * time_factor(scene, time)
-    return readout(scene, light, full)
+    return readout(scene, light, full, air_mask(getattr(readings, "medium", None)))
 
 
 def paper_model(

@@ -1,4 +1,4 @@
-"""From light to the number an instrument shows: lamp power in time, background, saturation."""
+"""From light to the number an instrument shows: lamp power in time, immersion, background, saturation."""
 
 from __future__ import annotations
 
@@ -31,8 +31,27 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
     return np.asarray(factor)
 
 
-def readout(scene: Scene, signal: ArrayLike, full: float | None = None) -> Array:
-    """What the instrument shows: background added, then saturation.
+def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:
+    """Part of the signal in air that the same irradiance makes: less in water, by the immersion factor.
+
+    A collector in water sends more of the light back out than in air (Zibordi & Darecki 2006, J. Opt. A 8,
+    252, doi:10.1088/1464-4258/8/3/005).
+
+    Parameters
+    ----------
+    scene : Scene
+        detector.immersion_factor.
+    in_air : array of bool, optional
+        Readings in air; absent, all are in water.
+    """
+    wet = 1.0 / scene.detector.immersion_factor
+    return wet if in_air is None else np.where(in_air, 1.0, wet)
+
+
+def readout(
+    scene: Scene, signal: ArrayLike, full: float | None = None, in_air: ArrayLike | None = None
+) -> Array:
+    """What the instrument shows: less of light in water, background added, then saturation.
 
     With s = (signal + background) / full the reading is full s / (1 + k s) (saturation) and full s (1 - k s)
     (its quadratic form).
@@ -40,14 +59,19 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None) -> Array
     Parameters
     ----------
     scene : Scene
-        detector.background, saturation, saturation_quadratic.
+        detector.immersion_factor, background, saturation, saturation_quadratic.
     signal : array
-        Gain x light, in units of the readings.
+        Gain x light, in units of readings in air.
     full : float, optional
         Largest reading of the measurement; absent, the largest of `signal` + background.
+    in_air : array of bool, optional
+        Readings in air; absent, all are in water.
     """
     detector = scene.detector
-    reading = np.asarray(signal, dtype=float) + detector.background
+    reading = np.asarray(signal, dtype=float)
+    if detector.immersion_factor != 1.0:
+        reading = reading * immersed(scene, in_air)
+    reading = reading + detector.background
     if not detector.saturation and not detector.saturation_quadratic:
         return reading
     level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full

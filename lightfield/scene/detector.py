@@ -85,6 +85,15 @@ class Detector(Part):
         high=0.5,
         neutral=0.0,
     )
+    immersion_factor: float = number(
+        1.0,
+        "1",
+        "irradiance in water over that in air which gives the same reading; readings in water are divided",
+        Acts.READOUT,
+        low=0.5,
+        high=2.5,
+        neutral=1.0,
+    )
     acceptance_hwhm_deg: float = number(
         0.0,
         "deg",

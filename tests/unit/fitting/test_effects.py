@@ -38,6 +38,7 @@ REQUIRED = set(
         "detector_tilt",
         "window_refraction",
         "lamp_power",
+        "immersion",
     ]
 )
 
