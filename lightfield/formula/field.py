@@ -104,6 +104,7 @@ def direct_field(
     z_m: ArrayLike,
     wavelength_nm: ArrayLike | None = None,
     medium: ArrayLike | None = None,
+    time_s: ArrayLike | None = None,
 ) -> Array:
     """Light that comes straight from the lamp, for unit radiant intensity on the axis.
 
@@ -117,6 +118,8 @@ def direct_field(
         One per receiver; absent or NaN means the centre of the first band.
     medium : array of str or bool, optional
         "air" or True: no attenuation, and the window index acts.
+    time_s : array, s, optional
+        One per receiver, for water that changes; absent or NaN means 0.
 
     Returns
     -------
@@ -134,10 +137,10 @@ def direct_field(
     in_air = air_mask(medium)
     lamp = scene.lamp
     if lamp.radius_m == 0.0:
-        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air)
+        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s)
     total = np.zeros(x.shape)
     for point, share in window_points(lamp):
-        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air)
+        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total
 
 
@@ -158,14 +161,21 @@ def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
 
 
 def _point_source(
-    scene: Scene, lamp: Lamp, x: Array, y: Array, z: Array, wavelength_nm: Any, in_air: Array | None
+    scene: Scene,
+    lamp: Lamp,
+    x: Array,
+    y: Array,
+    z: Array,
+    wavelength_nm: Any,
+    in_air: Array | None,
+    time_s: Any,
 ) -> Array:
     ahead = z > 0.0
     if not ahead.all():
         z = np.where(ahead, z, 1.0)
     ray = rays(lamp, x, y, z)
     low, high = scene.detector.bands_nm[0]
-    tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high))
+    tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high), time_s)
     if in_air is not None:
         tau = np.where(in_air, 0.0, tau)
     light = source(lamp, ray, in_air) * np.exp(-tau) / (ray.r * ray.r) * receiver(scene, ray, x, y, z)
@@ -209,15 +219,12 @@ def predict(
     full : float, optional
         Largest reading, for saturation.
     """
-    light = np.asarray(diffuse, dtype=float) + direct_field(
-        scene, readings.x_m, readings.y_m, readings.z_m,
-        getattr(readings, "wavelength_nm", None), getattr(readings, "medium", None),
-    )  # fmt: skip
-    light = light * np.asarray(gain, dtype=float)
-    time = getattr(readings, "time_s", None)
+    wavelength, medium, time = (getattr(readings, k, None) for k in ("wavelength_nm", "medium", "time_s"))
+    direct = direct_field(scene, readings.x_m, readings.y_m, readings.z_m, wavelength, medium, time)
+    light = (np.asarray(diffuse, dtype=float) + direct) * np.asarray(gain, dtype=float)
     if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
         light = light * time_factor(scene, time)
-    return readout(scene, light, full, air_mask(getattr(readings, "medium", None)))
+    return readout(scene, light, full, air_mask(medium))
 
 
 def paper_model(

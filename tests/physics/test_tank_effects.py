@@ -11,8 +11,12 @@ from analytic_readings import readings
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.formula.field import predict
+from lightfield.fitting.light_source import LightSource
+from lightfield.formula.field import direct_field, predict
+from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
+from lightfield.scene.water.ageing import at_time
 
 
 def places(**columns: Any) -> Any:
@@ -62,3 +66,93 @@ def test_immersion_is_told_from_the_window_beside_it() -> None:
     verdict = diagnosed(hidden, seed=3, layout="air")
     assert set(verdict.effects) == {"immersion", "window_refraction"}
     found(verdict, hidden)
+
+
+# -- water that changes in time ------------------------------------------------------------------------
+
+
+def test_water_that_drifts_dims_by_time_and_path() -> None:
+    """0.006 per m and hour: after half an hour 4 m away exp(-0.012) of the light, in air all of it."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "drift_per_m_per_hour": 0.006}})
+    media = np.array(["water", "water", "water", "air"])
+    read = predict(scene, places(time_s=np.array([0.0, 1800.0, np.nan, 1800.0]), medium=media))
+    assert read * 16 == pytest.approx(np.exp([-0.4, -0.412, -0.4, 0.0]), rel=1e-12)
+
+
+def test_particles_that_settle_leave_clear_water() -> None:
+    """b = 0.2 exp(-t / 1000 s): at 0, 1000 s and the end -ln of the light's loss is 0.8, 0.8/e and 0."""
+    scene = Scene.from_dict({"water": {"settling_per_m": 0.2, "settling_time_s": 1000.0}})
+    read = predict(scene, places(time_s=np.array([0.0, 1000.0, 1e6])))
+    assert -np.log(read * 16) == pytest.approx([0.8, 0.8 / np.e, 0.0], abs=1e-9)
+
+
+class Halo:
+    """Scattered light b r (1 + b r / 2) exp(-1.05 c r): once and twice, on ways a little longer than r."""
+
+    r_m = 8.5
+
+    def light(self, scene: Scene, wavelengths_nm: Any) -> np.ndarray:
+        water = scene.water
+        assert water.settling_per_m == water.drift_per_m_per_hour == 0, "asked for in the water of a moment"
+        b, c = water.scattering_per_m, water.scattering_per_m + water.absorption_per_m
+        br = b * self.r_m
+        return np.full((1, 60), br * (1 + 0.5 * br) * np.exp(-1.05 * c * self.r_m))
+
+
+def test_scattered_light_follows_the_water_of_its_time() -> None:
+    """A few moments stand for all 60, within 0.1 % of what the water of each time gives."""
+    scene = Scene.from_dict(
+        {
+            "water": {
+                "absorption_per_m": 0.1, "settling_per_m": 0.3, "settling_time_s": 1000.0,
+                "drift_per_m_per_hour": 0.005,
+            }
+        }
+    )  # fmt: skip
+    time = np.linspace(0, 3600, 60)
+    table = Readings.from_arrays(z_m=np.full(60, Halo.r_m), value=np.ones(60), time_s=time)
+    source = LightSource.of(scene, table, lambda *_, **__: Halo(), None)
+    direct = direct_field(scene, table.x_m, table.y_m, table.z_m, time_s=time)
+    told = source.light({}) - direct
+    each = [scene.model_copy(update={"water": at_time(scene.water, float(t))}) for t in time]
+    truth = np.array([Halo().light(one, None)[0, 0] for one in each])
+    assert np.abs(told - truth).max() < 1e-3 * truth.max()
+    assert np.ptp(truth) > 0.5 * truth.max()
+
+
+def test_the_render_follows_the_water_of_its_time() -> None:
+    """At two times the full render is that of the two waters, which are traced by themselves."""
+    water = {"absorption_per_m": 0.1, "settling_per_m": 0.3, "settling_time_s": 1000.0}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "water": water | {"drift_per_m_per_hour": 0.02}})
+    time = np.array([0.0, 0.0, 1500.0, 1500.0])
+    at = {"x_m": np.array([0.0, 1.6, 0.0, 1.6]), "z_m": np.full(4, 5.0)}
+    table = Readings.from_arrays(**at, value=np.ones(4), time_s=time)
+    settings: dict[str, Any] = {"max_photons": 4e5, "rel_error": 1e-3, "symmetry": True}
+    light, stderr = rendered_light(scene, table, **settings)
+    for t in (0.0, 1500.0):
+        here = time == t
+        moment = scene.model_copy(update={"water": at_time(scene.water, t)})
+        other, error = rendered_light(moment, table.subset(here), seed=2, **settings)
+        assert np.all(np.abs(light[here] - other) < 4 * np.hypot(stderr[here], error))
+    assert light[2] > 1.3 * light[0] and light[3] < 0.7 * light[1]  # the beam clears, the halo goes
+
+
+def test_drifts_of_water_and_lamp_are_told_by_near_and_far() -> None:
+    """From 2.7 to 9.8 m they are; of the layout's usual five planes a drift of 5 % per hour is either."""
+    hidden = {"water.drift_per_m_per_hour": 0.011}
+    verdict = diagnosed(hidden, seed=5, noise=0.003, layout="fine")
+    assert verdict.effects == ["water_drift"]
+    found(verdict, hidden)
+    weak = diagnosed({"water.drift_per_m_per_hour": 0.006}, seed=5)
+    assert weak.verdict == "ambiguous"
+    assert {name for one in weak.explanations for name in one.effects} >= {"water_drift", "lamp_drift"}
+    still, scene = readings(seed=5)
+    bare = Readings.from_arrays(x_m=still.x_m, z_m=still.z_m, value=still.value, stderr=still.stderr)
+    untestable = diagnose(bare, scene, diffuse=None, advise=False).verdict.untestable
+    assert "times" in untestable["water_drift"] and "times" in untestable["settling"]
+
+
+def test_water_beyond_what_tanks_do_is_not_called_a_drift() -> None:
+    """A lamp that fades by 15 % per hour: water of 0.12 per m would have to change by 20 %."""
+    verdict = diagnosed({"lamp.drift_per_hour": -0.15}, seed=6)
+    assert (verdict.verdict, verdict.effects) == ("identified", ["lamp_drift"])

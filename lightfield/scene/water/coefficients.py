@@ -80,7 +80,7 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     Parameters
     ----------
     water : Water
-        Of a scene.
+        Of a scene; of water that changes, at time 0.
     wavelength_nm : array, nm
         Where.
 
@@ -96,8 +96,8 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     """
     w = np.asarray(wavelength_nm, dtype=float)
     if is_grey(water):
-        return np.full(w.shape, water.scattering_per_m)
-    b = _base(water, w)[1] + water.scattering_per_m
+        return np.full(w.shape, water.scattering_per_m + water.settling_per_m)
+    b = _base(water, w)[1] + water.scattering_per_m + water.settling_per_m
     if water.chlorophyll_mg_per_m3:
         b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)
     if water.sediment_g_per_m3:

@@ -39,6 +39,8 @@ REQUIRED = set(
         "window_refraction",
         "lamp_power",
         "immersion",
+        "water_drift",
+        "settling",
     ]
 )
 

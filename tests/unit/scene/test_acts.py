@@ -27,6 +27,7 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
+from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.phase.of_scene import phase_function
 
@@ -56,6 +57,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
                 "chlorophyll_mg_per_m3": 0.5,
                 "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
                 "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
+                "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
             },
             "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
             "detector": {
@@ -162,6 +164,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.SCATTERING: lambda s: scattering_per_m(s.water, WAVELENGTHS),
     Acts.HARDENING: _hardening,
     Acts.LAYERS: _layers,
+    Acts.AGEING: lambda s: growth_per_m(s.water, np.array([0.0, 600.0, 3000.0])),
     Acts.PHASE: lambda s: phase_function(s.water.phase).pdf(np.array([0.9, 0.0, -0.5])),
     Acts.BOX: lambda s: s.tank.box_m,
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
