@@ -17,13 +17,13 @@ from lightfield.readings import Readings, units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
-from lightfield.scene.bands import over_band
+from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
-POWER = "lamp.power_w"
+POWER, SHIFT = "lamp.power_w", "detector.wavelength_shift_nm"
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -59,6 +59,8 @@ class SceneForward:
         self.light = light or LightSource.of(scene, readings, diffuse, dense_per_m)
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
         self._in_air = analytic.air_mask(readings.medium)
+        air = np.asarray(readings.medium) == "air"
+        self._spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -146,12 +148,14 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        lamp = self._with(values, [path for path in values if path.startswith("lamp.")]).lamp
+        scene = self._with(values, [path for path in values if path.startswith("lamp.") or path == SHIFT])
+        lamp, shift = scene.lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
-        intensity = axial_intensity(lamp, self.light.wavelengths_nm)
+        intensity = axial_intensity(lamp, read_nm(scene, self.light.wavelengths_nm))
         if whole.any():
-            intensity[whole] = over_band(lamp, *self.scene.detector.bands_nm[0]).intensity.mean()
+            low, high = scene.detector.bands_nm[0]
+            intensity[whole] = over_band(lamp, low + shift, high + shift).intensity.mean()
         return np.asarray(intensity / unit)[self._channel]
 
     def power(self, values: Mapping[str, float]) -> Array:
@@ -164,7 +168,7 @@ class SceneForward:
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full, self._in_air)
+        return analytic.readout(self._with(values, READOUT), signal, self._full, self._in_air, self._spectrum)
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""

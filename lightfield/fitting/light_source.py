@@ -17,6 +17,7 @@ from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trac
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE
 from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.bands import read_nm
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import scattering_per_m
 
@@ -180,7 +181,11 @@ class LightSource:
     def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
         r = readings
-        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium, r.time_s)
+        wavelength = r.wavelength_nm
+        if scene.detector.wavelength_shift_nm:
+            middle = float(np.mean(scene.detector.bands_nm[0]))
+            wavelength = read_nm(scene, np.where(np.isnan(wavelength), middle, wavelength))
+        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, wavelength, r.medium, r.time_s)
 
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the light by its scattered and reflected part.
@@ -197,7 +202,7 @@ class LightSource:
         modes: Array = np.zeros((n, 0))
         smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
-            modes, smooth = self._response.errors(scene, self._colours, self.channels[1])
+            modes, smooth = self._response.errors(scene, self._colours(scene), self.channels[1])
         factor = np.where(self._wet, self.correction, 0.0)
         modes, smooth = factor[:, None] * modes, factor * smooth
         if np.any(self.stderr):
@@ -237,7 +242,7 @@ class LightSource:
             waters = [at_time(scene.water, float(t)) for t in at]
             now = [self._diffuse(scene.model_copy(update={"water": water})) for water in waters]
             return np.asarray((shares * np.array(now)).sum(axis=0))
-        every, channel = self._response.light(scene, self._colours), self.channels[1]
+        every, channel = self._response.light(scene, self._colours(scene)), self.channels[1]
         return np.asarray(every[channel, np.arange(len(channel))])
 
     @cached_property
@@ -251,8 +256,10 @@ class LightSource:
         """Which readings are in water: nothing is scattered in air."""
         return np.asarray(self.readings.medium) != "air"
 
-    @property
-    def _colours(self) -> list[float | None]:
+    def _colours(self, scene: Scene) -> list[float | None]:
+        """Wavelength of each channel as it is read, nm; None: the middle of the band."""
+        if scene.detector.wavelength_shift_nm:
+            return list(read_nm(scene, self.wavelengths_nm).tolist())
         return [None if np.isnan(w) else float(w) for w in self.channels[0]]
 
     @cached_property

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
-from lightfield.formula.readout import immersed, readout, time_factor
+from lightfield.formula.readout import immersed, readout, spectra, time_factor
+from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
 from lightfield.scene.receiver import response
@@ -39,6 +40,7 @@ __all__ = [
     "readout",
     "receiver",
     "source",
+    "spectra",
     "time_factor",
     "window_points",
 ]  # fmt: skip
@@ -220,11 +222,21 @@ def predict(
         Largest reading, for saturation.
     """
     wavelength, medium, time = (getattr(readings, k, None) for k in ("wavelength_nm", "medium", "time_s"))
-    direct = direct_field(scene, readings.x_m, readings.y_m, readings.z_m, wavelength, medium, time)
+    places = readings.x_m, readings.y_m, readings.z_m
+    if scene.detector.wavelength_shift_nm:
+        middle = float(np.mean(scene.detector.bands_nm[0]))
+        stated = np.full(np.shape(places[2]), np.nan) if wavelength is None else np.asarray(wavelength, float)
+        wavelength = read_nm(scene, np.where(np.isnan(stated), middle, stated))
+    direct = direct_field(scene, *places, wavelength, medium, time)
     light = (np.asarray(diffuse, dtype=float) + direct) * np.asarray(gain, dtype=float)
     if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
         light = light * time_factor(scene, time)
-    return readout(scene, light, full, air_mask(medium))
+    in_air = air_mask(medium)
+    spectrum = None
+    if scene.detector.stray_light and wavelength is not None:
+        rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
+        spectrum = spectra(*places, *rest)
+    return readout(scene, light, full, in_air, spectrum)
 
 
 def paper_model(

@@ -1,11 +1,11 @@
-"""From light to the number an instrument shows: lamp power in time, immersion, background, saturation."""
+"""From light to the number an instrument shows: lamp power in time, then what the instrument does."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 
@@ -48,10 +48,35 @@ def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:
     return wet if in_air is None else np.where(in_air, 1.0, wet)
 
 
+def spectra(*columns: ArrayLike) -> NDArray[np.int_] | None:
+    """Which readings are of one spectrum: those alike in all columns (position, medium, time).
+
+    Parameters
+    ----------
+    *columns : arrays, shape (n,)
+        NaN is like NaN.
+
+    Returns
+    -------
+    array of int, shape (n,), or None where no two readings are
+    """
+    stacked = np.stack([np.nan_to_num(np.asarray(c, dtype=float), nan=-1.0) for c in columns], axis=1)
+    _, number, size = np.unique(stacked, axis=0, return_inverse=True, return_counts=True)
+    return number.ravel() if size.max(initial=0) > 1 else None
+
+
 def readout(
-    scene: Scene, signal: ArrayLike, full: float | None = None, in_air: ArrayLike | None = None
+    scene: Scene,
+    signal: ArrayLike,
+    full: float | None = None,
+    in_air: ArrayLike | None = None,
+    spectrum: NDArray[np.int_] | None = None,
 ) -> Array:
-    """What the instrument shows: less of light in water, background added, then saturation.
+    """What the instrument shows: less of light in water, stray light, background added, then saturation.
+
+    Stray light is light of other wavelengths inside a spectrometer: x_i becomes (1 - s) x_i + s mean(x), the
+    same everywhere in the spectrum (Zong et al. 2006, Appl. Opt. 45, 1111, doi:10.1364/AO.45.001111, measure
+    the whole matrix).
 
     With s = (signal + background) / full the reading is full s / (1 + k s) (saturation) and full s (1 - k s)
     (its quadratic form).
@@ -59,18 +84,23 @@ def readout(
     Parameters
     ----------
     scene : Scene
-        detector.immersion_factor, background, saturation, saturation_quadratic.
+        detector.immersion_factor, stray_light, background, saturation, saturation_quadratic.
     signal : array
         Gain x light, in units of readings in air.
     full : float, optional
         Largest reading of the measurement; absent, the largest of `signal` + background.
     in_air : array of bool, optional
         Readings in air; absent, all are in water.
+    spectrum : array of int, optional
+        Number of the spectrum that each reading is of, see `spectra`; absent, each is read by itself.
     """
     detector = scene.detector
     reading = np.asarray(signal, dtype=float)
     if detector.immersion_factor != 1.0:
         reading = reading * immersed(scene, in_air)
+    if detector.stray_light and spectrum is not None:
+        mean = np.bincount(spectrum, reading) / np.bincount(spectrum)
+        reading = reading + detector.stray_light * (mean[spectrum] - reading)
     reading = reading + detector.background
     if not detector.saturation and not detector.saturation_quadratic:
         return reading

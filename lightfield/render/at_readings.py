@@ -20,7 +20,7 @@ from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import store
 from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
-from lightfield.scene.bands import at_wavelengths, over_bands
+from lightfield.scene.bands import at_wavelengths, over_bands, read_nm
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
@@ -99,11 +99,11 @@ def _render(
     if not wet.any():
         return light, error
     rendering = _traced(scene, x[wet], y[wet], z[wet], **settings)
-    for channel in np.unique(channels[wet]):
+    for channel in np.unique(channels[wet]).tolist():
         mine = wet & (channels == channel)
         straight = np.sqrt(x[mine] ** 2 + y[mine] ** 2 + z[mine] ** 2)
         for moment, share in _moments(rendering, time[mine], straight):
-            read = AtPlaces(moment, x[mine], y[mine], z[mine]).relative(np.array([channel]))
+            read = AtPlaces(moment, x[mine], y[mine], z[mine]).relative(read_nm(scene, [channel]))
             light[mine] += share * read[0][0]
             error[mine] += share * read[1][0]  # of the same photons in all moments
     return light, np.abs(error)

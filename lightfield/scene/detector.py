@@ -58,6 +58,24 @@ class Detector(Part):
     bands_nm: tuple[tuple[Nanometres, Nanometres], ...] = declare(
         ((500.0, 550.0),), "wavelength bands [from, to]", Acts.PLACES, unit="nm"
     )
+    wavelength_shift_nm: float = number(
+        0.0,
+        "nm",
+        "what is read lies so far above the wavelengths and bands that are stated",
+        Acts.PLACES,
+        low=-50.0,
+        high=50.0,
+        neutral=0.0,
+    )
+    stray_light: float = number(
+        0.0,
+        "1",
+        "part of each wavelength's signal that is replaced by the mean of all that are read at once",
+        Acts.READOUT,
+        low=0.0,
+        high=1.0,
+        neutral=0.0,
+    )
     background: float = number(
         0.0,
         "reading",

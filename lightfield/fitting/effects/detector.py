@@ -63,4 +63,26 @@ EFFECTS = (
         "to no depth; or use the factor of the collector's calibration.",
         needs=("air_and_water",),
     ),
+    Effect(
+        "stray_light",
+        "additive signal",
+        (Form("uniform", (Free("detector.stray_light", 0.0, 0.05, 0.001),)),),
+        "Light of all other wavelengths is scattered inside the spectrometer, 0.1 to 0.5 % in good ones.",
+        "Where the water takes a wavelength most it takes it least: the decay flattens far away, towards a "
+        "part of the mean over the spectrum. At few wavelengths a background does nearly the same. It is "
+        "that of readings as the spectrometer gives them, not of each wavelength scaled by itself.",
+        "Hold a long-pass filter in the light: what is left at the wavelengths it blocks is stray.",
+        needs=("spectral", "vary_z", "water"),
+    ),
+    Effect(
+        "wavelength_shift",
+        "wavelength",
+        (Form("shift", (Free("detector.wavelength_shift_nm", -5.0, 5.0, 0.2),)),),
+        "The spectrometer's wavelength scale is off, by temperature, a knock or an old calibration.",
+        "Extra decay where the water's absorption rises with the wavelength, less where it falls: 5 % per nm "
+        "at 575 to 600 nm over 8.5 m. At three or four wavelengths dissolved or suspended matter can look "
+        "alike.",
+        "Point the spectrometer at a mercury or neon lamp and compare the lines.",
+        needs=("vary_z", "water", "spectral", "known_base"),
+    ),
 )

@@ -105,6 +105,18 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     return b
 
 
+def known_nm(water: Water) -> tuple[float, float]:
+    """First and last wavelength that the water's base is known for, nm; unlimited without a spectrum."""
+    known: Array = np.zeros(0)
+    if water.base == "pure":
+        known = pure_water_absorption()[0]
+    elif water.base == "table":
+        known = read_columns(str(water.table), ("wavelength_nm", "absorption_per_m", "scattering_per_m"))[0]
+    elif water.base != "none":
+        known = list_presets()[water.base].wavelength_nm
+    return (float(known[0]), float(known[-1])) if len(known) > 1 else (-np.inf, np.inf)
+
+
 def _base(water: Water, w: Array) -> tuple[Array, Array]:
     """Absorption and scattering of the base water."""
     if water.base == "none":

@@ -41,6 +41,8 @@ REQUIRED = set(
         "immersion",
         "water_drift",
         "settling",
+        "stray_light",
+        "wavelength_shift",
     ]
 )
 
