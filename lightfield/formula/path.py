@@ -31,6 +31,8 @@ class Ray:
         Their length, the r of the inverse square.
     water_m : array, m
         Part of the ray behind the window plane.
+    height_m : array, m
+        Mean y of that part.
     """
 
     dx: Array
@@ -38,6 +40,7 @@ class Ray:
     dz: Array
     r: Array
     water_m: Array
+    height_m: Array | float = 0.0
 
 
 def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
@@ -54,7 +57,7 @@ def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
     dz = z_m + z0
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
     water = beyond_window(r, z_m, z0) if z0 else r
-    return Ray(dx, dy, dz, r, water)
+    return Ray(dx, dy, dz, r, water, y_m - 0.5 * dy * (water / r))
 
 
 def optical_depth(
@@ -85,7 +88,7 @@ def optical_depth(
     s = ray.water_m
     tau = attenuation_per_m(water, wavelength_nm, default_nm) * s
     if is_layered(water):
-        tau = tau + layers_depth(water, z_m, s)
+        tau = tau + layers_depth(water, z_m, s, ray.height_m)
     if time_s is not None and ages(water):
         tau = tau + growth_per_m(water, time_s) * s
     if water.hardening_per_m:

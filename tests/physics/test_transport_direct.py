@@ -73,6 +73,10 @@ CASES: dict[str, dict[str, Any]] = {
     "apparent source": {"lamp": {"apparent_distance_m": 1.5, "tilt_x_deg": 1.0}},
     "finite window": {"lamp": {"radius_m": 0.06}},
     "gradient": {"water": {"absorption_per_m": 0.2, "gradient_per_m2": 0.02}},
+    "gradient in height": {
+        "water": {"absorption_per_m": 0.2, "height_gradient_per_m2": 0.05},
+        "lamp": {"offset_y_m": 0.1, "apparent_distance_m": 0.8},
+    },
     "layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 6.5, "layer_width_m": 1.0}},
     "plane inside a layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 4.5}},
     "hardening": {"water": {"absorption_per_m": 0.2, "hardening_per_m": 0.06}},

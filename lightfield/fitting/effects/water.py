@@ -87,6 +87,18 @@ EFFECTS = (
         needs=("vary_z", "water", "spectral", "known_base"),
     ),
     Effect(
+        "stratification",
+        "path and attenuation",
+        (Form("linear in y", (Free("water.height_gradient_per_m2", -0.2, 0.2, 0.005),)),),
+        "Turbid or warm water lies in layers: it is clearer above than below, or the other way round.",
+        "Bright above and dark below the axis, or the reverse, as of a beam that curves: it grows with the "
+        "cube of the distance where a tilted beam's shift grows with the distance itself. At one distance "
+        "these are one.",
+        "Sample the water at three heights; stir; turn the lamp by 180 degrees about its axis: a tilt turns "
+        "with it.",
+        needs=("vary_y", "vary_z", "water"),
+    ),
+    Effect(
         "water_drift",
         "time",
         # Tanks change by 1 to 5 % of c per hour; more is a drift of the lamp, or particles that settle.

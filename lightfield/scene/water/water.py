@@ -81,6 +81,15 @@ class Water(Part):
     gradient_centre_m: float = number(
         3.25, "m", "z at which the gradient adds nothing", Acts.LAYERS, low=-100.0, high=100.0
     )
+    height_gradient_per_m2: float = number(
+        0.0,
+        "1/m^2",
+        "absorption grows by this per metre of y, from nothing at the lamp's height",
+        Acts.LAYERS,
+        low=-1.0,
+        high=1.0,
+        neutral=0.0,
+    )
     layer_absorption_per_m: float = number(
         0.0,
         "1/m",

@@ -41,6 +41,7 @@ REQUIRED = set(
         "immersion",
         "water_drift",
         "settling",
+        "stratification",
         "stray_light",
         "wavelength_shift",
     ]

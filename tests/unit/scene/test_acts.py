@@ -57,6 +57,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
                 "chlorophyll_mg_per_m3": 0.5,
                 "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
                 "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
+                "height_gradient_per_m2": 0.01,
                 "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
             },
             "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
@@ -132,7 +133,7 @@ def _air(scene: Scene) -> Any:
 def _along(scene: Scene, metres: float, z_m: float) -> float:
     """Optical depth of so long a way in the water to a receiver at z."""
     one = np.ones(1)
-    ray = Ray(0 * one, 0 * one, one, one, metres * one)
+    ray = Ray(0 * one, 0 * one, one, one, metres * one, 0.3 * one)
     return float(optical_depth(scene.water, ray, z_m * one, 520.0)[0])
 
 
