@@ -58,9 +58,9 @@ class SceneForward:
         self.scene, self.readings = scene, readings
         self.light = light or LightSource.of(scene, readings, diffuse, dense_per_m)
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
-        self._in_air = analytic.air_mask(readings.medium)
         air = np.asarray(readings.medium) == "air"
-        self._spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
+        spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -163,12 +163,12 @@ class SceneForward:
         return analytic.time_factor(self._with(values, _TIME), self._time)
 
     def _immersed(self, values: Mapping[str, float]) -> Array | float:
-        return analytic.immersed(self._with(values, READOUT), self._in_air)
+        return analytic.immersed(self._with(values, READOUT), self._taken.in_air)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full, self._in_air, self._spectrum)
+        return analytic.readout(self._with(values, READOUT), signal, self._full, self._taken)
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""

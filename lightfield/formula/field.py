@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
-from lightfield.formula.readout import immersed, readout, spectra, time_factor
+from lightfield.formula.readout import Taken, immersed, readout, spectra, time_factor
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
 
 __all__ = [
+    "Taken",
     "air_mask",
     "attenuation_per_m",
     "direct_field",
@@ -236,7 +237,7 @@ def predict(
     if scene.detector.stray_light and wavelength is not None:
         rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
         spectrum = spectra(*places, *rest)
-    return readout(scene, light, full, in_air, spectrum)
+    return readout(scene, light, full, Taken(in_air, spectrum, time))
 
 
 def paper_model(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,34 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
     if lamp.warmup_fraction:
         factor = factor * (1.0 - lamp.warmup_fraction * np.expm1(-t / lamp.warmup_time_s))
     return np.asarray(factor)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """How readings were taken, beside where.
+
+    Parameters
+    ----------
+    in_air : array of bool, optional
+        Readings in air; absent, all are in water.
+    spectrum : array of int, optional
+        Number of the spectrum that each reading is of, see `spectra`; absent, each is read by itself.
+    time_s : array, s, optional
+        NaN (unknown) counts as 0, as if absent.
+    """
+
+    in_air: ArrayLike | None = None
+    spectrum: NDArray[np.int_] | None = None
+    time_s: ArrayLike | None = None
+
+
+def ambient(scene: Scene, time_s: ArrayLike | None = None) -> Array | float:
+    """Reading without the lamp: B (1 + d t), detector.background and its background_drift_per_hour."""
+    detector = scene.detector
+    if time_s is None or not detector.background_drift_per_hour:
+        return float(detector.background)
+    hours = np.nan_to_num(np.asarray(time_s, dtype=float)) / 3600.0
+    return np.asarray(detector.background * (1.0 + detector.background_drift_per_hour * hours))
 
 
 def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:
@@ -65,43 +94,35 @@ def spectra(*columns: ArrayLike) -> NDArray[np.int_] | None:
     return number.ravel() if size.max(initial=0) > 1 else None
 
 
-def readout(
-    scene: Scene,
-    signal: ArrayLike,
-    full: float | None = None,
-    in_air: ArrayLike | None = None,
-    spectrum: NDArray[np.int_] | None = None,
-) -> Array:
+_AS_USUAL = Taken()
+
+
+def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: Taken = _AS_USUAL) -> Array:
     """What the instrument shows: less of light in water, stray light, background added, then saturation.
 
     Stray light is light of other wavelengths inside a spectrometer: x_i becomes (1 - s) x_i + s mean(x), the
     same everywhere in the spectrum (Zong et al. 2006, Appl. Opt. 45, 1111, doi:10.1364/AO.45.001111, measure
-    the whole matrix).
-
-    With s = (signal + background) / full the reading is full s / (1 + k s) (saturation) and full s (1 - k s)
-    (its quadratic form).
+    the whole matrix). With s = (signal + background) / full the reading is full s / (1 + k s) (saturation)
+    and full s (1 - k s) (its quadratic form).
 
     Parameters
     ----------
     scene : Scene
-        detector.immersion_factor, stray_light, background, saturation, saturation_quadratic.
+        detector.immersion_factor, stray_light, background and its drift, saturation, saturation_quadratic.
     signal : array
         Gain x light, in units of readings in air.
     full : float, optional
         Largest reading of the measurement; absent, the largest of `signal` + background.
-    in_air : array of bool, optional
-        Readings in air; absent, all are in water.
-    spectrum : array of int, optional
-        Number of the spectrum that each reading is of, see `spectra`; absent, each is read by itself.
+    taken : Taken, optional
     """
     detector = scene.detector
     reading = np.asarray(signal, dtype=float)
     if detector.immersion_factor != 1.0:
-        reading = reading * immersed(scene, in_air)
-    if detector.stray_light and spectrum is not None:
-        mean = np.bincount(spectrum, reading) / np.bincount(spectrum)
-        reading = reading + detector.stray_light * (mean[spectrum] - reading)
-    reading = reading + detector.background
+        reading = reading * immersed(scene, taken.in_air)
+    if detector.stray_light and taken.spectrum is not None:
+        mean = np.bincount(taken.spectrum, reading) / np.bincount(taken.spectrum)
+        reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)
+    reading = reading + ambient(scene, taken.time_s)
     if not detector.saturation and not detector.saturation_quadratic:
         return reading
     level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full

@@ -85,6 +85,15 @@ class Detector(Part):
         high=1e9,
         neutral=0.0,
     )
+    background_drift_per_hour: float = number(
+        0.0,
+        "1/h",
+        "background changes by 1 + d t",
+        Acts.READOUT,
+        low=-1000.0,
+        high=1000.0,
+        neutral=0.0,
+    )
     saturation: float = number(
         0.0,
         "1",

@@ -11,10 +11,29 @@ EFFECTS = (
     Effect(
         "background",
         "additive signal",
-        (Form("constant", (Free("detector.background", -0.5, 0.5, 0.002, per="signal"),)),),
+        (
+            Form("constant", (Free("detector.background", -0.5, 0.5, 0.002, per="signal"),)),
+            Form(
+                "drifting",
+                (Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),),
+                # From all of it to nothing, and to several times as much, while the readings are taken.
+                (
+                    Free(
+                        "detector.background_drift_per_hour",
+                        -1.2,
+                        12.0,
+                        0.2,
+                        per="inverse_hours",
+                        grid=(-0.8, 4.0),
+                    ),
+                ),
+            ),
+        ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",
-        "The same amount everywhere: dominates far off the axis and at far planes.",
-        "Read with the lamp off and with the detector capped: the first is ambient, the second dark signal.",
+        "The same amount everywhere: dominates far off the axis and at far planes. Ambient light changes "
+        "with the hour and a dark signal with the temperature, at bright and dark places alike.",
+        "Read with the lamp off and with the detector capped: the first is ambient, the second dark signal. "
+        "Do so again at the end.",
     ),
     Effect(
         "saturation",

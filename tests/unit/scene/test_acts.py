@@ -15,7 +15,7 @@ import pytest
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import receiver, source, window_points
 from lightfield.formula.path import Ray, optical_depth, rays
-from lightfield.formula.readout import readout, time_factor
+from lightfield.formula.readout import Taken, readout, time_factor
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
 from lightfield.render.response.grid import detector_grid, scene_grid
@@ -80,6 +80,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
     return [everything, other]
 
 
+TAKEN = Taken(spectrum=np.zeros(3, int), time_s=np.array([0.0, 900.0, 1800.0]))
 WORDS: dict[str, Any] = {
     "lamp.profile": "isotropic",
     "lamp.spectrum": "cie-a",
@@ -173,7 +174,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
     Acts.RECEIVER: _receiver,
     Acts.PLACES: _places,
-    Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0, spectrum=np.zeros(3, int)),
+    Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0, TAKEN),
 }
 
 
