@@ -130,6 +130,15 @@ class Detector(Part):
         high=180.0,
         neutral=0.0,
     )
+    cosine_error: float = number(
+        0.0,
+        "1",
+        "relative error of the cosine response at 60 degrees; it grows with 1 - cos",
+        Acts.RECEIVER,
+        low=-0.5,
+        high=0.5,
+        neutral=0.0,
+    )
     tilt_x_deg: float = number(
         0.0, "deg", "receiver axis turned towards +x", Acts.RECEIVER, above=-90.0, below=90.0, neutral=0.0
     )
@@ -138,8 +147,9 @@ class Detector(Part):
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
             raise RuleError("nothing to measure", "give planes_m or positions_m")
-        if self.acceptance_hwhm_deg and self.quantity != "irradiance":
-            raise RuleError(f"acceptance_hwhm_deg is for irradiance, found {self.quantity}", "set it to 0")
+        for name in ("acceptance_hwhm_deg", "cosine_error"):
+            if getattr(self, name) and self.quantity != "irradiance":
+                raise RuleError(f"{name} is for irradiance, found {self.quantity}", "set it to 0")
         if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
             raise RuleError(f"planes_m must rise, found {list(self.planes_m)}", "sort them, drop doubles")
         if not self.bands_nm:

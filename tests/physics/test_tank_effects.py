@@ -253,3 +253,32 @@ def test_ambient_light_that_drifts_is_a_form_of_the_background() -> None:
     constant = diagnosed({"detector.background": 0.006}, seed=2)
     assert constant.effects == ["background"]
     assert "detector.background_drift_per_hour" not in constant.explanations[0].parameters
+
+
+# -- collectors ----------------------------------------------------------------------------------------
+
+
+def test_error_of_the_cosine_is_that_at_60_degrees() -> None:
+    """Light from an isotropic lamp 2 m away: 0, 60 and 80 degrees aside with an error of -5 %."""
+    scene = Scene.from_dict({"lamp": {"profile": "isotropic"}, "detector": {"cosine_error": -0.05}})
+    angle = np.radians([0.0, 60.0, 80.0])
+    read = predict(scene, places(x_m=2 * np.sin(angle), z_m=2 * np.cos(angle)))
+    more = np.array([0.0, -0.05, -0.1 * (1 - np.cos(angle[2]))])
+    assert read == pytest.approx(np.cos(angle) / 4 * (1 + more), rel=1e-12)
+
+
+def test_a_narrow_beam_does_not_show_the_cosine_and_a_known_wide_one_does() -> None:
+    hidden = {"detector.cosine_error": -0.08}
+    narrow = diagnosed(hidden, seed=2)
+    assert narrow.verdict == "none"
+    assert "absorbed" in narrow.untestable["cosine_error"]
+    wide = Scene.from_dict({"lamp": {"profile": "isotropic"}, "water": {"absorption_per_m": 0.1}})
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-3, 3, 25), [0.5, 1.0, 2.0]))
+    bare = Readings.from_arrays(x_m=x, z_m=z, value=np.ones(x.size))
+    clean = predict(wide.with_values(hidden), bare)
+    stderr = np.hypot(0.003 * clean, 1e-5 * clean.max())
+    value = clean + stderr * np.random.default_rng(1).standard_normal(x.size)
+    table = Readings.from_arrays(x_m=x, z_m=z, value=value, stderr=stderr)
+    verdict = diagnose(table, wide, diffuse=None, advise=False).verdict
+    assert "cosine_error" in verdict.effects, verdict.sentence
+    found(verdict, hidden)

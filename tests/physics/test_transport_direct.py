@@ -82,6 +82,10 @@ CASES: dict[str, dict[str, Any]] = {
     "hardening": {"water": {"absorption_per_m": 0.2, "hardening_per_m": 0.06}},
     "scalar irradiance": {"detector": {"quantity": "scalar_irradiance"}},
     "acceptance": {"detector": {"acceptance_hwhm_deg": 4.0}},
+    "cosine error": {
+        "detector": {"cosine_error": -0.3, "planes_m": [0.6, 1.2]},
+        "lamp": {"hwhm_deg": 40.0},
+    },
     "tilted receiver": {"detector": {"tilt_x_deg": 20.0}},
     "tilted receiver, acceptance": {"detector": {"tilt_x_deg": 5.0, "acceptance_hwhm_deg": 4.0}},
     "aimed at the lamp": {"detector": {"aim": "lamp"}, "lamp": {"offset_x_m": 0.2}},

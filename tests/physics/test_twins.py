@@ -101,6 +101,8 @@ RECEIVERS = {
     "aimed": Detector(aim="lamp"),
     "acceptance": Detector(acceptance_hwhm_deg=4.0),
     "tilted, acceptance": Detector(tilt_x_deg=5.0, acceptance_hwhm_deg=40.0),
+    "cosine error": Detector(cosine_error=-0.1),
+    "tilted, all errors": Detector(tilt_x_deg=25.0, cosine_error=0.2, acceptance_hwhm_deg=40.0),
     "scalar": Detector(quantity="scalar_irradiance"),
     "collimator": Detector(quantity="radiance", full_angle_deg=60.0),
     "narrow collimator, aimed": Detector(quantity="radiance", full_angle_deg=2.0, aim="lamp"),
@@ -200,7 +202,9 @@ def test_plugins_take_every_parameter_of_lamp_and_receiver() -> None:
         {name: 0.25 for name in PROPERTIES if name not in ("profile", "intensity_table", "shape_exponent")}
         | {"profile": "super-gaussian", "shape_exponent": 3}
     )
-    detector = Detector(acceptance_hwhm_deg=30.0, tilt_x_deg=2.0, aim="lamp", full_angle_deg=3.0)
+    detector = Detector(
+        acceptance_hwhm_deg=30.0, tilt_x_deg=2.0, aim="lamp", full_angle_deg=3.0, cosine_error=0.1
+    )
     loaded = mi.load_dict(mitsuba_dict(Scene(lamp=lamp, detector=detector)))
     (made,) = loaded.emitters()
     assert made.lamp.model_dump(include=set(PROPERTIES)) == lamp.model_dump(include=set(PROPERTIES))

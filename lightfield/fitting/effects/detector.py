@@ -70,6 +70,16 @@ EFFECTS = (
         needs=("vary_x", "off_axis"),
     ),
     Effect(
+        "cosine_error",
+        "receiver angle",
+        (Form("growing with 1 - cos", (Free("detector.cosine_error", -0.3, 0.3, 0.02),)),),
+        "The collector does not follow the cosine: 2 to 10 % too little or too much of light from the side.",
+        "Off the axis too dark or too bright by an even function of the angle of arrival; of a narrow beam "
+        "alone nearly the same as another width, and of light from walls and water as another amount of it.",
+        "Turn the detector before a lamp far away and record its response up to 85 degrees.",
+        needs=("off_axis",),
+    ),
+    Effect(
         "immersion",
         "detector response",
         (Form("factor", (Free("detector.immersion_factor", 0.6, 2.0, 0.02),)),),

@@ -63,7 +63,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
             "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
             "detector": {
                 "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
-                "background": 0.1, "tilt_x_deg": 2.0,
+                "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0,
             },
         }
     )  # fmt: skip
@@ -73,7 +73,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
             "lamp.spectrum": "table", "lamp.spectrum_table": str(folder / "light_one.csv"),
             "water.base": "table", "water.table": str(folder / "water_one.csv"),
             "detector.quantity": "radiance", "detector.acceptance_hwhm_deg": 0.0,
-            "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
+            "detector.cosine_error": 0.0, "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
             "detector.saturation_quadratic": 0.1,
         }
     )  # fmt: skip
