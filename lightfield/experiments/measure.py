@@ -156,6 +156,7 @@ def _displaced(truth: Scene, table: Readings, position_m: float, rng: np.random.
     place = np.argsort(np.argsort(first))[moment]  # all wavelengths of one moment share it
     there = [c + position_m * rng.standard_normal(len(first))[place] for c in here]
     one, other = (
-        direct_field(truth, x, y, z, table.wavelength_nm, table.medium) for x, y, z in (here, there)
+        direct_field(truth, x, y, z, table.wavelength_nm, table.medium, table.time_s)
+        for x, y, z in (here, there)
     )
     return np.divide(other, one, out=np.ones_like(one), where=one > 0)  # where nothing is read, nothing moves

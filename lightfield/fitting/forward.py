@@ -17,13 +17,13 @@ from lightfield.readings import Readings, units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
-from lightfield.scene.bands import over_band
+from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
-POWER = "lamp.power_w"
+POWER, SHIFT = "lamp.power_w", "detector.wavelength_shift_nm"
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -58,6 +58,9 @@ class SceneForward:
         self.scene, self.readings = scene, readings
         self.light = light or LightSource.of(scene, readings, diffuse, dense_per_m)
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
+        air = np.asarray(readings.medium) == "air"
+        spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -123,7 +126,7 @@ class SceneForward:
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
-        factor = self._gain(values) * self.power(values)
+        factor = self._gain(values) * self.power(values) * self._immersed(values)
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -135,7 +138,7 @@ class SceneForward:
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
             there = replace(r, **moved)
             square += ((self.light.direct(scene, there) - here) / step_m) ** 2
-        return np.asarray(np.sqrt(square) * self._gain(values))
+        return np.asarray(np.sqrt(square) * self._gain(values) * self._immersed(values))
 
     def _gain(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light from an on-axis intensity of one, shape (n,)."""
@@ -145,22 +148,27 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        lamp = self._with(values, [path for path in values if path.startswith("lamp.")]).lamp
+        scene = self._with(values, [path for path in values if path.startswith("lamp.") or path == SHIFT])
+        lamp, shift = scene.lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
-        intensity = axial_intensity(lamp, self.light.wavelengths_nm)
+        intensity = axial_intensity(lamp, read_nm(scene, self.light.wavelengths_nm))
         if whole.any():
-            intensity[whole] = over_band(lamp, *self.scene.detector.bands_nm[0]).intensity.mean()
+            low, high = scene.detector.bands_nm[0]
+            intensity[whole] = over_band(lamp, low + shift, high + shift).intensity.mean()
         return np.asarray(intensity / unit)[self._channel]
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""
         return analytic.time_factor(self._with(values, _TIME), self._time)
 
+    def _immersed(self, values: Mapping[str, float]) -> Array | float:
+        return analytic.immersed(self._with(values, READOUT), self._taken.in_air)
+
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
-        """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
+        """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full)
+        return analytic.readout(self._with(values, READOUT), signal, self._full, self._taken)
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""

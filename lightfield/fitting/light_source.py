@@ -17,6 +17,8 @@ from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trac
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE
 from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.bands import read_nm
+from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import scattering_per_m
 
 if TYPE_CHECKING:
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 GAIN = "gain"
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
+#: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in
+#: water that goes from b = 0.3 per m to 0.01 (tests/physics/test_tank_effects.py).
+MOMENTS = 4
 
 
 class Diffuse(Protocol):
@@ -176,7 +181,11 @@ class LightSource:
     def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
         r = readings
-        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
+        wavelength = r.wavelength_nm
+        if scene.detector.wavelength_shift_nm:
+            middle = float(np.mean(scene.detector.bands_nm[0]))
+            wavelength = read_nm(scene, np.where(np.isnan(wavelength), middle, wavelength))
+        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, wavelength, r.medium, r.time_s)
 
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the light by its scattered and reflected part.
@@ -193,7 +202,7 @@ class LightSource:
         modes: Array = np.zeros((n, 0))
         smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
-            modes, smooth = self._response.errors(scene, self._colours, self.channels[1])
+            modes, smooth = self._response.errors(scene, self._colours(scene), self.channels[1])
         factor = np.where(self._wet, self.correction, 0.0)
         modes, smooth = factor[:, None] * modes, factor * smooth
         if np.any(self.stderr):
@@ -223,18 +232,34 @@ class LightSource:
         scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
-            every = self._response.light(scene, self._colours)
-            channel = self.channels[1]
-            light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
+            light = light + np.where(self._wet, self._diffuse(scene), 0.0)
         return np.asarray(light * self.correction)
+
+    def _diffuse(self, scene: Scene) -> Array:
+        """Scattered and reflected light, where need be at a few moments of the water and between, (n,)."""
+        if ages(scene.water):
+            at, shares = moments(scene.water, self.readings.time_s, self._straight_m, MOMENTS)
+            waters = [at_time(scene.water, float(t)) for t in at]
+            now = [self._diffuse(scene.model_copy(update={"water": water})) for water in waters]
+            return np.asarray((shares * np.array(now)).sum(axis=0))
+        every, channel = self._response.light(scene, self._colours(scene)), self.channels[1]
+        return np.asarray(every[channel, np.arange(len(channel))])
+
+    @cached_property
+    def _straight_m(self) -> Array:
+        """From the lamp's window to each reading, roughly, shape (n,)."""
+        r = self.readings
+        return np.asarray(np.sqrt(r.x_m**2 + r.y_m**2 + r.z_m**2))
 
     @cached_property
     def _wet(self) -> NDArray[np.bool_]:
         """Which readings are in water: nothing is scattered in air."""
         return np.asarray(self.readings.medium) != "air"
 
-    @property
-    def _colours(self) -> list[float | None]:
+    def _colours(self, scene: Scene) -> list[float | None]:
+        """Wavelength of each channel as it is read, nm; None: the middle of the band."""
+        if scene.detector.wavelength_shift_nm:
+            return list(read_nm(scene, self.wavelengths_nm).tolist())
         return [None if np.isnan(w) else float(w) for w in self.channels[0]]
 
     @cached_property

@@ -3,7 +3,7 @@
     I(theta)  = I0 exp(-B theta^2)                       source      (paper eq. 1)
     E         = I(theta) / r^2                           inverse square (eq. 2-3)
     T         = exp(-integral of c along the ray)        path        (eq. 4-7)
-    reading   = readout(gain (E T x response + diffuse) x lamp power(t) + background)
+    reading   = readout(gain (E T x response + diffuse) x lamp power(t) / immersion + background)
 
 All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, or 1/m^2/sr for radiance.
 """
@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
-from lightfield.formula.readout import readout, time_factor
+from lightfield.formula.readout import Taken, immersed, readout, spectra, time_factor
+from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
 from lightfield.scene.receiver import response
@@ -28,9 +29,11 @@ if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
 
 __all__ = [
+    "Taken",
     "air_mask",
     "attenuation_per_m",
     "direct_field",
+    "immersed",
     "optical_depth",
     "paper_model",
     "predict",
@@ -38,6 +41,7 @@ __all__ = [
     "readout",
     "receiver",
     "source",
+    "spectra",
     "time_factor",
     "window_points",
 ]  # fmt: skip
@@ -103,6 +107,7 @@ def direct_field(
     z_m: ArrayLike,
     wavelength_nm: ArrayLike | None = None,
     medium: ArrayLike | None = None,
+    time_s: ArrayLike | None = None,
 ) -> Array:
     """Light that comes straight from the lamp, for unit radiant intensity on the axis.
 
@@ -116,6 +121,8 @@ def direct_field(
         One per receiver; absent or NaN means the centre of the first band.
     medium : array of str or bool, optional
         "air" or True: no attenuation, and the window index acts.
+    time_s : array, s, optional
+        One per receiver, for water that changes; absent or NaN means 0.
 
     Returns
     -------
@@ -133,10 +140,10 @@ def direct_field(
     in_air = air_mask(medium)
     lamp = scene.lamp
     if lamp.radius_m == 0.0:
-        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air)
+        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s)
     total = np.zeros(x.shape)
     for point, share in window_points(lamp):
-        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air)
+        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total
 
 
@@ -157,14 +164,21 @@ def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
 
 
 def _point_source(
-    scene: Scene, lamp: Lamp, x: Array, y: Array, z: Array, wavelength_nm: Any, in_air: Array | None
+    scene: Scene,
+    lamp: Lamp,
+    x: Array,
+    y: Array,
+    z: Array,
+    wavelength_nm: Any,
+    in_air: Array | None,
+    time_s: Any,
 ) -> Array:
     ahead = z > 0.0
     if not ahead.all():
         z = np.where(ahead, z, 1.0)
     ray = rays(lamp, x, y, z)
     low, high = scene.detector.bands_nm[0]
-    tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high))
+    tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high), time_s)
     if in_air is not None:
         tau = np.where(in_air, 0.0, tau)
     light = source(lamp, ray, in_air) * np.exp(-tau) / (ray.r * ray.r) * receiver(scene, ray, x, y, z)
@@ -208,15 +222,22 @@ def predict(
     full : float, optional
         Largest reading, for saturation.
     """
-    light = np.asarray(diffuse, dtype=float) + direct_field(
-        scene, readings.x_m, readings.y_m, readings.z_m,
-        getattr(readings, "wavelength_nm", None), getattr(readings, "medium", None),
-    )  # fmt: skip
-    light = light * np.asarray(gain, dtype=float)
-    time = getattr(readings, "time_s", None)
+    wavelength, medium, time = (getattr(readings, k, None) for k in ("wavelength_nm", "medium", "time_s"))
+    places = readings.x_m, readings.y_m, readings.z_m
+    if scene.detector.wavelength_shift_nm:
+        middle = float(np.mean(scene.detector.bands_nm[0]))
+        stated = np.full(np.shape(places[2]), np.nan) if wavelength is None else np.asarray(wavelength, float)
+        wavelength = read_nm(scene, np.where(np.isnan(stated), middle, stated))
+    direct = direct_field(scene, *places, wavelength, medium, time)
+    light = (np.asarray(diffuse, dtype=float) + direct) * np.asarray(gain, dtype=float)
     if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
         light = light * time_factor(scene, time)
-    return readout(scene, light, full)
+    in_air = air_mask(medium)
+    spectrum = None
+    if scene.detector.stray_light and wavelength is not None:
+        rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
+        spectrum = spectra(*places, *rest)
+    return readout(scene, light, full, Taken(in_air, spectrum, time))
 
 
 def paper_model(

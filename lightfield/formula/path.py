@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.frame import beyond_window
+from lightfield.scene.water.ageing import ages, growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.layers import is_layered, layers_depth
 
@@ -30,6 +31,8 @@ class Ray:
         Their length, the r of the inverse square.
     water_m : array, m
         Part of the ray behind the window plane.
+    height_m : array, m
+        Mean y of that part.
     """
 
     dx: Array
@@ -37,6 +40,7 @@ class Ray:
     dz: Array
     r: Array
     water_m: Array
+    height_m: Array | float = 0.0
 
 
 def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
@@ -53,13 +57,18 @@ def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
     dz = z_m + z0
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
     water = beyond_window(r, z_m, z0) if z0 else r
-    return Ray(dx, dy, dz, r, water)
+    return Ray(dx, dy, dz, r, water, y_m - 0.5 * dy * (water / r))
 
 
 def optical_depth(
-    water: Water, ray: Ray, z_m: Array, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0
+    water: Water,
+    ray: Ray,
+    z_m: Array,
+    wavelength_nm: ArrayLike | None = None,
+    default_nm: float = 525.0,
+    time_s: ArrayLike | None = None,
 ) -> Array:
-    """Integral of c = a + b along each ray (eq. 4-7), with gradient, layer and spectral hardening.
+    """Integral of c = a + b along each ray (eq. 4-7), with gradient, layer, change in time and hardening.
 
     Parameters
     ----------
@@ -73,18 +82,22 @@ def optical_depth(
         One per receiver, or one for all; NaN means `default_nm`.
     default_nm : float, nm
         Wavelength where none is given.
+    time_s : array, s, optional
+        One per receiver; absent or NaN means 0.
     """
     s = ray.water_m
     tau = attenuation_per_m(water, wavelength_nm, default_nm) * s
     if is_layered(water):
-        tau = tau + layers_depth(water, z_m, s)
+        tau = tau + layers_depth(water, z_m, s, ray.height_m)
+    if time_s is not None and ages(water):
+        tau = tau + growth_per_m(water, time_s) * s
     if water.hardening_per_m:
         tau = tau - 0.5 * (water.hardening_per_m * s) ** 2
     return np.asarray(tau)
 
 
 def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0) -> Any:
-    """Beam attenuation coefficient c = a + b; one number for grey water, else one per wavelength.
+    """Beam attenuation coefficient c = a + b at time 0; one number for grey water, else one per wavelength.
 
     Parameters
     ----------
@@ -96,7 +109,7 @@ def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, defa
         Where none is given.
     """
     if is_grey(water):
-        return water.absorption_per_m + water.scattering_per_m
+        return water.absorption_per_m + water.scattering_per_m + water.settling_per_m
     if wavelength_nm is None:
         wavelength_nm = default_nm
     w = np.asarray(wavelength_nm, dtype=float)

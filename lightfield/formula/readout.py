@@ -1,11 +1,12 @@
-"""From light to the number an instrument shows: lamp power in time, background, saturation."""
+"""From light to the number an instrument shows: lamp power in time, then what the instrument does."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 
@@ -31,23 +32,97 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
     return np.asarray(factor)
 
 
-def readout(scene: Scene, signal: ArrayLike, full: float | None = None) -> Array:
-    """What the instrument shows: background added, then saturation.
+@dataclass(frozen=True)
+class Taken:
+    """How readings were taken, beside where.
 
-    With s = (signal + background) / full the reading is full s / (1 + k s) (saturation) and full s (1 - k s)
-    (its quadratic form).
+    Parameters
+    ----------
+    in_air : array of bool, optional
+        Readings in air; absent, all are in water.
+    spectrum : array of int, optional
+        Number of the spectrum that each reading is of, see `spectra`; absent, each is read by itself.
+    time_s : array, s, optional
+        NaN (unknown) counts as 0, as if absent.
+    """
+
+    in_air: ArrayLike | None = None
+    spectrum: NDArray[np.int_] | None = None
+    time_s: ArrayLike | None = None
+
+
+def ambient(scene: Scene, time_s: ArrayLike | None = None) -> Array | float:
+    """Reading without the lamp: B (1 + d t), detector.background and its background_drift_per_hour."""
+    detector = scene.detector
+    if time_s is None or not detector.background_drift_per_hour:
+        return float(detector.background)
+    hours = np.nan_to_num(np.asarray(time_s, dtype=float)) / 3600.0
+    return np.asarray(detector.background * (1.0 + detector.background_drift_per_hour * hours))
+
+
+def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:
+    """Part of the signal in air that the same irradiance makes: less in water, by the immersion factor.
+
+    A collector in water sends more of the light back out than in air (Zibordi & Darecki 2006, J. Opt. A 8,
+    252, doi:10.1088/1464-4258/8/3/005).
 
     Parameters
     ----------
     scene : Scene
-        detector.background, saturation, saturation_quadratic.
+        detector.immersion_factor.
+    in_air : array of bool, optional
+        Readings in air; absent, all are in water.
+    """
+    wet = 1.0 / scene.detector.immersion_factor
+    return wet if in_air is None else np.where(in_air, 1.0, wet)
+
+
+def spectra(*columns: ArrayLike) -> NDArray[np.int_] | None:
+    """Which readings are of one spectrum: those alike in all columns (position, medium, time).
+
+    Parameters
+    ----------
+    *columns : arrays, shape (n,)
+        NaN is like NaN.
+
+    Returns
+    -------
+    array of int, shape (n,), or None where no two readings are
+    """
+    stacked = np.stack([np.nan_to_num(np.asarray(c, dtype=float), nan=-1.0) for c in columns], axis=1)
+    _, number, size = np.unique(stacked, axis=0, return_inverse=True, return_counts=True)
+    return number.ravel() if size.max(initial=0) > 1 else None
+
+
+_AS_USUAL = Taken()
+
+
+def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: Taken = _AS_USUAL) -> Array:
+    """What the instrument shows: less of light in water, stray light, background added, then saturation.
+
+    Stray light is light of other wavelengths inside a spectrometer: x_i becomes (1 - s) x_i + s mean(x), the
+    same everywhere in the spectrum (Zong et al. 2006, Appl. Opt. 45, 1111, doi:10.1364/AO.45.001111, measure
+    the whole matrix). With s = (signal + background) / full the reading is full s / (1 + k s) (saturation)
+    and full s (1 - k s) (its quadratic form).
+
+    Parameters
+    ----------
+    scene : Scene
+        detector.immersion_factor, stray_light, background and its drift, saturation, saturation_quadratic.
     signal : array
-        Gain x light, in units of the readings.
+        Gain x light, in units of readings in air.
     full : float, optional
         Largest reading of the measurement; absent, the largest of `signal` + background.
+    taken : Taken, optional
     """
     detector = scene.detector
-    reading = np.asarray(signal, dtype=float) + detector.background
+    reading = np.asarray(signal, dtype=float)
+    if detector.immersion_factor != 1.0:
+        reading = reading * immersed(scene, taken.in_air)
+    if detector.stray_light and taken.spectrum is not None:
+        mean = np.bincount(taken.spectrum, reading) / np.bincount(taken.spectrum)
+        reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)
+    reading = reading + ambient(scene, taken.time_s)
     if not detector.saturation and not detector.saturation_quadratic:
         return reading
     level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full

@@ -5,7 +5,7 @@ There it is the proof of a fitted scene, and the maker of hidden effects.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,13 +20,16 @@ from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import store
 from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
-from lightfield.scene.bands import at_wavelengths, over_bands
+from lightfield.scene.bands import at_wavelengths, over_bands, read_nm
+from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 PHOTONS = 3e6
 REL_ERROR = 0.01
 #: Largest cell around a reading.
 CELL_M = 0.1
+#: Moments at which changing water is evaluated; between them nothing of the light is lost.
+MOMENTS = 8
 
 
 def rendered_light(
@@ -66,17 +69,27 @@ def rendered_light(
     channels = np.where(np.isnan(wavelength), middle, wavelength)
     settings = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry}
     places = {"x": x, "y": y, "z": z, "dry": dry, "wavelength": channels}
+    time = np.nan_to_num(np.asarray(readings.time_s, float))
+    if ages(scene.water):
+        places["time"] = time
     key = {"kind": "light at readings", "scene": scene.digest(), "software": software(), **places, **settings}
     stored = store.load(key)
     if stored is None:
-        light, error = _render(scene, x, y, z, dry, channels, **settings)
+        light, error = _render(scene, x, y, z, dry, channels, time, **settings)
         stored = {"light": light, "error": error}
         store.save(key, stored)
     return stored["light"], stored["error"]
 
 
 def _render(
-    scene: Scene, x: Array, y: Array, z: Array, dry: NDArray[np.bool_], channels: Array, **settings: Any
+    scene: Scene,
+    x: Array,
+    y: Array,
+    z: Array,
+    dry: NDArray[np.bool_],
+    channels: Array,
+    time: Array,
+    **settings: Any,
 ) -> tuple[Array, Array]:
     """Light at places in air (`dry`) or water, and its error, shape (n,)."""
     light, error = np.zeros(len(x)), np.zeros(len(x))
@@ -86,11 +99,25 @@ def _render(
     if not wet.any():
         return light, error
     rendering = _traced(scene, x[wet], y[wet], z[wet], **settings)
-    for channel in np.unique(channels[wet]):
+    for channel in np.unique(channels[wet]).tolist():
         mine = wet & (channels == channel)
-        read = AtPlaces(rendering, x[mine], y[mine], z[mine]).relative(np.array([channel]))
-        light[mine], error[mine] = (v[0] for v in read)
-    return light, error
+        straight = np.sqrt(x[mine] ** 2 + y[mine] ** 2 + z[mine] ** 2)
+        for moment, share in _moments(rendering, time[mine], straight):
+            read = AtPlaces(moment, x[mine], y[mine], z[mine]).relative(read_nm(scene, [channel]))
+            light[mine] += share * read[0][0]
+            error[mine] += share * read[1][0]  # of the same photons in all moments
+    return light, np.abs(error)
+
+
+def _moments(rendering: Rendering, time: Array, straight_m: Array) -> list[tuple[Rendering, Array | float]]:
+    """The rendering in the water of a few moments, and how much of the light at each time each one is."""
+    scene = rendering.scene
+    if not ages(scene.water):
+        return [(rendering, 1.0)]
+    at, shares = moments(scene.water, time, straight_m, MOMENTS)
+    waters = [at_time(scene.water, float(t)) for t in at]
+    now = [replace(rendering, scene=scene.model_copy(update={"water": water})) for water in waters]
+    return list(zip(now, shares, strict=True))
 
 
 def render_positions(scene: Scene, **settings: Any) -> AtPlaces:

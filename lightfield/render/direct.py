@@ -32,7 +32,7 @@ def direct_at(
     x_m, y_m, z_m : arrays, shape (n,), m
         Receivers, z > 0.
     attenuation_per_m : float, m^-1
-        a + b of the uniform water; the scene's gradient, layer and hardening come on top.
+        a + b of the uniform water; the scene's gradients, layer and hardening come on top.
     in_air : bool
         No water; the window no longer narrows the beam: I(theta / n) / n^2.
 
@@ -68,7 +68,7 @@ def direct_at(
     intensity = emission.intensity(theta_x / n_window, theta_y / n_window) / n_window**2
     depth = mi.Float(0)
     if not in_air:
-        depth = Absorption(setup.water).depth(start.z, direction.z, in_water)
+        depth = Absorption(setup.water).depth(start, direction, in_water)
         depth += (attenuation_per_m - setup.water.absorption_per_m) * in_water
         depth -= 0.5 * dr.square(scene.water.hardening_per_m * in_water)
     seen = ~setup.mitsuba_scene.ray_test(mi.Ray3f(mi.Ray3f(start, direction), in_water * (1 - 1e-4)))

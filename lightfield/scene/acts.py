@@ -22,6 +22,7 @@ class Acts(Flag):
     COLOUR = auto()  #: how these two change with the wavelength
     HARDENING = auto()  #: spread of the attenuation within a band
     LAYERS = auto()  #: attenuation that changes along the tank
+    AGEING = auto()  #: how the water changes in time
     PHASE = auto()  #: phase function
     BOX = auto()  #: where walls, floor, ends and top are
     REFLECTION = auto()  #: how much light walls and surface send back

@@ -11,6 +11,7 @@ from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.scene import Scene
+from lightfield.scene.water.coefficients import known_nm
 
 #: Equal parts of a band, over each of which the water is taken to be the same.
 PIECES = 5
@@ -31,16 +32,29 @@ class Spectrum(NamedTuple):
     intensity: Array
 
 
+def read_nm(scene: Scene, wavelength_nm: ArrayLike) -> Array:
+    """Wavelengths that are read where so many are stated, nm: the detector's shift, but no farther than what
+    the water's base is known for."""
+    stated = np.asarray(wavelength_nm, float)
+    if not scene.detector.wavelength_shift_nm:
+        return stated
+    low, high = known_nm(scene.water)
+    shifted = stated + scene.detector.wavelength_shift_nm
+    return np.asarray(np.clip(shifted, np.minimum(low, stated), np.maximum(high, stated)))
+
+
 def middles_nm(scene: Scene) -> Array:
-    """Middles of the equal parts of every band of the detector, shape (n_bands, PIECES), nm."""
+    """Middles of the equal parts of every band as it is read, shape (n_bands, PIECES), nm."""
     bands = np.asarray(scene.detector.bands_nm, float)
     at = (np.arange(PIECES) + 0.5) / PIECES
-    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+    stated = bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at
+    return np.asarray(stated + scene.detector.wavelength_shift_nm)
 
 
 def over_bands(scene: Scene) -> Spectrum:
-    """The lamp's light in every band of the detector, see `over_band`."""
-    each = [over_band(scene.lamp, low, high) for low, high in scene.detector.bands_nm]
+    """The lamp's light in every band as it is read, see `over_band`."""
+    shift = scene.detector.wavelength_shift_nm
+    each = [over_band(scene.lamp, low + shift, high + shift) for low, high in scene.detector.bands_nm]
     return Spectrum(*(np.array(v) for v in zip(*each, strict=True)))
 
 

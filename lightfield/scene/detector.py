@@ -58,6 +58,24 @@ class Detector(Part):
     bands_nm: tuple[tuple[Nanometres, Nanometres], ...] = declare(
         ((500.0, 550.0),), "wavelength bands [from, to]", Acts.PLACES, unit="nm"
     )
+    wavelength_shift_nm: float = number(
+        0.0,
+        "nm",
+        "what is read lies so far above the wavelengths and bands that are stated",
+        Acts.PLACES,
+        low=-50.0,
+        high=50.0,
+        neutral=0.0,
+    )
+    stray_light: float = number(
+        0.0,
+        "1",
+        "part of each wavelength's signal that is replaced by the mean of all that are read at once",
+        Acts.READOUT,
+        low=0.0,
+        high=1.0,
+        neutral=0.0,
+    )
     background: float = number(
         0.0,
         "reading",
@@ -65,6 +83,15 @@ class Detector(Part):
         Acts.READOUT,
         low=-1e9,
         high=1e9,
+        neutral=0.0,
+    )
+    background_drift_per_hour: float = number(
+        0.0,
+        "1/h",
+        "background changes by 1 + d t",
+        Acts.READOUT,
+        low=-1000.0,
+        high=1000.0,
         neutral=0.0,
     )
     saturation: float = number(
@@ -85,6 +112,15 @@ class Detector(Part):
         high=0.5,
         neutral=0.0,
     )
+    immersion_factor: float = number(
+        1.0,
+        "1",
+        "irradiance in water over that in air which gives the same reading; readings in water are divided",
+        Acts.READOUT,
+        low=0.5,
+        high=2.5,
+        neutral=1.0,
+    )
     acceptance_hwhm_deg: float = number(
         0.0,
         "deg",
@@ -92,6 +128,15 @@ class Detector(Part):
         Acts.RECEIVER,
         low=0.0,
         high=180.0,
+        neutral=0.0,
+    )
+    cosine_error: float = number(
+        0.0,
+        "1",
+        "relative error of the cosine response at 60 degrees; it grows with 1 - cos",
+        Acts.RECEIVER,
+        low=-0.5,
+        high=0.5,
         neutral=0.0,
     )
     tilt_x_deg: float = number(
@@ -102,8 +147,9 @@ class Detector(Part):
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
             raise RuleError("nothing to measure", "give planes_m or positions_m")
-        if self.acceptance_hwhm_deg and self.quantity != "irradiance":
-            raise RuleError(f"acceptance_hwhm_deg is for irradiance, found {self.quantity}", "set it to 0")
+        for name in ("acceptance_hwhm_deg", "cosine_error"):
+            if getattr(self, name) and self.quantity != "irradiance":
+                raise RuleError(f"{name} is for irradiance, found {self.quantity}", "set it to 0")
         if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
             raise RuleError(f"planes_m must rise, found {list(self.planes_m)}", "sort them, drop doubles")
         if not self.bands_nm:

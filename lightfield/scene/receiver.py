@@ -32,7 +32,9 @@ def tilted_axis(detector: Detector) -> tuple[float, float, float]:
 def response(detector: Detector, direction: Sequence[Array], axis: Sequence[Any] | None = None) -> Array:
     """Reading of a point receiver in light of unit normal irradiance.
 
-    Cosine for irradiance, times a Gaussian acceptance; 1 for scalar irradiance; 1 / solid angle inside the
+    Cosine for irradiance, times 1 + 2 e (1 - cosine) of a collector with an error e at 60 degrees (2 to 10 %
+    beyond 60 degrees: Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II), times a Gaussian
+    acceptance; 1 for scalar irradiance; 1 / solid angle inside the
     collimator's cone for radiance. The tracer's own, on the processor or the graphics card, is
     `render.tracer.planes.Planes.point_response`.
 
@@ -58,6 +60,8 @@ def response(detector: Detector, direction: Sequence[Array], axis: Sequence[Any]
     plain = axis is None and detector.tilt_x_deg == 0
     facing = direction[2] if plain else -sum(u * a for u, a in zip(direction, towards, strict=True))
     cosine = np.asarray(np.maximum(facing, 0.0))
+    if detector.cosine_error:
+        cosine = cosine * (1.0 + 2.0 * detector.cosine_error * (1.0 - cosine))
     if not detector.acceptance_hwhm_deg:
         return cosine
     ratio = _angle_between(direction, towards) / math.radians(detector.acceptance_hwhm_deg)

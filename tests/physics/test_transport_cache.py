@@ -63,12 +63,14 @@ def test_light_at_readings_is_rendered_once(tmp_path: Path, monkeypatch: pytest.
     assert len(asked) == 1
     for one, other in zip(first, again, strict=True):
         np.testing.assert_array_equal(one, other)
+    ageing = SCENE.with_values({"water.drift_per_m_per_hour": 0.01})
     others: list[tuple[Scene, Any, dict[str, Any]]] = [
         (SCENE, table, {"seed": 2}), (SCENE, table, {"symmetry": True}), (SCENE, table, {"rel_error": 0.1}),
         (SCENE, table, {"max_photons": 10.0}), (SCENE.with_values({"lamp.hwhm_deg": 4.0}), table, {}),
         (SCENE, replace(table, x_m=table.x_m + 0.01), {}),
         (SCENE, replace(table, wavelength_nm=np.full(len(table), 600.0)), {}),
         (SCENE, replace(table, medium=np.full(len(table), "air")), {}),
+        (ageing, table, {}), (ageing, replace(table, time_s=table.time_s + 600.0), {}),
     ]  # fmt: skip
     for scene, readings, options in others:
         rendered_light(scene, readings, **options)
@@ -84,7 +86,8 @@ MATTERS: list[dict[str, Any]] = [
     {"lamp.hwhm_deg": 4.0}, {"lamp.shape_exponent": 3.0}, {"lamp.skirt_fraction": 0.1},
     {"lamp.ellipticity": 1.1}, {"lamp.offset_x_m": 0.1}, {"lamp.offset_y_m": 0.1}, {"lamp.tilt_x_deg": 1.0},
     {"lamp.tilt_y_deg": 1.0}, {"lamp.apparent_distance_m": 0.5}, {"lamp.radius_m": 0.02},
-    {"water.gradient_per_m2": 0.01}, {"water.layer_absorption_per_m": 0.1}, {"water.phase.g": 0.9},
+    {"water.gradient_per_m2": 0.01}, {"water.height_gradient_per_m2": 0.01}, {"detector.cosine_error": 0.1},
+    {"water.layer_absorption_per_m": 0.1}, {"water.phase.g": 0.9},
     {"tank.width_m": 3.0}, {"tank.depth_m": 2.5}, {"tank.length_m": 30.0}, {"tank.behind_lamp_m": 0.4},
     {"tank.lamp_depth_m": 1.0}, {"tank.surface_reflectance": 1.0},
     {"detector.quantity": "scalar_irradiance"}, {"detector.tilt_x_deg": 3.0},
@@ -96,7 +99,9 @@ REWEIGHED: list[dict[str, Any]] = [
     {"water.absorption_per_m": 0.3}, {"water.scattering_per_m": 0.05}, {"tank.wall_albedo": 0.1},
     {"water.hardening_per_m": 0.02}, {"water.chlorophyll_mg_per_m3": 1.0}, {"lamp.power_w": 10.0},
     {"lamp.temperature_k": 2800.0}, {"lamp.window_index": 1.34}, {"detector.bands_nm": ((400.0, 410.0),)},
-    {"detector.background": 0.1}, {"detector.saturation": 0.1},
+    {"detector.background": 0.1}, {"detector.saturation": 0.1}, {"detector.immersion_factor": 1.3},
+    {"detector.stray_light": 0.1}, {"detector.wavelength_shift_nm": 2.0},
+    {"water.settling_per_m": 0.05}, {"water.drift_per_m_per_hour": 0.1},
 ]  # fmt: skip
 
 

@@ -101,6 +101,8 @@ RECEIVERS = {
     "aimed": Detector(aim="lamp"),
     "acceptance": Detector(acceptance_hwhm_deg=4.0),
     "tilted, acceptance": Detector(tilt_x_deg=5.0, acceptance_hwhm_deg=40.0),
+    "cosine error": Detector(cosine_error=-0.1),
+    "tilted, all errors": Detector(tilt_x_deg=25.0, cosine_error=0.2, acceptance_hwhm_deg=40.0),
     "scalar": Detector(quantity="scalar_irradiance"),
     "collimator": Detector(quantity="radiance", full_angle_deg=60.0),
     "narrow collimator, aimed": Detector(quantity="radiance", full_angle_deg=2.0, aim="lamp"),
@@ -126,7 +128,10 @@ WATERS = {
     "gradient": Water(gradient_per_m2=0.02, gradient_centre_m=2.0),
     "slab": Water(layer_absorption_per_m=0.5, layer_centre_m=3.0, layer_width_m=1.5),
     "slab round the window": Water(layer_absorption_per_m=0.5, layer_centre_m=0.2, layer_width_m=1.0),
-    "both": Water(gradient_per_m2=-0.01, layer_absorption_per_m=0.2, layer_centre_m=4.0),
+    "height": Water(height_gradient_per_m2=0.05),
+    "both": Water(
+        gradient_per_m2=-0.01, height_gradient_per_m2=-0.02, layer_absorption_per_m=0.2, layer_centre_m=4.0
+    ),
 }
 
 
@@ -137,14 +142,21 @@ def test_depth_of_layers(name: str) -> None:
     absorption = Absorption(TracedWater(0.0, 0.0, water))
     start, cosine, length = rng.uniform(-1, 6, 300), rng.uniform(-1, 1, 300), rng.uniform(0.1, 4, 300)
     start[:150], cosine[:150] = 0.0, rng.uniform(0.3, 1, 150)
-    traced = np.array(absorption.depth(mi.Float(start), mi.Float(cosine), mi.Float(length)))
+    begin, climb = rng.uniform(-1, 1, 300), rng.uniform(-1, 1, 300) * np.sqrt(1 - cosine**2)
+    across = np.sqrt(np.maximum(1 - cosine**2 - climb**2, 0))
+    point = mi.Point3f(mi.Float(0), mi.Float(begin), mi.Float(start))
+    flight = mi.Vector3f(mi.Float(across), mi.Float(climb), mi.Float(cosine))
+    traced = np.array(absorption.depth(point, flight, mi.Float(length)))
 
-    z = start + cosine * length * ((np.arange(20_000) + 0.5) / 20_000)[:, None]
+    along = length * ((np.arange(20_000) + 0.5) / 20_000)[:, None]
+    z, y = start + cosine * along, begin + climb * along
     slab = np.abs(z - water.layer_centre_m) < 0.5 * water.layer_width_m
     extra = water.gradient_per_m2 * (z - water.gradient_centre_m) + water.layer_absorption_per_m * slab
+    extra += water.height_gradient_per_m2 * y
     np.testing.assert_allclose(traced, extra.mean(axis=0) * length, atol=2e-4)
     ends = (cosine * length)[:150]
-    np.testing.assert_allclose(layers_depth(water, ends, length[:150]), traced[:150], atol=SINGLE)
+    height = (begin + 0.5 * climb * length)[:150]
+    np.testing.assert_allclose(layers_depth(water, ends, length[:150], height), traced[:150], atol=SINGLE)
 
 
 def test_tank_and_its_surface() -> None:
@@ -190,7 +202,9 @@ def test_plugins_take_every_parameter_of_lamp_and_receiver() -> None:
         {name: 0.25 for name in PROPERTIES if name not in ("profile", "intensity_table", "shape_exponent")}
         | {"profile": "super-gaussian", "shape_exponent": 3}
     )
-    detector = Detector(acceptance_hwhm_deg=30.0, tilt_x_deg=2.0, aim="lamp", full_angle_deg=3.0)
+    detector = Detector(
+        acceptance_hwhm_deg=30.0, tilt_x_deg=2.0, aim="lamp", full_angle_deg=3.0, cosine_error=0.1
+    )
     loaded = mi.load_dict(mitsuba_dict(Scene(lamp=lamp, detector=detector)))
     (made,) = loaded.emitters()
     assert made.lamp.model_dump(include=set(PROPERTIES)) == lamp.model_dump(include=set(PROPERTIES))

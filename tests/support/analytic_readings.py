@@ -46,7 +46,8 @@ def readings(
     table = scan(believed, layout, order, rng)
     wrong = {"lamp.hwhm_deg": 4.0 * 1.15, "water.absorption_per_m": 0.12 * 0.87}
     truth = believed.with_values({**wrong, **(hidden or {})})
-    light = direct_field(truth, table.x_m, table.y_m, table.z_m, table.wavelength_nm, table.medium)
+    places = table.x_m, table.y_m, table.z_m
+    light = direct_field(truth, *places, table.wavelength_nm, table.medium, table.time_s)
     more = 1.0 if factor is None else factor(table)
     measured, _ = measure(truth, table, Light(light), Instrument(noise, **kinds), rng, more)
     return measured, believed

@@ -14,6 +14,7 @@ from lightfield.diagnosis.problem.layout import SAME, Layout
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
+from lightfield.formula.path import attenuation_per_m
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
 
@@ -24,6 +25,10 @@ STEP = 1e-2
 _FROM_THE_ENDS = 0.02
 #: Readings at one distance, in metres, have a range all the same.
 _SHORTEST_RANGE_M = 1e-3
+
+#: Attenuation of the clearest water there is, in 1/m, rounded: pure water at 490 nm (Pope & Fry 1997, Appl.
+#: Opt. 36, 8710, doi:10.1364/AO.36.008710).
+_CLEAREST_PER_M = 0.02
 
 REASONS: Mapping[str, str] = {
     "vary_x": "all readings have the same x",
@@ -53,6 +58,14 @@ class Setting:
     @property
     def hwhm_deg(self) -> float:
         return float(self.scene.get("lamp.hwhm_deg"))
+
+    @property
+    def attenuation_per_m(self) -> float:
+        """Largest of the scene's water at these wavelengths; no water is clearer than some."""
+        known = self.layout.wavelength_nm[np.isfinite(self.layout.wavelength_nm)]
+        middle = float(np.mean(self.scene.detector.bands_nm[0]))
+        colours = np.unique(known) if known.size else np.array([middle])
+        return max(float(np.max(attenuation_per_m(self.scene.water, colours))), _CLEAREST_PER_M)
 
     def met(self, need: str) -> bool:
         """Is a condition of the table fulfilled by these readings and this scene?"""
@@ -87,6 +100,7 @@ class Setting:
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "band": (self.band_nm, 0.0),
+            "attenuation": (self.attenuation_per_m, 0.0),
         }[per]
 
 

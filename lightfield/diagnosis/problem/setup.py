@@ -129,7 +129,9 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     value : array, shape (n,)
     """
     scene, names = forward.scene, forward.gain_names
-    start = dict.fromkeys(READOUT, 0.0)  # a gain is found from the light: a background would hide it
+    # A gain is found from the light: a background would hide it.
+    known = scene.parameters()
+    start = {path: known[path].neutral or 0.0 for path in READOUT}
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > SAME and scene.lamp.profile not in ("isotropic", "pencil", "table"):

@@ -11,10 +11,29 @@ EFFECTS = (
     Effect(
         "background",
         "additive signal",
-        (Form("constant", (Free("detector.background", -0.5, 0.5, 0.002, per="signal"),)),),
+        (
+            Form("constant", (Free("detector.background", -0.5, 0.5, 0.002, per="signal"),)),
+            Form(
+                "drifting",
+                (Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),),
+                # From all of it to nothing, and to several times as much, while the readings are taken.
+                (
+                    Free(
+                        "detector.background_drift_per_hour",
+                        -1.2,
+                        12.0,
+                        0.2,
+                        per="inverse_hours",
+                        grid=(-0.8, 4.0),
+                    ),
+                ),
+            ),
+        ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",
-        "The same amount everywhere: dominates far off the axis and at far planes.",
-        "Read with the lamp off and with the detector capped: the first is ambient, the second dark signal.",
+        "The same amount everywhere: dominates far off the axis and at far planes. Ambient light changes "
+        "with the hour and a dark signal with the temperature, at bright and dark places alike.",
+        "Read with the lamp off and with the detector capped: the first is ambient, the second dark signal. "
+        "Do so again at the end.",
     ),
     Effect(
         "saturation",
@@ -49,5 +68,50 @@ EFFECTS = (
         "A slope across the beam that depends on the direction of arrival.",
         "Turn the detector by 180 degrees about its axis and repeat: the slope changes sign.",
         needs=("vary_x", "off_axis"),
+    ),
+    Effect(
+        "cosine_error",
+        "receiver angle",
+        (Form("growing with 1 - cos", (Free("detector.cosine_error", -0.3, 0.3, 0.02),)),),
+        "The collector does not follow the cosine: 2 to 10 % too little or too much of light from the side.",
+        "Off the axis too dark or too bright by an even function of the angle of arrival; of a narrow beam "
+        "alone nearly the same as another width, and of light from walls and water as another amount of it.",
+        "Turn the detector before a lamp far away and record its response up to 85 degrees.",
+        needs=("off_axis",),
+    ),
+    Effect(
+        "immersion",
+        "detector response",
+        (Form("factor", (Free("detector.immersion_factor", 0.6, 2.0, 0.02),)),),
+        "A collector under water sends more light back out than in air, so it reads less there: 1.3 to 1.4 "
+        "times less for a cosine collector.",
+        "All readings in water too dark beside those in air by one factor, wherever they are. On the axis "
+        "alone window refraction (1/n^2) and a wrong distance look the same; the width of the beam in air "
+        "tells.",
+        "Read a steady lamp above the water, lower the water to and fro over the collector, and extrapolate "
+        "to no depth; or use the factor of the collector's calibration.",
+        needs=("air_and_water",),
+    ),
+    Effect(
+        "stray_light",
+        "additive signal",
+        (Form("uniform", (Free("detector.stray_light", 0.0, 0.05, 0.001),)),),
+        "Light of all other wavelengths is scattered inside the spectrometer, 0.1 to 0.5 % in good ones.",
+        "Where the water takes a wavelength most it takes it least: the decay flattens far away, towards a "
+        "part of the mean over the spectrum. At few wavelengths a background does nearly the same. It is "
+        "that of readings as the spectrometer gives them, not of each wavelength scaled by itself.",
+        "Hold a long-pass filter in the light: what is left at the wavelengths it blocks is stray.",
+        needs=("spectral", "vary_z", "water"),
+    ),
+    Effect(
+        "wavelength_shift",
+        "wavelength",
+        (Form("shift", (Free("detector.wavelength_shift_nm", -5.0, 5.0, 0.2),)),),
+        "The spectrometer's wavelength scale is off, by temperature, a knock or an old calibration.",
+        "Extra decay where the water's absorption rises with the wavelength, less where it falls: 5 % per nm "
+        "at 575 to 600 nm over 8.5 m. At three or four wavelengths dissolved or suspended matter can look "
+        "alike.",
+        "Point the spectrometer at a mercury or neon lamp and compare the lines.",
+        needs=("vary_z", "water", "spectral", "known_base"),
     ),
 )

@@ -10,7 +10,17 @@ from lightfield.scene.acts import DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on
 
 Scale = Literal[
-    "one", "power", "signal", "inverse_signal", "hwhm", "hours", "inverse_hours", "seconds", "range", "band"
+    "one",
+    "power",
+    "signal",
+    "inverse_signal",
+    "hwhm",
+    "hours",
+    "inverse_hours",
+    "seconds",
+    "range",
+    "band",
+    "attenuation",
 ]
 Need = Literal[
     "vary_x",
@@ -43,7 +53,8 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm).
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm),
+        "attenuation" (of the scene's water, 1/m).
     grid : tuple of float
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool

@@ -1,9 +1,10 @@
-"""Effects of the water: what it scatters, and how its absorption changes along the tank and with colour.
+"""Effects of the water: what it scatters, how it changes along the tank and in time, and its colour.
 
 Scattering follows the phase function of Henyey and Greenstein (1941), `scene/water/phase/`, and is traced by
-`render/diffuse`. Attenuation along a ray is in `formula/path.py`. What is in the water, with sources, is in
-`scene/water/constituents.py`: chlorophyll after Bricaud et al. (1998) and Loisel and Morel (1998), dissolved
-matter after Bricaud, Morel and Prieur (1981), mineral particles after Gege (2021) and Babin et al. (2003).
+`render/diffuse`. Attenuation along a ray is in `formula/path.py`, its change in time in
+`scene/water/ageing.py`. What is in the water, with sources, is in `scene/water/constituents.py`: chlorophyll
+after Bricaud et al. (1998) and Loisel and Morel (1998), dissolved matter after Bricaud, Morel and Prieur
+(1981), mineral particles after Gege (2021) and Babin et al. (2003).
 """
 
 from __future__ import annotations
@@ -84,5 +85,44 @@ EFFECTS = (
         "Extra decay at all wavelengths, stronger in the blue, with a halo.",
         "Let the water settle overnight, or filter a sample and weigh the residue.",
         needs=("vary_z", "water", "spectral", "known_base"),
+    ),
+    Effect(
+        "stratification",
+        "path and attenuation",
+        (Form("linear in y", (Free("water.height_gradient_per_m2", -0.2, 0.2, 0.005),)),),
+        "Turbid or warm water lies in layers: it is clearer above than below, or the other way round.",
+        "Bright above and dark below the axis, or the reverse, as of a beam that curves: it grows with the "
+        "cube of the distance where a tilted beam's shift grows with the distance itself. At one distance "
+        "these are one.",
+        "Sample the water at three heights; stir; turn the lamp by 180 degrees about its axis: a tilt turns "
+        "with it.",
+        needs=("vary_y", "vary_z", "water"),
+    ),
+    Effect(
+        "water_drift",
+        "time",
+        # Tanks change by 1 to 5 % of c per hour; more is a drift of the lamp, or particles that settle.
+        (Form("linear", (Free("water.drift_per_m_per_hour", -0.1, 0.1, 0.01, per="attenuation"),)),),
+        "The water clears, or becomes turbid, while the scan runs (fine particles, bubbles, growth).",
+        "A change in time that grows with the distance; the same factor at each distance. Of planes read one "
+        "after the other it is a curved decay, as of a gradient; at one distance it is a drift of the lamp.",
+        "Repeat two reference positions, one near and one far, every few minutes; read in random order.",
+        needs=("time", "vary_z", "water"),
+    ),
+    Effect(
+        "settling",
+        "time",
+        (
+            Form(
+                "exponential",
+                (Free("water.settling_per_m", 0.0, 1.0, 0.02),),
+                (Free("water.settling_time_s", 0.1, 1.0, 0.1, per="seconds", grid=(0.3, 0.8)),),
+            ),
+        ),
+        "Particles scatter the light and sink to the floor, or bubbles rise, while the scan runs.",
+        "A halo and a loss that grow with the distance and fade in time. Where it fades little it is "
+        "scattering, and where no halo is seen a drift of the water.",
+        "Measure the same place at once and again after some hours; let the water rest before a scan.",
+        needs=("time", "water"),
     ),
 )

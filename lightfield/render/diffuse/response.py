@@ -163,7 +163,8 @@ class DiffuseResponse:
 
     def _through_layers(self, scene: Scene) -> Array:
         """What layers let through on the straight lines to the cells, shape (n_cells,)."""
-        return np.exp(-layers_depth(scene.water, self.shift.cell_z_m, self.straight_m))
+        y, z = self.shift.cell_y_m, self.shift.cell_z_m
+        return np.exp(-layers_depth(scene.water, z, self.straight_m, 0.5 * y))
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""

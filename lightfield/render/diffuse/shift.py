@@ -37,7 +37,7 @@ class Shift:
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]
-        self.cell_z_m = cells.z
+        self.cell_y_m, self.cell_z_m = cells.y, cells.z
         #: Number of readings, of which there may be `some`.
         self.asked = len(self.cell)
         # Readings of several colours at one place are moved alike.

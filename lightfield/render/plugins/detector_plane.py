@@ -15,8 +15,8 @@ class DetectorPlane(mi.Sensor):
 
     Properties: `z_m`, `width_m`, `height_m` (default: the width), `quantity` ("irradiance",
     "scalar_irradiance", "radiance"), `full_angle_deg`, `aim` ("axis" or "lamp"), `acceptance_hwhm_deg`,
-    `tilt_x_deg`; a nested film gives the number of cells. Row 0 of the image is the top (+y), column 0 is
-    -x: as seen from the lamp with +x to the right.
+    `cosine_error`, `tilt_x_deg`; a nested film gives the number of cells. Row 0 of the image is the top (+y),
+    column 0 is -x: as seen from the lamp with +x to the right.
 
     Not supported: camera-type integrators (there is no ray to start), other orientations.
     """

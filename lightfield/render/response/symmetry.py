@@ -18,7 +18,7 @@ def symmetric(scene: Scene) -> tuple[bool, bool]:
     """Whether the light is the same at -x, and at -y."""
     lamp, tank, tilted = scene.lamp, scene.tank, scene.detector.tilt_x_deg != 0
     x = lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
-    y = lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0
+    y = lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
     if tank is not None:
         # A lid reflects as the floor does, a water surface does not.
         y = y and tank.surface_reflectance == 0 and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9

@@ -93,6 +93,7 @@ class Planes:
         self.lamp = [_opaque(v) for v in lamp_position_m]
         self.apparent = _opaque(apparent_distance_m)
         self.acceptance_hwhm = _opaque(radians(receiver.acceptance_hwhm_deg))
+        self.cosine_error = _opaque(receiver.cosine_error)
         x, _, z = tilted_axis(receiver)
         self.axis = mi.Vector3f(_opaque(x), 0.0, _opaque(z))
         # A receiver that is turned away from the axis sees some of the light that flies back to the lamp.
@@ -175,6 +176,8 @@ class Planes:
             inside = dr.squared_norm(direction + axis) < 4 * np.sin(0.5 * half) ** 2
             return dr.select(inside, across / solid_angle, 0)
         response = across * dr.maximum(facing, 0) if looks_aside(receiver) else mi.Float(1)
+        if receiver.cosine_error != 0:
+            response *= 1 + 2 * self.cosine_error * (1 - dr.maximum(facing, 0))
         if receiver.acceptance_hwhm_deg > 0:
             psi = 2 * dr.asin(dr.minimum(0.5 * dr.norm(direction + axis), 1))
             ratio = psi / self.acceptance_hwhm

@@ -50,7 +50,7 @@ class Water:
     ----------
     absorption_per_m, scattering_per_m : float, m^-1
     layers : Water of a scene
-        Its gradient and slab are added to the absorption.
+        Its gradients and slab are added to the absorption.
     """
 
     absorption_per_m: float
@@ -64,28 +64,32 @@ class Absorption:
     def __init__(self, water: Water) -> None:
         layers = water.layers
         self.is_uniform = not is_layered(layers)
-        self.uniform, self.gradient, self.centre, self.layer, self.low, self.high = (
+        self.uniform, self.gradient, self.centre, self.upwards, self.layer, self.low, self.high = (
             dr.opaque(mi.Float, value)
             for value in (
                 water.absorption_per_m,
                 layers.gradient_per_m2,
                 layers.gradient_centre_m,
+                layers.height_gradient_per_m2,
                 layers.layer_absorption_per_m,
                 *slab_m(layers),
             )
         )
 
-    def depth(self, z0: mi.Float, cos_z: mi.Float, t: mi.Float) -> mi.Float:
-        """Optical depth of absorption along a flight of length t from z0 with direction cosine cos_z."""
+    def depth(self, start: mi.Point3f, direction: mi.Vector3f, t: mi.Float) -> mi.Float:
+        """Optical depth of absorption along a flight of length t."""
         if self.is_uniform:
             return self.uniform * t
+        z0, cos_z = start.z, direction.z
         z1 = z0 + cos_z * t
         low, high = dr.minimum(z0, z1), dr.maximum(z0, z1)
         crossed = dr.maximum(dr.minimum(high, self.high) - dr.maximum(low, self.low), 0)
         level = dr.select((z0 > self.low) & (z0 < self.high), t, 0)
         steepness = dr.abs(cos_z)
         in_layer = dr.select(steepness > 1e-4, crossed / dr.maximum(steepness, 1e-4), level)
-        return self.uniform * t + self.gradient * t * (0.5 * (z0 + z1) - self.centre) + self.layer * in_layer
+        height = start.y + 0.5 * direction.y * t
+        graded = self.gradient * (0.5 * (z0 + z1) - self.centre) + self.upwards * height
+        return (self.uniform + graded) * t + self.layer * in_layer
 
 
 def first_or_free_flight(
@@ -241,7 +245,7 @@ def trace(
             crossing = planes.crossing(plane, position, direction, to_surface, mirror_x, u)
             if counts & (crossing.hits | crossing.mirror_hits):
                 responses, straight = planes.reading(crossing, direction)
-                depth = absorption.depth(position.z, direction.z, crossing.distance)
+                depth = absorption.depth(position, direction, crossing.distance)
                 value = weight * dr.exp(-depth - b0 * crossing.distance)
                 excess = dr.maximum(length + crossing.distance - straight, 0)
                 row = histories.row(channel, excess, rng.next_float32(), node)
@@ -259,7 +263,7 @@ def trace(
         scatters = free < to_surface
         t = dr.minimum(free, to_surface)
         gone = active & ~scatters & leaves
-        depth = absorption.depth(position.z, direction.z, dr.select(t < FAR, t, 0))
+        depth = absorption.depth(position, direction, dr.select(t < FAR, t, 0))
         kept = dr.exp(-depth)
         absorbed += dr.select(active, weight * (1 - kept), 0)
         weight *= kept

@@ -80,7 +80,7 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     Parameters
     ----------
     water : Water
-        Of a scene.
+        Of a scene; of water that changes, at time 0.
     wavelength_nm : array, nm
         Where.
 
@@ -96,13 +96,25 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     """
     w = np.asarray(wavelength_nm, dtype=float)
     if is_grey(water):
-        return np.full(w.shape, water.scattering_per_m)
-    b = _base(water, w)[1] + water.scattering_per_m
+        return np.full(w.shape, water.scattering_per_m + water.settling_per_m)
+    b = _base(water, w)[1] + water.scattering_per_m + water.settling_per_m
     if water.chlorophyll_mg_per_m3:
         b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)
     if water.sediment_g_per_m3:
         b = b + sediment_scattering_per_m(water.sediment_g_per_m3, w)
     return b
+
+
+def known_nm(water: Water) -> tuple[float, float]:
+    """First and last wavelength that the water's base is known for, nm; unlimited without a spectrum."""
+    known: Array = np.zeros(0)
+    if water.base == "pure":
+        known = pure_water_absorption()[0]
+    elif water.base == "table":
+        known = read_columns(str(water.table), ("wavelength_nm", "absorption_per_m", "scattering_per_m"))[0]
+    elif water.base != "none":
+        known = list_presets()[water.base].wavelength_nm
+    return (float(known[0]), float(known[-1])) if len(known) > 1 else (-np.inf, np.inf)
 
 
 def _base(water: Water, w: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Absorption that changes along the tank: a gradient in z, and a slab across it."""
+"""Absorption that changes with the place: a gradient along z, one in height, and a slab across the tank."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 def is_layered(water: Water) -> bool:
-    """Does the absorption change along the tank?"""
-    return bool(water.gradient_per_m2 or water.layer_absorption_per_m)
+    """Does the absorption change with the place?"""
+    return bool(water.gradient_per_m2 or water.height_gradient_per_m2 or water.layer_absorption_per_m)
 
 
 def slab_m(water: Water) -> tuple[float, float]:
@@ -42,8 +42,8 @@ def path_up_gradient_m2(water: Water, z_m: Array, path_m: Array) -> Array:
     return np.asarray((0.5 * z_m - water.gradient_centre_m) * path_m)
 
 
-def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
-    """Optical depth that gradient and slab add along straight paths from the window plane to z.
+def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | float = 0.0) -> Array | float:
+    """Optical depth that gradients and slab add along straight paths from the window plane to z.
 
     The tracer's own, for flights from anywhere to anywhere, is `render.tracer.walk.Absorption.depth`.
 
@@ -52,10 +52,14 @@ def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
     water : Water
     z_m, path_m : arrays, m
         Where the paths end, z > 0, and their lengths.
+    height_m : array, m
+        Mean y of the paths.
     """
     depth: Array | float = 0.0
     if water.gradient_per_m2:
         depth = depth + water.gradient_per_m2 * path_up_gradient_m2(water, z_m, path_m)
+    if water.height_gradient_per_m2:
+        depth = depth + water.height_gradient_per_m2 * height_m * path_m
     if water.layer_absorption_per_m:
         depth = depth + water.layer_absorption_per_m * path_in_slab_m(water, z_m, path_m)
     return depth

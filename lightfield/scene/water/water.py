@@ -81,6 +81,15 @@ class Water(Part):
     gradient_centre_m: float = number(
         3.25, "m", "z at which the gradient adds nothing", Acts.LAYERS, low=-100.0, high=100.0
     )
+    height_gradient_per_m2: float = number(
+        0.0,
+        "1/m^2",
+        "absorption grows by this per metre of y, from nothing at the lamp's height",
+        Acts.LAYERS,
+        low=-1.0,
+        high=1.0,
+        neutral=0.0,
+    )
     layer_absorption_per_m: float = number(
         0.0,
         "1/m",
@@ -103,6 +112,25 @@ class Water(Part):
         high=10.0,
         neutral=0.0,
     )
+    drift_per_m_per_hour: float = number(
+        0.0,
+        "1/(m h)",
+        "absorption grows by this per hour from time 0",
+        Acts.AGEING,
+        low=-10.0,
+        high=10.0,
+        neutral=0.0,
+    )
+    settling_per_m: float = number(
+        0.0,
+        "1/m",
+        "b_s of scattering b_s exp(-t/tau) by particles that settle",
+        Acts.SCATTERING | Acts.AGEING,
+        low=0.0,
+        high=100.0,
+        neutral=0.0,
+    )
+    settling_time_s: float = number(3600.0, "s", "tau of the settling", Acts.AGEING, above=0.0, high=1e7)
     phase: PhaseSpec = declare(HenyeyGreenstein(), "phase function", Acts.PHASE)
 
     @field_validator("absorption_per_m")

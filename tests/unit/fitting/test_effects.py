@@ -38,6 +38,13 @@ REQUIRED = set(
         "detector_tilt",
         "window_refraction",
         "lamp_power",
+        "immersion",
+        "water_drift",
+        "settling",
+        "stratification",
+        "cosine_error",
+        "stray_light",
+        "wavelength_shift",
     ]
 )
 
@@ -101,8 +108,8 @@ def test_every_effect_says_how_to_check_it() -> None:
 
 
 def test_second_forms_exist_where_nature_has_two() -> None:
-    """Linear drift or warm-up, gradient or layer, two kinds of saturation."""
-    for name in ("lamp_drift", "water_gradient", "saturation"):
+    """Linear drift or warm-up, gradient or layer, two kinds of saturation, ambient light that drifts."""
+    for name in ("lamp_drift", "water_gradient", "saturation", "background"):
         assert len(effects.get(name).forms) == 2
 
 

@@ -15,7 +15,7 @@ import pytest
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import receiver, source, window_points
 from lightfield.formula.path import Ray, optical_depth, rays
-from lightfield.formula.readout import readout, time_factor
+from lightfield.formula.readout import Taken, readout, time_factor
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
 from lightfield.render.response.grid import detector_grid, scene_grid
@@ -27,6 +27,7 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
+from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.phase.of_scene import phase_function
 
@@ -56,11 +57,13 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
                 "chlorophyll_mg_per_m3": 0.5,
                 "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
                 "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
+                "height_gradient_per_m2": 0.01,
+                "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
             },
             "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
             "detector": {
                 "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
-                "background": 0.1, "tilt_x_deg": 2.0,
+                "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0,
             },
         }
     )  # fmt: skip
@@ -70,13 +73,14 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
             "lamp.spectrum": "table", "lamp.spectrum_table": str(folder / "light_one.csv"),
             "water.base": "table", "water.table": str(folder / "water_one.csv"),
             "detector.quantity": "radiance", "detector.acceptance_hwhm_deg": 0.0,
-            "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
+            "detector.cosine_error": 0.0, "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
             "detector.saturation_quadratic": 0.1,
         }
     )  # fmt: skip
     return [everything, other]
 
 
+TAKEN = Taken(spectrum=np.zeros(3, int), time_s=np.array([0.0, 900.0, 1800.0]))
 WORDS: dict[str, Any] = {
     "lamp.profile": "isotropic",
     "lamp.spectrum": "cie-a",
@@ -90,6 +94,8 @@ WORDS: dict[str, Any] = {
     "detector.positions_m": ((0.1, 0.0, 4.5), (0.3, 0.0, 4.5)),
     "detector.bands_nm": ((510.0, 530.0),),
 }
+#: Which wavelengths are read is no matter of a trace.
+BANDS = ("detector.bands_nm", "detector.wavelength_shift_nm")
 FIELDS = [f"{part}.{name}" for part, model in PARTS.items() for name in model.model_fields]
 
 
@@ -128,7 +134,7 @@ def _air(scene: Scene) -> Any:
 def _along(scene: Scene, metres: float, z_m: float) -> float:
     """Optical depth of so long a way in the water to a receiver at z."""
     one = np.ones(1)
-    ray = Ray(0 * one, 0 * one, one, one, metres * one)
+    ray = Ray(0 * one, 0 * one, one, one, metres * one, 0.3 * one)
     return float(optical_depth(scene.water, ray, z_m * one, 520.0)[0])
 
 
@@ -162,12 +168,13 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.SCATTERING: lambda s: scattering_per_m(s.water, WAVELENGTHS),
     Acts.HARDENING: _hardening,
     Acts.LAYERS: _layers,
+    Acts.AGEING: lambda s: growth_per_m(s.water, np.array([0.0, 600.0, 3000.0])),
     Acts.PHASE: lambda s: phase_function(s.water.phase).pdf(np.array([0.9, 0.0, -0.5])),
     Acts.BOX: lambda s: s.tank.box_m,
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
     Acts.RECEIVER: _receiver,
     Acts.PLACES: _places,
-    Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0),
+    Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0, TAKEN),
 }
 
 
@@ -198,7 +205,7 @@ def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[
         def key(one: Scene) -> str:
             return digest_of(transport_key(one, scene_grid(one), Reference(0.1, 0.1, 0.2)))
 
-        if not kinds & (TRACED | Acts.PLACES | Acts.REFLECTION) or path == "detector.bands_nm":
+        if not kinds & (TRACED | Acts.PLACES | Acts.REFLECTION) or path in BANDS:
             assert key(other) == key(scene)
         elif other != scene and kinds & (TRACED | Acts.PLACES) and path != "detector.planes_m":
             assert key(other) != key(scene)

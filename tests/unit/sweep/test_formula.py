@@ -24,12 +24,13 @@ EVERYTHING_ON = Scene.from_dict(
             "base": "pure", "absorption_per_m": 0.05, "scattering_per_m": 0.1, "chlorophyll_mg_per_m3": 0.5,
             "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
             "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "layer_centre_m": 1.5,
-            "hardening_per_m": 0.02, "temperature_c": 15.0, "salinity_psu": 10.0,
+            "hardening_per_m": 0.02, "height_gradient_per_m2": 0.01, "settling_per_m": 0.03,
+            "temperature_c": 15.0,            "salinity_psu": 10.0,
         },
         "tank": {"wall_albedo": 0.2, "surface": "flat"},
         "detector": {
             "planes_m": [2.0], "width_m": 0.03, "pixels": 3, "bands_nm": [[500, 550]],
-            "acceptance_hwhm_deg": 20.0, "tilt_x_deg": 2.0,
+            "acceptance_hwhm_deg": 20.0, "tilt_x_deg": 2.0, "cosine_error": 0.05, "wavelength_shift_nm": 3.0,
         },
     }
 )  # fmt: skip
@@ -42,7 +43,11 @@ WORDS: dict[str, dict[str, Any]] = {
     "isotropic": {"lamp.profile": "isotropic"},
     "cie-a": {"lamp.spectrum": "cie-a"},
     "two bands": {"detector.bands_nm": ((450.0, 470.0), (600.0, 700.0))},
-    "scalar": {"detector.quantity": "scalar_irradiance", "detector.acceptance_hwhm_deg": 0.0},
+    "scalar": {
+        "detector.quantity": "scalar_irradiance",
+        "detector.acceptance_hwhm_deg": 0.0,
+        "detector.cosine_error": 0.0,
+    },
     "aimed": {"detector.aim": "lamp"},
 }
 
@@ -59,7 +64,7 @@ def both(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     formula = Formula.of(scene, grid)
     assert formula is not None
     whole = []
-    for low, high in scene.detector.bands_nm:
+    for low, high in np.array(scene.detector.bands_nm) + scene.detector.wavelength_shift_nm:
         at = over_band(scene.lamp, low, high)
         whole.append([on_cells(closed_form, scene, grid.x_m, grid.y_m, z, at) for z in grid.z_m])
     return formula.bands(scene), np.array(whole)
