@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
 from lightfield.readings import Readings, units
@@ -23,6 +24,7 @@ from lightfield.scene.lamp.spectrum import axial_intensity
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
+_LAMP = tuple(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))
 POWER = "lamp.power_w"
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
@@ -145,7 +147,7 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        lamp = self._with(values, [path for path in values if path.startswith("lamp.")]).lamp
+        lamp = self._with(values, _LAMP).lamp
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
         intensity = axial_intensity(lamp, self.light.wavelengths_nm)
@@ -164,8 +166,8 @@ class SceneForward:
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""
-        chosen = {k: v for k, v in values.items() if k in paths}
-        return self.scene.with_values(chosen, validate=False) if chosen else self.scene
+        chosen = {k: v for k, v in values.items() if field_of(k) in paths}
+        return self.light.with_values(chosen) if chosen else self.scene
 
 
 class Retraced:

@@ -20,8 +20,10 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor
+from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
+from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import response
 
 if TYPE_CHECKING:
@@ -214,7 +216,7 @@ def predict(
     )  # fmt: skip
     light = light * np.asarray(gain, dtype=float)
     time = getattr(readings, "time_s", None)
-    if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
+    if time is not None and not switched_off(scene.lamp, Acts.TIME):
         light = light * time_factor(scene, time)
     return readout(scene, light, full)
 

@@ -30,6 +30,9 @@ __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 #: Every point of `water.absorption_at` is a parameter too: "water.absorption_at.450nm".
 AT_FIELD = "absorption_at"
 AT = f"water.{AT_FIELD}."
+#: Fields that the first scenes did not have; empty, they say nothing.
+CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
+LATER = (("water", AT_FIELD), *CURVES)
 TABLES = (
     ("lamp", "intensity_table"),
     ("lamp", "spectrum_table"),
@@ -308,8 +311,9 @@ class Scene(Part):
                 owner = owner[key]
             if owner.get(leaf):
                 owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
-        if not data["water"]["absorption_at"]:
-            del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
+        for part, name in LATER:
+            if not data[part][name]:
+                del data[part][name]  # as if the field did not exist: results of older scenes stay
         data["detector"]["width_m"] = self.plane_size_m[0]
         text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()

@@ -252,9 +252,12 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute)
+    known = forward.light.curves.parameters if forward.light.curves else {}
+    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute, known)
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
-    return Problem(forward, layout, value, keep, base, found), untestable
+    named = tuple(c for c in found if not c.effect.is_free_form)
+    curves = tuple(c for c in found if c.effect.is_free_form)
+    return Problem(forward, layout, value, keep, base, named, curves), untestable
 
 
 def _check_size(layout: Layout, source: str) -> None:

@@ -87,6 +87,8 @@ class Effect:
         Conditions on readings and scene without which it cannot be tested.
     instead_of : tuple of str
         Parameters of the base model that it takes the place of: held in the middle of their range.
+    contains : tuple of str
+        Effects that are special cases of it, and are never combined with it: it is a free-form curve.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Effect:
     laboratory: str
     needs: tuple[Need, ...] = ()
     instead_of: tuple[str, ...] = ()
+    contains: tuple[str, ...] = ()
 
     @cached_property
     def diffuse(self) -> bool:
@@ -108,10 +111,16 @@ class Effect:
         """It acts by the direction of arrival, known for direct light only: not combined with diffuse."""
         return any(acts_on(path) & Acts.RECEIVER for path in self.paths)
 
+    @property
+    def is_free_form(self) -> bool:
+        """Is it a curve, of which named effects are special cases?"""
+        return bool(self.contains)
+
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
-        return self.name != other.name and not clash
+        within = self.name in other.contains or other.name in self.contains
+        return self.name != other.name and not (clash or within)
 
     @property
     def paths(self) -> tuple[str, ...]:

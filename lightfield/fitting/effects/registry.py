@@ -8,7 +8,7 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 
 from lightfield.errors import UsageError
-from lightfield.fitting.effects import air, detector, lamp, tank, water
+from lightfield.fitting.effects import air, detector, free_form, lamp, tank, water
 from lightfield.fitting.effects.effect import Effect, Form
 from lightfield.scene import Scene
 
@@ -81,6 +81,11 @@ def table() -> Mapping[str, Effect]:
     return effects
 
 
+def curves() -> Mapping[str, Effect]:
+    """Every free-form effect by name: what is tried where named effects do not suffice."""
+    return {effect.name: effect for effect in free_form.EFFECTS}
+
+
 def get(name: str) -> Effect:
     """The effect called `name`.
 
@@ -89,7 +94,7 @@ def get(name: str) -> Effect:
     UsageError
         No effect has that name; the error lists those that exist.
     """
-    effects = table()
+    effects = {**table(), **curves()}
     if name not in effects:
         near = difflib.get_close_matches(name, effects, n=1)
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Absorption that changes along the tank: a gradient in z, and a slab across it."""
+"""Absorption that changes along the tank: a gradient in z, a slab across it, and any curve of z."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.curve import integral_to
 
 if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 def is_layered(water: Water) -> bool:
     """Does the absorption change along the tank?"""
-    return bool(water.gradient_per_m2 or water.layer_absorption_per_m)
+    return bool(water.gradient_per_m2 or water.layer_absorption_per_m or water.absorption_departure)
 
 
 def slab_m(water: Water) -> tuple[float, float]:
@@ -43,7 +44,7 @@ def path_up_gradient_m2(water: Water, z_m: Array, path_m: Array) -> Array:
 
 
 def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
-    """Optical depth that gradient and slab add along straight paths from the window plane to z.
+    """Optical depth that gradient, slab and curve add along straight paths from the window plane to z.
 
     The tracer's own, for flights from anywhere to anywhere, is `render.tracer.walk.Absorption.depth`.
 
@@ -58,4 +59,6 @@ def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
         depth = depth + water.gradient_per_m2 * path_up_gradient_m2(water, z_m, path_m)
     if water.layer_absorption_per_m:
         depth = depth + water.layer_absorption_per_m * path_in_slab_m(water, z_m, path_m)
+    if water.absorption_departure:
+        depth = depth + integral_to(water.absorption_departure, z_m) * (path_m / z_m)
     return depth
