@@ -23,6 +23,7 @@ from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
+from lightfield.fitting.fitted_curves import save_lamp
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
@@ -30,6 +31,8 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
+#: The table of a fitted beam profile, beside the scenes of the rungs.
+LAMP_TABLE = "lamp.csv"
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
@@ -129,6 +132,8 @@ class Diagnosis:
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
+        A beam profile of the last rung is written as a lamp table too, for other scenes with this lamp.
+
         Parameters
         ----------
         folder : path-like
@@ -152,6 +157,7 @@ class Diagnosis:
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}
             )
+        save_lamp(self.forward, self.steps[-1].fit, target / LAMP_TABLE)
         with atomic_path(target / "verdict.json") as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)
@@ -225,7 +231,9 @@ def _diagnose(
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     chosen: list[Effect] = (
-        [effects.get(name) for name in only] if only is not None else list(effects.table().values())
+        [effects.get(name) for name in only]
+        if only is not None
+        else [*effects.table().values(), *effects.curves().values()]
     )
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     known: tuple[Fitted, ...] = ()

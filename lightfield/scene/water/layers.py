@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene.curve import integral_to
+from lightfield.scene.curve import integral_to, value_at
 
 if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
@@ -62,3 +62,19 @@ def layers_depth(water: Water, z_m: Array, path_m: Array) -> Array | float:
     if water.absorption_departure:
         depth = depth + integral_to(water.absorption_departure, z_m) * (path_m / z_m)
     return depth
+
+
+def layers_absorption_per_m(water: Water, z_m: Array) -> Array:
+    """Absorption that gradient, slab and curve add at z, 1/m.
+
+    Parameters
+    ----------
+    water : Water
+    z_m : array, m
+    """
+    low, high = slab_m(water)
+    extra = water.gradient_per_m2 * (z_m - water.gradient_centre_m)
+    extra = extra + water.layer_absorption_per_m * ((z_m > low) & (z_m < high))
+    if water.absorption_departure:
+        extra = extra + value_at(water.absorption_departure, z_m)
+    return np.asarray(extra)
