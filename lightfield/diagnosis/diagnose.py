@@ -230,10 +230,11 @@ def _diagnose(
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
+    every = effects.all_of(scene)
     chosen: list[Effect] = (
         [effects.get(name) for name in only]
         if only is not None
-        else [*effects.table().values(), *effects.curves().values()]
+        else [*every.values(), *effects.curves().values()]
     )
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     known: tuple[Fitted, ...] = ()

@@ -14,16 +14,20 @@ from lightfield.arrays import Array
 from lightfield.fitting.curves import field_of
 from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
+from lightfield.formula import own
 from lightfield.readings import Readings, units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
 from lightfield.scene.bands import over_band
 from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.listed import OWN
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
+#: Where the light comes from and which way it shines, of which formulas may speak.
+_POSE = paths_on(Acts.SOURCE | Acts.BEAM)
 _LAMP = tuple(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))
 POWER = "lamp.power_w"
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
@@ -125,7 +129,7 @@ class SceneForward:
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
-        factor = self._gain(values) * self.power(values)
+        factor = self._gain(values) * self.power(values) * self._own(values)
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -147,7 +151,7 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        lamp = self._with(values, _LAMP).lamp
+        lamp = own.lit(self._with(values, _LAMP)).lamp
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
         intensity = axial_intensity(lamp, self.light.wavelengths_nm)
@@ -161,12 +165,26 @@ class SceneForward:
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, background, saturation."""
-        signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full)
+        signal = self._gain(values) * field * self.power(values) * self._own(values)
+        reading = analytic.readout(self._with(values, READOUT), signal, self._full)
+        if not self.scene.effect:
+            return reading
+        return own.shown(self._with(values, _POSE), reading, self._full, *self._where)
+
+    def _own(self, values: Mapping[str, float]) -> Array | float:
+        """What the user's own effects at source and receiver make of all light, shape (n,)."""
+        if not self.scene.effect:
+            return 1.0
+        return own.factor(self._with(values, _POSE), ("source", "receiver"), *self._where)
+
+    @property
+    def _where(self) -> tuple[Array, ...]:
+        r = self.readings
+        return r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""
-        chosen = {k: v for k, v in values.items() if field_of(k) in paths}
+        chosen = {k: v for k, v in values.items() if field_of(k) in paths or k.startswith(OWN)}
         return self.light.with_values(chosen) if chosen else self.scene
 
 

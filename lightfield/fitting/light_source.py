@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.fitting.curves import Curves, field_of
 from lightfield.formula import field as analytic
+from lightfield.formula.own import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
@@ -198,7 +199,7 @@ class LightSource:
         smooth : array, shape (n,)
             Size of an error that varies little between neighbours.
         """
-        scene, n = self.with_values(_optical(values)), len(self.channels[1])
+        scene, n = lit(self.with_values(_optical(values))), len(self.channels[1])
         modes: Array = np.zeros((n, 0))
         smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
@@ -229,7 +230,7 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
-        scene = self.with_values(dict(optical))
+        scene = lit(self.with_values(dict(optical)))
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
             every = self._response.light(scene, self._colours)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.formula import own
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import readout, time_factor
 from lightfield.scene.acts import Acts
@@ -132,14 +133,14 @@ def direct_field(
     x, y, z = (np.asarray(v, dtype=float) for v in (x_m, y_m, z_m))
     if not x.shape == y.shape == z.shape:
         x, y, z = np.broadcast_arrays(x, y, z)
-    in_air = air_mask(medium)
-    lamp = scene.lamp
+    in_air, scene = air_mask(medium), own.lit(scene)
+    lamp, on_path = scene.lamp, own.factor(scene, ("path",), x, y, z, wavelength_nm)
     if lamp.radius_m == 0.0:
-        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air)
+        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air) * on_path
     total = np.zeros(x.shape)
     for point, share in window_points(lamp):
         total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air)
-    return total
+    return total * on_path
 
 
 def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
@@ -218,7 +219,11 @@ def predict(
     time = getattr(readings, "time_s", None)
     if time is not None and not switched_off(scene.lamp, Acts.TIME):
         light = light * time_factor(scene, time)
-    return readout(scene, light, full)
+    if not scene.effect:
+        return readout(scene, light, full)
+    where = (readings.x_m, readings.y_m, readings.z_m, getattr(readings, "wavelength_nm", None), time)
+    found = readout(scene, light * own.factor(scene, ("source", "receiver"), *where), full)
+    return own.shown(scene, found, float(np.abs(found).max()) if full is None else full, *where)
 
 
 def paper_model(

@@ -13,9 +13,9 @@ from lightfield.arrays import Array
 from lightfield.errors import RuleError
 
 #: Nodes are coordinates of any kind, and departures that no exponential takes out of the range of numbers.
-_FARTHEST, _LARGEST = 1e12, 20.0
+_FARTHEST, LARGEST = 1e12, 20.0
 Coordinate = Annotated[float, Field(strict=True, ge=-_FARTHEST, le=_FARTHEST)]
-Departure = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
+Departure = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
 
 
 def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:

@@ -22,7 +22,7 @@ from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
-from lightfield.scene.scene import AT
+from lightfield.scene.listed import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat

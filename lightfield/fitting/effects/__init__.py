@@ -1,7 +1,7 @@
 """Effects: named groups of scene parameters set free from their neutral values."""
 
 from lightfield.fitting.effects.effect import Effect, Form, Free, Need, Scale
-from lightfield.fitting.effects.registry import ENTRY_POINT_GROUP, curves, get, get_form, table
+from lightfield.fitting.effects.registry import ENTRY_POINT_GROUP, all_of, curves, get, get_form, table
 
 __all__ = [
     "ENTRY_POINT_GROUP",
@@ -10,6 +10,7 @@ __all__ = [
     "Free",
     "Need",
     "Scale",
+    "all_of",
     "curves",
     "get",
     "get_form",

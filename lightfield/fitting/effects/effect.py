@@ -101,6 +101,11 @@ class Effect:
     instead_of: tuple[str, ...] = ()
     contains: tuple[str, ...] = ()
 
+    @property
+    def is_free_form(self) -> bool:
+        """Is it a curve that other effects are special cases of?"""
+        return bool(self.contains)
+
     @cached_property
     def diffuse(self) -> bool:
         """It acts through scattered or reflected light, which comes from the transport response."""
@@ -111,16 +116,11 @@ class Effect:
         """It acts by the direction of arrival, known for direct light only: not combined with diffuse."""
         return any(acts_on(path) & Acts.RECEIVER for path in self.paths)
 
-    @property
-    def is_free_form(self) -> bool:
-        """Is it a curve, of which named effects are special cases?"""
-        return bool(self.contains)
-
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
-        within = self.name in other.contains or other.name in self.contains
-        return self.name != other.name and not (clash or within)
+        special = other.name in self.contains or self.name in other.contains
+        return self.name != other.name and not clash and not special
 
     @property
     def paths(self) -> tuple[str, ...]:

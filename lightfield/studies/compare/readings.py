@@ -157,7 +157,7 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
             )  # fmt: skip
         forms = [
             c
-            for c in problem.candidates
+            for c in (*problem.candidates, *problem.curves)
             if c.name == effect.name and (c.form.name == form.name or ":" not in name)
         ]
         if not forms:
@@ -249,8 +249,9 @@ def _refit(
     source, reason = source_of(scene, diffuse, readings)
     quoted = np.asarray(readings.stderr, float)
     traces = Retraced(spectral(scene, readings), readings, source)
+    every = [*effects.all_of(scene).values(), *effects.curves().values()]
     for forward in traces:
-        problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
+        problem, untestable = problem_of(forward, readings, every, reason)
         explanation = _chosen(problem, with_effects, untestable)
         if not any(c.effect.instead_of for c in explanation):
             problem = by_shape(problem)
