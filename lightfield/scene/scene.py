@@ -304,7 +304,10 @@ class Scene(Part):
                     "type" in type(part).model_fields
                 ):  # tells which phase function it is, also when left unsaid
                     owner.setdefault("type", part.type)
-            owner[leaf] = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+            owner[leaf] = _dumped(value)
+        data[OWN_FIELD] = [_dumped(effect) for effect in data.get(OWN_FIELD, ())]
+        if not data[OWN_FIELD]:
+            del data[OWN_FIELD]
         try:
             return type(self).model_validate(data)
         except ValidationError as error:
@@ -374,6 +377,11 @@ class Scene(Part):
             )
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
         return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
+
+
+def _dumped(value: Any) -> Any:
+    """What was said about a part, to be checked again; other values as they are."""
+    return value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
 
 
 def _plain(value: Any) -> Any:
