@@ -31,8 +31,6 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
-#: The table of a fitted beam profile, beside the scenes of the rungs.
-LAMP_TABLE = "lamp.csv"
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
@@ -157,7 +155,7 @@ class Diagnosis:
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}
             )
-        save_lamp(self.forward, self.steps[-1].fit, target / LAMP_TABLE)
+        save_lamp(self.forward, self.steps[-1].fit, target)
         with atomic_path(target / "verdict.json") as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)

@@ -22,6 +22,8 @@ from lightfield.scene.water.layers import layers_absorption_per_m
 
 #: Places at which a curve is drawn. Chosen: twice its nodes.
 PLACES = 121
+#: The table of a fitted beam profile, beside the scene that was fitted.
+LAMP_TABLE = "lamp.csv"
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,13 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
     return tuple(out)
 
 
-def save_lamp(forward: SceneForward, fit: Fit, path: str | os.PathLike[str]) -> Path | None:
+def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
     """Write the beam profile of a fit as a lamp table (`profile = "table"`); None where none was fitted.
+
+    Parameters
+    ----------
+    folder : path-like
+        Gets lamp.csv.
 
     Raises
     ------
@@ -122,4 +129,4 @@ def save_lamp(forward: SceneForward, fit: Fit, path: str | os.PathLike[str]) -> 
         return None
     to_deg = float(curves.bases[PROFILE].place[-1])
     remark = f"fitted to readings within {to_deg / BEYOND:.3g} deg of the axis; beyond it is a guess"
-    return save_intensity(forward.scene_at(fit.values).lamp, to_deg, path, remark)
+    return save_intensity(forward.scene_at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)

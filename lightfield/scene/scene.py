@@ -26,7 +26,7 @@ from lightfield.scene.listed import (
     with_listed,
 )
 from lightfield.scene.messages import nearest, scene_error
-from lightfield.scene.own_effect import MOST_EFFECTS, OwnEffect
+from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
 from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m

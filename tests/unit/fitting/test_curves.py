@@ -272,8 +272,8 @@ def test_a_fitted_profile_is_a_lamp_for_every_scene(tmp_path: Path) -> None:
     table = readings(flood, layout="fine")
     found = problem(table, "beam_profile")
     fit = fitted(found, table.stderr)
-    path = save_lamp(found.forward, fit, tmp_path / "lamp.csv")
-    assert path is not None and save_lamp(found.forward, replace(fit, model=found.model()), path) is None
+    assert save_lamp(found.forward, fit, tmp_path) == tmp_path / "lamp.csv"
+    assert save_lamp(found.forward, replace(fit, model=found.model()), tmp_path) is None
     text = '[lamp]\nprofile = "table"\nintensity_table = "lamp.csv"\n[water]\nabsorption_per_m = 0.105\n'
     with_table = Scene.from_toml(text, folder=tmp_path)
     with_curve = found.forward.scene_at({**fit.values, "water.absorption_per_m": PER_M})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.errors import RuleError
-from lightfield.scene.expression import CONSTANTS, FUNCTIONS, LONGEST, Expression
+from lightfield.scene.own.expression import CONSTANTS, FUNCTIONS, LONGEST, Expression
 
 X, Y = np.array([-1.5, 0.3, 2.0]), np.array([0.7, -0.2, 4.0])
 

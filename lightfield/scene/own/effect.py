@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from lightfield.arrays import Array
 from lightfield.errors import RuleError, SceneError
 from lightfield.scene.acts import Acts
-from lightfield.scene.expression import CONSTANTS, FUNCTIONS, Expression
+from lightfield.scene.own.expression import CONSTANTS, FUNCTIONS, Expression
 from lightfield.scene.parameters import Part
 
 Stage = Literal["source", "path", "receiver", "readout"]
