@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lightfield.commands._options import LARGEST_SEED, given
+from lightfield.commands._options import LARGEST_SEED, add_option, given
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
+from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import atomic_path, locked_folder, output_file
 
 
@@ -24,6 +25,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         metavar="A,B",
         help="set these effects free too, e.g. scattering,lamp_drift:warm-up (`diagnose --list` names them)",
     )
+    add_option(group, "--effects-file")
     group.add_argument(
         "--solver",
         choices=("analytic", "render"),
@@ -44,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
             rule="these belong to --solver render",
             remedy="add --solver render, or leave them out",
         )
-    scene = Scene.load(args.scene)
+    scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.what, scene)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
     if args.fit_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from pathlib import Path
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
@@ -50,6 +51,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--no-trace": {
         "action": "store_true",
         "help": "leave out what only the renderer knows: scattering, walls, surface",
+    },
+    "--effects-file": {
+        "type": Path, "metavar": "FILE", "help": "effects of your own, beside those of the table (TOML)"
     },
     "--case": {
         "action": "append", "metavar": "PATH=VALUE",

@@ -36,11 +36,11 @@ def run(args: argparse.Namespace) -> int:
     kind = args.what.suffix.lower()
     if args.scene is not None or kind == ".csv":
         return _readings(args)
-    if args.with_effects or args.solver != "analytic" or args.fit_json:
+    if args.with_effects or args.effects_file or args.solver != "analytic" or args.fit_json:
         raise UsageError(
             "nothing is fitted here",
             where=str(args.what),
-            rule="--with, --solver and --fit-json belong to readings",
+            rule="--with, --effects-file, --solver and --fit-json belong to readings",
             remedy=f"lightfield compare DATA.csv --scene {args.what if kind == '.toml' else 'SCENE.toml'}",
         )
     if kind == ".nc":

@@ -14,6 +14,7 @@ from lightfield.errors import UsageError
 from lightfield.fitting.effects import table
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
+from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import atomic_path, locked_folder, output_file
 
 #: Of a ladder: the base model and two effects.
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effects", metavar="A,B,...", help="consider these effects only (default: all; --list names them)"
     )
+    add_option(parser, "--effects-file")
     parser.add_argument("--list", action="store_true", help="print the table of effects and stop")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the verdict")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
@@ -61,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         names = [name.strip() for name in args.effects.split(",") if name.strip()]
         if not names:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
-    scene = Scene.load(args.scene)
+    scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):

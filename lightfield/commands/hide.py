@@ -8,6 +8,7 @@ from pathlib import Path
 from lightfield.commands._options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
 
 
@@ -29,7 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "hidden but what every measurement has: a guess of width and absorption that is 10 to 25 %% wrong, "
         "and a window of 2 cm radius (0.5 %% of the nearest distance, if less) unless the scene has one",
     )
+    add_option(parser, "--effects-file")
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
+    add(
+        "--lamp",
+        type=Path,
+        metavar="TABLE",
+        help="the true lamp: a table of intensity (CSV with angle_deg, intensity; .ies; .ldt), no Gaussian",
+    )
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
     add_option(parser, "--seed", 0)
     add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
@@ -69,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "an effect is hidden twice", where="--effect", found=", ".join(doubled), rule="each once"
         )
-    scene, values = Scene.load(args.scene), dict(_assignment(text) for text in args.size)
+    scene = with_effects(Scene.load(args.scene), args.effects_file)
+    values = dict(_assignment(text) for text in args.size)
     with locked_folder(args.output):
         return _hide(scene, values, args)
 
@@ -81,7 +90,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,
-        Secret(args.effect, args.strength, values),
+        Secret(args.effect, args.strength, values, args.lamp),
         args.seed or 0,
         Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
         layout=args.layout,

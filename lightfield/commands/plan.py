@@ -13,6 +13,7 @@ from lightfield.commands._options import add_option
 from lightfield.readings import read_table
 from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
+from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="reading table; the column value may be left out",
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "--effects-file")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     add_option(parser, "--no-trace")
 
@@ -38,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """Plan and print."""
     from lightfield.diagnosis.plan import plan
 
-    scene = Scene.load(args.scene)
+    scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
     if args.json:
         output_file(args.json, args.layout, args.scene)

@@ -23,6 +23,7 @@ from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
+from lightfield.fitting.fitted_curves import save_lamp
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
@@ -129,6 +130,8 @@ class Diagnosis:
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
+        A beam profile of the last rung is written as a lamp table too, for other scenes with this lamp.
+
         Parameters
         ----------
         folder : path-like
@@ -152,6 +155,7 @@ class Diagnosis:
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}
             )
+        save_lamp(self.forward, self.steps[-1].fit, target)
         with atomic_path(target / "verdict.json") as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)
@@ -224,8 +228,11 @@ def _diagnose(
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
+    every = effects.all_of(scene)
     chosen: list[Effect] = (
-        [effects.get(name) for name in only] if only is not None else list(effects.table().values())
+        [effects.get(name) for name in only]
+        if only is not None
+        else [*every.values(), *effects.curves().values()]
     )
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     known: tuple[Fitted, ...] = ()

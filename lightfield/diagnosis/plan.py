@@ -123,7 +123,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     layout_table = planned(readings, scene)
     source, reason = source_of(scene, diffuse, readings)
     forward = SceneForward(scene, layout_table, source)
-    problem, untestable = problem_of(forward, layout_table, list(effects.table().values()), reason)
+    problem, untestable = problem_of(forward, layout_table, list(effects.all_of(scene).values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))
     base = problem.fit((), _identity, [problem.model().start])
     zero = np.zeros(problem.layout.size)

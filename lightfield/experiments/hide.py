@@ -43,11 +43,14 @@ class Secret:
         Size of each effect over its typical size; drawn when absent.
     values : mapping
         Values of parameters that shall not be drawn.
+    lamp : path-like, optional
+        Table of the true lamp's intensity, as `lamp.intensity_table` reads it: no Gaussian.
     """
 
     names: Sequence[str] = ()
     strength: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
+    lamp: str | Path | None = None
 
 
 @dataclass(frozen=True)
@@ -129,10 +132,10 @@ def draw_effect(
     return _amplitudes(chosen, size, rng)
 
 
-def _only_hidden(values: Mapping[str, float], names: Sequence[str]) -> None:
+def _only_hidden(scene: Scene, values: Mapping[str, float], names: Sequence[str]) -> None:
     """Refuse values by which an effect would be hidden that the truth does not name."""
     chosen = {effects.get_form(name)[0].name for name in names}
-    for effect in effects.table().values():
+    for effect in effects.all_of(scene).values():
         amplitudes = {free.path for form in effect.forms for free in form.amplitudes}
         other = sorted(amplitudes & set(values))
         if effect.name not in chosen and other:
@@ -190,14 +193,18 @@ def hide(
         Unknown effect, unknown layout, an effect that cannot act here, or a size that hides one more.
     """
     rng = np.random.default_rng(seed)
+    effects.all_of(scene)  # so that the scene's own are known by name
     table = scan(scene, layout, order, rng)
     hidden: dict[str, float] = {}
     known = [name for name in secret.names if not name.startswith(unknowns.PREFIX)]
     for name in known:
         hidden |= draw_effect(scene, table, name, rng, secret.strength)
-    _only_hidden(secret.values, known)
+    _only_hidden(scene, secret.values, known)
     hidden |= secret.values
     truth = true_scene(scene, hidden, rng)
+    if secret.lamp is not None:
+        beam = {"lamp.profile": "table", "lamp.intensity_table": str(Path(secret.lamp).resolve())}
+        truth = truth.with_values(beam)
     factor: Array | float = 1.0
     drawn: dict[str, Any] = {}
     for name in secret.names:
@@ -210,7 +217,8 @@ def hide(
         "hidden": list(secret.names),
         "parameters": hidden,
         "unknown": drawn,
-        "lamp.hwhm_deg": truth.lamp.hwhm_deg,
+        "lamp.hwhm_deg": truth.lamp.hwhm_deg if secret.lamp is None else None,
+        "lamp.intensity_table": None if secret.lamp is None else Path(secret.lamp).name,
         "lamp.radius_m": truth.lamp.radius_m,
         "water.absorption_per_m": truth.water.absorption_per_m,
         "layout": layout,

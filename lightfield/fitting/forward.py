@@ -11,18 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
+from lightfield.formula import own
 from lightfield.readings import Readings, units
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
 from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.listed import OWN
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
 _TIME = paths_on(Acts.TIME)
+#: Where the light comes from and which way it shines, of which formulas may speak.
+_POSE = paths_on(Acts.SOURCE | Acts.BEAM)
+_LAMP = tuple(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))
 POWER, SHIFT = "lamp.power_w", "detector.wavelength_shift_nm"
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
@@ -126,7 +132,7 @@ class SceneForward:
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
-        factor = self._gain(values) * self.power(values) * self._immersed(values)
+        factor = self._gain(values) * self.power(values) * self._immersed(values) * self._own(values)
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -148,8 +154,8 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        scene = self._with(values, [path for path in values if path.startswith("lamp.") or path == SHIFT])
-        lamp, shift = scene.lamp, scene.detector.wavelength_shift_nm
+        scene = self._with(values, (*_LAMP, SHIFT))
+        lamp, shift = own.lit(scene).lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
         intensity = axial_intensity(lamp, read_nm(scene, self.light.wavelengths_nm))
@@ -167,13 +173,27 @@ class SceneForward:
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
-        signal = self._gain(values) * field * self.power(values)
-        return analytic.readout(self._with(values, READOUT), signal, self._full, self._taken)
+        signal = self._gain(values) * field * self.power(values) * self._own(values)
+        reading = analytic.readout(self._with(values, READOUT), signal, self._full, self._taken)
+        if not self.scene.effect:
+            return reading
+        return own.shown(self._with(values, _POSE), reading, self._full, *self._where)
+
+    def _own(self, values: Mapping[str, float]) -> Array | float:
+        """What the user's own effects at source and receiver make of all light, shape (n,)."""
+        if not self.scene.effect:
+            return 1.0
+        return own.factor(self._with(values, _POSE), ("source", "receiver"), *self._where)
+
+    @property
+    def _where(self) -> tuple[Array, ...]:
+        r = self.readings
+        return r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
 
     def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""
-        chosen = {k: v for k, v in values.items() if k in paths}
-        return self.scene.with_values(chosen, validate=False) if chosen else self.scene
+        chosen = {k: v for k, v in values.items() if field_of(k) in paths or k.startswith(OWN)}
+        return self.light.with_values(chosen) if chosen else self.scene
 
 
 class Retraced:

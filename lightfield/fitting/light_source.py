@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.fitting.curves import Curves, field_of
 from lightfield.formula import field as analytic
+from lightfield.formula.own import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
@@ -118,6 +120,8 @@ class LightSource:
         Factor on the light, and error of what comes of it beside the trace's own.
     part_of : (LightSource, array of bool), optional
         Whose readings these are some of, and which: what is traced is traced for all of them.
+    curves : Curves, optional
+        What amplitudes of curves among the values stand for.
     """
 
     scene: Scene
@@ -128,20 +132,22 @@ class LightSource:
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
+    curves: Curves | None = None
 
     @classmethod
     def of(
         cls, scene: Scene, readings: Readings, trace: DiffuseSource | None, dense_per_m: float | None
     ) -> LightSource:
         """With the width that the readings show, traced in dense water if the scene's own asks for it."""
-        out = cls(scene, readings, trace, beam_width_deg(scene, readings), dense_per_m)
+        width, curves = beam_width_deg(scene, readings), Curves(scene, readings)
+        out = cls(scene, readings, trace, width, dense_per_m, curves=curves)
         own = out.dense_water({}) if dense_per_m is None else None
         return replace(out, dense_per_m=trace_for(own)) if own is not None else out
 
     def at(self, readings: Readings, share: float) -> LightSource:
         """The same at the places of other readings, with a part of the photons."""
         trace = partial(self.trace, share=share) if self.trace and share != 1 else self.trace
-        return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m)
+        return LightSource(self.scene, readings, trace, self.width_deg, self.dense_per_m, curves=self.curves)
 
     def subset(self, rows: NDArray[np.bool_]) -> LightSource:
         """The same at some of the readings, of every channel some."""
@@ -170,8 +176,12 @@ class LightSource:
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""
+        return self.with_values({k: v for k, v in values.items() if not k.startswith(GAIN)}, validate)
+
+    def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
+        """The scene with values of its parameters, and of amplitudes of curves."""
         return self.scene.with_values(
-            {k: v for k, v in values.items() if not k.startswith(GAIN)}, validate=validate
+            self.curves.stated(values) if self.curves else values, validate=validate
         )
 
     def light(self, values: Mapping[str, float]) -> Array:
@@ -198,7 +208,7 @@ class LightSource:
         smooth : array, shape (n,)
             Size of an error that varies little between neighbours.
         """
-        scene, n = self.scene.with_values(_optical(values), validate=False), len(self.channels[1])
+        scene, n = lit(self.with_values(_optical(values))), len(self.channels[1])
         modes: Array = np.zeros((n, 0))
         smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
@@ -229,7 +239,7 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
-        scene = self.scene.with_values(dict(optical), validate=False)
+        scene = lit(self.with_values(dict(optical)))
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
             light = light + np.where(self._wet, self._diffuse(scene), 0.0)
@@ -278,4 +288,4 @@ class LightSource:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
+    return {k: v for k, v in values.items() if not (k.startswith(GAIN) or field_of(k) in _AFTERWARDS)}

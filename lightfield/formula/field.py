@@ -18,11 +18,14 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.formula import own
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import Taken, immersed, readout, spectra, time_factor
+from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import LN2, relative_intensity
+from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import response
 
 if TYPE_CHECKING:
@@ -137,14 +140,14 @@ def direct_field(
     x, y, z = (np.asarray(v, dtype=float) for v in (x_m, y_m, z_m))
     if not x.shape == y.shape == z.shape:
         x, y, z = np.broadcast_arrays(x, y, z)
-    in_air = air_mask(medium)
-    lamp = scene.lamp
+    in_air, scene = air_mask(medium), own.lit(scene)
+    lamp, on_path = scene.lamp, own.factor(scene, ("path",), x, y, z, wavelength_nm)
     if lamp.radius_m == 0.0:
-        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s)
+        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
     for point, share in window_points(lamp):
         total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
-    return total
+    return total * on_path
 
 
 def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
@@ -224,20 +227,26 @@ def predict(
     """
     wavelength, medium, time = (getattr(readings, k, None) for k in ("wavelength_nm", "medium", "time_s"))
     places = readings.x_m, readings.y_m, readings.z_m
+    stated = wavelength
     if scene.detector.wavelength_shift_nm:
         middle = float(np.mean(scene.detector.bands_nm[0]))
-        stated = np.full(np.shape(places[2]), np.nan) if wavelength is None else np.asarray(wavelength, float)
-        wavelength = read_nm(scene, np.where(np.isnan(stated), middle, stated))
+        known = np.full(np.shape(places[2]), np.nan) if wavelength is None else np.asarray(wavelength, float)
+        wavelength = read_nm(scene, np.where(np.isnan(known), middle, known))
     direct = direct_field(scene, *places, wavelength, medium, time)
     light = (np.asarray(diffuse, dtype=float) + direct) * np.asarray(gain, dtype=float)
-    if time is not None and (scene.lamp.drift_per_hour or scene.lamp.warmup_fraction):
+    if time is not None and not switched_off(scene.lamp, Acts.TIME):
         light = light * time_factor(scene, time)
     in_air = air_mask(medium)
     spectrum = None
     if scene.detector.stray_light and wavelength is not None:
         rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
         spectrum = spectra(*places, *rest)
-    return readout(scene, light, full, Taken(in_air, spectrum, time))
+    taken = Taken(in_air, spectrum, time)
+    if not scene.effect:
+        return readout(scene, light, full, taken)
+    where = (*places, stated, time)
+    found = readout(scene, light * own.factor(scene, ("source", "receiver"), *where), full, taken)
+    return own.shown(scene, found, float(np.abs(found).max()) if full is None else full, *where)
 
 
 def paper_model(

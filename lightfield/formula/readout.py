@@ -9,18 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
+from lightfield.scene.curve import value_at
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
 
 
 def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
-    """Lamp power over that at time 0: (1 + d t) (1 + f (1 - exp(-t / tau))).
+    """Lamp power over that at time 0: (1 + d t) (1 + f (1 - exp(-t / tau))) exp(departure(t)).
 
     Parameters
     ----------
     scene : Scene
-        lamp.drift_per_hour, warmup_fraction, warmup_time_s.
+        lamp.drift_per_hour, warmup_fraction, warmup_time_s, power_departure.
     time_s : array, s
         NaN (unknown) counts as 0.
     """
@@ -29,6 +30,8 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
     factor = 1.0 + lamp.drift_per_hour * t / 3600.0
     if lamp.warmup_fraction:
         factor = factor * (1.0 - lamp.warmup_fraction * np.expm1(-t / lamp.warmup_time_s))
+    if lamp.power_departure:
+        factor = factor * np.exp(value_at(lamp.power_departure, t))
     return np.asarray(factor)
 
 

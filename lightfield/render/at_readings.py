@@ -180,7 +180,10 @@ class AtPlaces:
         light, error = np.zeros((2, len(at), len(self.x_m)))
         if part != "diffuse":
             attenuation = absorption_per_m(scene.water, at) + scattering_per_m(scene.water, at)
-            light += [direct_at(scene, self.x_m, self.y_m, self.z_m, float(c)) for c in attenuation]
+            light += [
+                direct_at(scene, self.x_m, self.y_m, self.z_m, float(c), wavelength_nm=float(w))
+                for c, w in zip(attenuation, at, strict=True)
+            ]
         if part != "direct":
             found = self.rendering.relative_maps(at, "diffuse")
             shift = Shift(self.rendering.grid, self.x_m, self.y_m, self.z_m)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lightfield.formula.own import factor, lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import positions_grid, reference_of
 from lightfield.scene import Scene
@@ -19,6 +20,7 @@ def direct_at(
     z_m: np.ndarray,
     attenuation_per_m: float,
     in_air: bool = False,
+    wavelength_nm: float | None = None,
 ) -> np.ndarray:
     """Unscattered, unreflected light of the whole lamp window, for unit on-axis radiant intensity.
 
@@ -35,6 +37,8 @@ def direct_at(
         a + b of the uniform water; the scene's gradients, layer and hardening come on top.
     in_air : bool
         No water; the window no longer narrows the beam: I(theta / n) / n^2.
+    wavelength_nm : float, optional
+        Of which a formula of the user's own may speak.
 
     Returns
     -------
@@ -48,6 +52,7 @@ def direct_at(
     from lightfield.render.tracer.walk import Absorption
 
     x, y, z = (np.asarray(v, float) for v in (x_m, y_m, z_m))
+    scene = lit(scene)
     setup = prepare(scene, positions_grid(x, y, z), reference_of(scene))
     emission, lamp = setup.emission, scene.lamp
     n, window = len(x), window_points(lamp.radius_m)
@@ -75,7 +80,8 @@ def direct_at(
     to_lamp = mi.Vector3f(lamp.offset_x_m - target.x, lamp.offset_y_m - target.y, -target.z)
     response = setup.planes.point_response(direction, to_lamp)
     light = dr.select(seen, intensity * response * dr.exp(-depth) / (distance * distance), 0)
-    return np.array(light, dtype=float).reshape(points, n).mean(axis=0)
+    found = np.array(light, dtype=float).reshape(points, n).mean(axis=0)
+    return np.asarray(found * factor(scene, ("path",), x, y, z, wavelength_nm))
 
 
 def window_points(radius_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.formula.own import factor, lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response import store
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
@@ -98,10 +99,27 @@ class Rendering:
             a, b, *self.scene.reflectances, hardening=water.hardening_per_m, part=part
         )
         mean, stderr = map(self.grid.in_water, found)
+        if part != "diffuse" and any(
+            effect.stage == "path" and not effect.is_off for effect in self.scene.effect
+        ):
+            mean, stderr = self._on_path(wavelengths_nm, a, b, mean, stderr)
         if intensity is None:
             return mean, stderr
         factor = np.asarray(intensity)[:, None, None, None]
         return mean * factor, stderr * factor
+
+    def _on_path(
+        self, wavelengths_nm: Array, a: Array, b: Array, mean: Array, stderr: Array
+    ) -> tuple[Array, Array]:
+        """Maps in which formulas of the user's own have acted on the light that comes straight."""
+        scene, places = self.scene, self.grid.centres()
+        straight, _ = self.response.evaluate(
+            a, b, *scene.reflectances, hardening=scene.water.hardening_per_m, part="direct"
+        )
+        left = np.array([factor(scene, ("path",), *places, w) - 1.0 for w in np.ravel(wavelengths_nm)])
+        change = self.grid.in_water(straight * left.reshape(straight.shape))
+        seen = np.divide(mean + change, mean, out=np.ones_like(mean), where=mean > 0)
+        return mean + change, stderr * seen
 
 
 def render_scene(
@@ -143,7 +161,7 @@ def render_scene(
     RenderError
         Impossible settings.
     """
-    settings = Settings(rel_error, max_photons, seed, symmetry)
+    settings, scene = Settings(rel_error, max_photons, seed, symmetry), lit(scene)
     grid = scene_grid(scene) if grid is None else grid
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}

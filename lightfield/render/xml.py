@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
@@ -37,7 +38,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         Default: the middle of the first band.
     """
     use_backend()
-    from lightfield.render.plugins.lamp import PROPERTIES
+    from lightfield.render.plugins.lamp import CURVES, PROPERTIES
     from lightfield.render.tracer.build import phase_dict, shapes
 
     at = np.array([middles_nm(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
@@ -53,7 +54,8 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
     }
     lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
     lamp["intensity"] = float(axial_intensity(scene.lamp, at)[0])
-    lamp |= {name: value for name in PROPERTIES if (value := getattr(scene.lamp, name)) is not None}
+    given = {name: value for name in PROPERTIES if (value := getattr(scene.lamp, name)) not in (None, ())}
+    lamp |= {name: json.dumps(v) if name in CURVES else v for name, v in given.items()}
     height = len(grid.y_m) * grid.pitch_y_m
     planes = {
         f"plane_{number}": {

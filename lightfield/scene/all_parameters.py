@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from lightfield.scene.acts import Acts
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.parameters import acts_of, fields_on, switched_off
 from lightfield.scene.scene import Scene
 from lightfield.scene.tank import Tank
@@ -42,9 +43,10 @@ def without(scene: Scene, what: Acts) -> Scene:
 
 
 def only(scene: Scene, what: Acts) -> Scene:
-    """The scene with every field that acts on none of these stages at its default."""
+    """The scene with every field that acts on none of these stages at its default, without own effects."""
     kept = {part: fields_on(model, what) for part, model in PARTS.items()}
-    return _reset(scene, {p: tuple(n for n in m.model_fields if n not in kept[p]) for p, m in PARTS.items()})
+    plain = scene.model_copy(update={OWN_FIELD: ()}) if scene.effect else scene
+    return _reset(plain, {p: tuple(n for n in m.model_fields if n not in kept[p]) for p, m in PARTS.items()})
 
 
 def neutral(scene: Scene, what: Acts) -> bool:

@@ -17,8 +17,17 @@ from lightfield.errors import RuleError, SceneError
 from lightfield.scene.detector import Detector
 from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.listed import (
+    AT_FIELD,
+    OWN_FIELD,
+    is_listed,
+    listed_parameters,
+    listed_value,
+    with_listed,
+)
 from lightfield.scene.messages import nearest, scene_error
-from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, acts_of, numbers_of
+from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
+from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
 from lightfield.scene.water.water import Water
@@ -27,9 +36,9 @@ from lightfield.storage.files import atomic_path
 
 __all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
-#: Every point of `water.absorption_at` is a parameter too: "water.absorption_at.450nm".
-AT_FIELD = "absorption_at"
-AT = f"water.{AT_FIELD}."
+#: Fields that the first scenes did not have; empty, they say nothing.
+CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
+LATER = (("water", AT_FIELD), *CURVES)
 TABLES = (
     ("lamp", "intensity_table"),
     ("lamp", "spectrum_table"),
@@ -47,6 +56,14 @@ class Scene(Part):
     water: Water = Field(default_factory=Water, description="the medium")
     tank: Tank | None = Field(None, description="the box; absent: unbounded water")
     detector: Detector = Field(default_factory=Detector, description="the receivers")
+    effect: tuple[OwnEffect, ...] = Field((), max_length=MOST_EFFECTS, description="hypotheses of one's own")
+
+    @model_validator(mode="after")
+    def _effects_have_names(self) -> Scene:
+        names = [effect.name for effect in self.effect]
+        if len(set(names)) < len(names):
+            raise RuleError(f"two effects have one name: {', '.join(names)}", "rename one of them")
+        return self
 
     @model_validator(mode="after")
     def _all_is_in_the_tank(self) -> Scene:
@@ -206,19 +223,7 @@ class Scene(Part):
         for name, (low, high) in room_for_lamp_m(self.lamp, self.tank).items() if self.tank else ():
             offset = known[f"lamp.{name}"]
             known[offset.path] = replace(offset, low=max(offset.low, low), high=min(offset.high, high))
-        for wavelength, value in self.water.absorption_at:
-            path = f"{AT}{wavelength:g}nm"
-            known[path] = Parameter(
-                path,
-                "1/m",
-                f"absorption at {wavelength:g} nm",
-                0.0,
-                100.0,
-                None,
-                value,
-                acts_of(Water, AT_FIELD),
-            )
-        return known
+        return known | {parameter.path: parameter for parameter in listed_parameters(self)}
 
     @property
     def plane_size_m(self) -> tuple[float, float]:
@@ -248,8 +253,11 @@ class Scene(Part):
         SceneError
             There is no such parameter in this scene.
         """
-        if path.startswith(AT):
-            return self.water.absorption_at[self._point(path)][1]
+        if is_listed(path):
+            value = listed_value(self, path)
+            if value is None:
+                raise self._no_such(path)
+            return value
         current: Any = self
         for name in path.split("."):
             if not isinstance(current, BaseModel) or name not in type(current).model_fields:
@@ -273,7 +281,10 @@ class Scene(Part):
             Unknown path, or a value that breaks a rule.
         """
         values = {path: _plain(value) for path, value in values.items()}
-        values = self._with_points(self._surface_follows(values))
+        try:
+            values = with_listed(self, self._surface_follows(values))
+        except KeyError as error:
+            raise self._no_such(error.args[0]) from None
         if not validate:
             return self._replaced(values)
         # Parts that stay as they are were checked when they were made.
@@ -293,7 +304,10 @@ class Scene(Part):
                     "type" in type(part).model_fields
                 ):  # tells which phase function it is, also when left unsaid
                     owner.setdefault("type", part.type)
-            owner[leaf] = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+            owner[leaf] = _dumped(value)
+        data[OWN_FIELD] = [_dumped(effect) for effect in data.get(OWN_FIELD, ())]
+        if not data[OWN_FIELD]:
+            del data[OWN_FIELD]
         try:
             return type(self).model_validate(data)
         except ValidationError as error:
@@ -308,8 +322,11 @@ class Scene(Part):
                 owner = owner[key]
             if owner.get(leaf):
                 owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
-        if not data["water"]["absorption_at"]:
-            del data["water"]["absorption_at"]  # as if the field did not exist: results of older scenes stay
+        for part, name in LATER:
+            if not data[part][name]:
+                del data[part][name]  # as if the field did not exist: results of older scenes stay
+        if not data[OWN_FIELD]:
+            del data[OWN_FIELD]
         data["detector"]["width_m"] = self.plane_size_m[0]
         text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -327,25 +344,6 @@ class Scene(Part):
         ):
             return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
         return values
-
-    def _point(self, path: str) -> int:
-        """Which point of `water.absorption_at` a path means."""
-        paths = [f"{AT}{wavelength:g}nm" for wavelength, _ in self.water.absorption_at]
-        if path not in paths:
-            raise self._no_such(path)
-        return paths.index(path)
-
-    def _with_points(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Values of single points of `water.absorption_at` put in their places."""
-        named = [path for path in values if path.startswith(AT)]
-        if not named:
-            return values
-        points = list(self.water.absorption_at)
-        for path in named:
-            k = self._point(path)
-            points[k] = (points[k][0], values[path])
-        others = {path: value for path, value in values.items() if path not in named}
-        return {**others, "water.absorption_at": tuple(points)}
 
     def _replaced(self, values: Mapping[str, Any]) -> Scene:
         changes: dict[str, dict[str, Any]] = {}
@@ -379,6 +377,11 @@ class Scene(Part):
             )
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
         return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
+
+
+def _dumped(value: Any) -> Any:
+    """What was said about a part, to be checked again; other values as they are."""
+    return value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
 
 
 def _plain(value: Any) -> Any:

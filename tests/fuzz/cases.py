@@ -6,13 +6,15 @@ import random
 import re
 from pathlib import Path
 
-from fuzz.inputs import INDEX, MORE, NAMED_BY, PLAN, READINGS, SCENE, SPECTRA, TABLES
+from fuzz.inputs import INDEX, MORE, NAMED_BY, OWN, PLAN, READINGS, SCENE, SPECTRA, TABLES
 from fuzz.mutate import NASTY, mutated
 from lightfield.scene import Scene
 
 ASKED = "import index.csv --quantity irradiance --units counts --band 500:550 -o out.csv"
 PATHS = list(Scene.from_toml(SCENE).parameters())
-WORDS = sorted({*re.findall(r"[A-Za-z_][\w-]{2,}", " ".join((SCENE, *MORE, READINGS, PLAN, INDEX))), *PATHS})
+WORDS = sorted(
+    {*re.findall(r"[A-Za-z_][\w-]{2,}", " ".join((SCENE, *MORE, OWN, READINGS, PLAN, INDEX))), *PATHS}
+)
 #: Command lines that read the scene and, at most, readings and a plan.
 COMMANDS = (
     "scene scene.toml",
@@ -27,6 +29,9 @@ COMMANDS = (
     "sweep scene.toml --vary water.absorption_per_m=0:0.5:5 --dry-run",
     "hide scene.toml --effect background -o out",
     "diagnose data.csv --scene scene.toml --no-trace --no-render",
+    "diagnose data.csv --scene scene.toml --effects-file own.toml --no-trace --no-render",
+    "plan data.csv --scene scene.toml --effects-file own.toml --no-trace",
+    "compare data.csv --scene scene.toml --effects-file own.toml --with rope",
 )
 OPTIONS = (
     "scene scene.toml --set {path}={nasty}",
@@ -51,13 +56,14 @@ OPTIONS = (
     "{command} {nasty} {nasty}",
     "{command} {option}={nasty}",
 )
-KINDS = ("scene", "scene", "readings", "readings", "plan", "index", "spectrum", "table", "options")
+KINDS = ("scene", "scene", "readings", "readings", "plan", "index", "spectrum", "table", "own", "options")
 #: The file that is damaged in a case of that kind; of spectra and tables any.
 DAMAGED = {
     "scene": "scene.toml",
     "readings": "data.csv",
     "plan": "plan.toml",
     "index": "index.csv",
+    "own": "own.toml",
     "options": "scene.toml",
 }
 OPTION_NAMES = re.findall(r"--[a-z-]+", " ".join((*COMMANDS, *OPTIONS)))
@@ -66,7 +72,13 @@ OPTION_NAMES = re.findall(r"--[a-z-]+", " ".join((*COMMANDS, *OPTIONS)))
 def make_case(seed: int, number: int, folder: Path) -> list[str]:
     """Write the files of one case, and give its command line."""
     rng = random.Random(f"{seed}:{number}")
-    files = {"scene.toml": SCENE, "data.csv": READINGS, "plan.toml": PLAN, "index.csv": INDEX}
+    files = {
+        "scene.toml": SCENE,
+        "data.csv": READINGS,
+        "plan.toml": PLAN,
+        "index.csv": INDEX,
+        "own.toml": OWN,
+    }
     files |= {**SPECTRA, **TABLES}
     kind = rng.choice(KINDS)
     damaged = DAMAGED.get(kind) or rng.choice([*(SPECTRA if kind == "spectrum" else TABLES)])

@@ -42,8 +42,19 @@ MORE = (
     '[tank]\nwall_albedo = 0.3\nsurface = "flat"\nlamp_depth_m = 1.0\nbehind_lamp_m = 1.0',
     '[detector]\nquantity = "radiance"\nfull_angle_deg = 5.0\naim = "axis"',
     "[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.1, 0.0, 4.5]]",
+    "[lamp]\nprofile_departure = [[0.0, 0.1], [5.0, -0.2]]\npower_departure = [[0.0, 0.0], [60.0, 0.1]]",
+    "[water]\nabsorption_departure = [[4.0, 0.01], [7.0, 0.0]]",
     "[detector]\nbackground = 0.1\nsaturation = 0.1\nbands_nm = [[450.0, 500.0], [500.0, 550.0]]",
 )
+#: An effect of the user's own, in a file of its own.
+OWN = """[[effect]]
+name = "rope"
+stage = "path"
+formula = "1 - depth*exp(-((x - x0)/0.1)**2)*where(z > 1, 1, min(r, 2))"
+[effect.parameters]
+depth = { unit = "1", range = [0.0, 0.9], neutral = 0.0, typical = 0.05 }
+x0 = { unit = "m", range = [-0.5, 0.5], meaning = "where it hangs" }
+"""
 TABLES = {
     "beam.csv": "# a beam\nangle_deg,intensity\n0,1000\n2,800\n5,300\n10,10\n45,0\n",
     "lamp.csv": "wavelength_nm,power\n400,0.1\n500,0.5\n600,1.0\n",

@@ -63,6 +63,12 @@ def test_few_large_cells() -> None:
     assert np.abs(mean - truth).max() < 1e-4 * truth.max()
 
 
+def own(stage: str, formula: str, size: float) -> dict[str, Any]:
+    """An effect of the user's own, of that size; its edges lie between cells."""
+    parameters = {"a": {"range": [-1.0, 1.0], "neutral": 0.0, "value": size}}
+    return {"name": "mine", "stage": stage, "formula": formula, "parameters": parameters}
+
+
 SMALL = {"planes_m": [4.5, 8.5], "width_m": 1.6, "pixels": 16}
 CASES: dict[str, dict[str, Any]] = {
     "super-gaussian": {"lamp": {"profile": "super-gaussian", "shape_exponent": 5.0}},
@@ -79,6 +85,10 @@ CASES: dict[str, dict[str, Any]] = {
     },
     "layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 6.5, "layer_width_m": 1.0}},
     "plane inside a layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 4.5}},
+    "departing profile": {"lamp": {"profile_departure": [[0, 0.1], [4, 0.4], [8, -0.5]], "tilt_x_deg": 1.0}},
+    "curve of absorption": {"water": {"absorption_departure": [[3, 0.0], [5, 0.05], [8, -0.03]]}},
+    "own effect on the path": {"effect": [own("path", "1 - a*(x > 0.1)*(y > 0)*z/r", 0.3)]},
+    "own effect on the beam": {"effect": [own("source", "1 + a*sin(theta)**2", 0.3)]},
     "hardening": {"water": {"absorption_per_m": 0.2, "hardening_per_m": 0.06}},
     "scalar irradiance": {"detector": {"quantity": "scalar_irradiance"}},
     "acceptance": {"detector": {"acceptance_hwhm_deg": 4.0}},
@@ -96,9 +106,8 @@ CASES: dict[str, dict[str, Any]] = {
 
 def small_scene(case: dict[str, Any]) -> Scene:
     water = {"absorption_per_m": 0.1} | case.get("water", {})
-    return Scene.from_dict(
-        {"lamp": case.get("lamp", {}), "water": water, "detector": SMALL | case.get("detector", {})}
-    )
+    parts = {"lamp": case.get("lamp", {}), "effect": case.get("effect", [])}
+    return Scene.from_dict({**parts, "water": water, "detector": SMALL | case.get("detector", {})})
 
 
 @pytest.mark.parametrize("name", CASES)

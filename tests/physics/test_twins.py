@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from lightfield.render.backend import use_backend
 from lightfield.render.reflected.from_lamp import fresnel
@@ -75,8 +76,13 @@ def test_frame_of_the_beam(tilt: tuple[float, float]) -> None:
 PROFILES = [name for name in get_args(Lamp.model_fields["profile"].annotation) if name != "pencil"]
 
 
+#: Nodes of a departure, half a degree apart and more.
+DEPARTURE = ((0.0, 0.2), (1.0, 0.1), (2.5, -0.3), (9.0, 0.4))
+
+
+@pytest.mark.parametrize("departure", [(), DEPARTURE], ids=["plain", "departing"])
 @pytest.mark.parametrize("profile", PROFILES)
-def test_intensity_of_the_beam(profile: str, tmp_path: Path) -> None:
+def test_intensity_of_the_beam(profile: str, departure: Any, tmp_path: Path) -> None:
     """The tracer has its own formula of it: of every profile, with every number of the beam changed."""
     beam = {path: p for path, p in Scene().parameters().items() if path.startswith("lamp.")}
     given: dict[str, Any] = {
@@ -87,9 +93,15 @@ def test_intensity_of_the_beam(profile: str, tmp_path: Path) -> None:
     if profile == "table":
         (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n2,0.9\n9,0.2\n40,0\n")
         given["intensity_table"] = str(tmp_path / "beam.csv")
-    # Of the table's nodes the tracer keeps others: a change of slope by 0.1 per degree lies between two.
-    off = 0.1 * (90 / (TABLE - 1)) / 4 if profile == "table" else SINGLE
-    lamp = Lamp.model_validate({"profile": profile, **given})
+    if departure and profile == "isotropic":
+        with pytest.raises(ValidationError, match="no angle to depart by"):
+            Lamp.model_validate({"profile": profile, "profile_departure": departure})
+        return
+    # Of the table's nodes the tracer keeps others: a change of slope by 0.1 per degree lies between two; by
+    # 0.5 of the brightest, exp(0.4), where a curve departs.
+    bend = 0.5 * np.exp(0.4) if departure else 0.1
+    off = bend * (90 / (TABLE - 1)) / 4 if profile == "table" or departure else SINGLE
+    lamp = Lamp.model_validate({"profile": profile, "profile_departure": departure, **given})
     x, y = np.random.default_rng(3).uniform(-0.3, 0.3, (2, 2000))
     traced = np.array(Emission(lamp, cone_rad=0.3).intensity(mi.Float(x), mi.Float(y)))
     np.testing.assert_allclose(np.broadcast_to(traced, x.shape), relative_intensity(lamp, x, y), atol=off)
@@ -129,6 +141,8 @@ WATERS = {
     "slab": Water(layer_absorption_per_m=0.5, layer_centre_m=3.0, layer_width_m=1.5),
     "slab round the window": Water(layer_absorption_per_m=0.5, layer_centre_m=0.2, layer_width_m=1.0),
     "height": Water(height_gradient_per_m2=0.05),
+    "curve": Water(absorption_departure=((1.0, 0.02), (2.0, -0.01), (4.5, 0.03))),
+    "curve of one node, and a slab": Water(absorption_departure=((3.0, 0.02),), layer_absorption_per_m=0.1),
     "both": Water(
         gradient_per_m2=-0.01, height_gradient_per_m2=-0.02, layer_absorption_per_m=0.2, layer_centre_m=4.0
     ),
@@ -153,6 +167,8 @@ def test_depth_of_layers(name: str) -> None:
     slab = np.abs(z - water.layer_centre_m) < 0.5 * water.layer_width_m
     extra = water.gradient_per_m2 * (z - water.gradient_centre_m) + water.layer_absorption_per_m * slab
     extra += water.height_gradient_per_m2 * y
+    if water.absorption_departure:
+        extra = extra + np.interp(z, *np.transpose(water.absorption_departure))
     np.testing.assert_allclose(traced, extra.mean(axis=0) * length, atol=2e-4)
     ends = (cosine * length)[:150]
     height = (begin + 0.5 * climb * length)[:150]
@@ -196,11 +212,16 @@ def test_end_of_open_water() -> None:
 
 def test_plugins_take_every_parameter_of_lamp_and_receiver() -> None:
     """A scene for Mitsuba says all that a trace of it needs: nothing is left at its default."""
-    from lightfield.render.plugins.lamp import PROPERTIES
+    from lightfield.render.plugins.lamp import CURVES, PROPERTIES
 
     lamp = Lamp.model_validate(
-        {name: 0.25 for name in PROPERTIES if name not in ("profile", "intensity_table", "shape_exponent")}
+        {
+            name: 0.25
+            for name in PROPERTIES
+            if name not in ("profile", "intensity_table", "shape_exponent", *CURVES)
+        }
         | {"profile": "super-gaussian", "shape_exponent": 3}
+        | dict.fromkeys(CURVES, DEPARTURE)
     )
     detector = Detector(
         acceptance_hwhm_deg=30.0, tilt_x_deg=2.0, aim="lamp", full_angle_deg=3.0, cosine_error=0.1

@@ -46,6 +46,8 @@ FILES: dict[str, str | bytes] = {
     "pixels.toml": "[detector]\npixels = 1000000\n",
     "outside.toml": "[tank]\nlength_m = 6\n",
     "table.toml": '[lamp]\nprofile = "table"\nintensity_table = "folder"\n',
+    "own.toml": '[[effect]]\nname = "rope"\nstage = "path"\nformula = "1 - a*x.real"\n'
+    "[effect.parameters]\na = { range = [0.0, 1.0], neutral = 0.0 }\n",
     "garbage.nc": os.urandom(500),
     "other.nc": b"CDF\x01" + bytes(28),  # a valid NetCDF-3 file without content
     "empty.csv": "",
@@ -194,6 +196,14 @@ WRONG: list[tuple[str, list[str]]] = [
     ("hide scene.toml --strength 0 -o out", ["--strength", "above 0"]),
     ("hide scene.toml --max-photons 0 -o out", ["photon"]),
     ("hide scene.toml -o taken", ["taken", "cannot write here"]),
+    ("hide scene.toml --lamp no.csv -o out", ["no.csv", "no such file"]),
+    ("hide scene.toml --effects-file own.toml -o out", ["own.toml", "a formula holds something else"]),
+    # effects of one's own
+    ("diagnose readings.csv --scene scene.toml --effects-file no.toml", ["no.toml", "No such file"]),
+    ("diagnose readings.csv --scene scene.toml --effects-file own.toml", ["own.toml", "Attribute"]),
+    ("diagnose readings.csv --scene scene.toml --effects-file open.toml", ["open.toml", "[[effect]]"]),
+    ("plan readings.csv --scene scene.toml --effects-file own.toml", ["own.toml", "Attribute"]),
+    ("compare readings.csv --scene scene.toml --effects-file own.toml", ["own.toml", "Attribute"]),
     # diagnose
     ("diagnose", ["readings and a scene", "--scene SCENE"]),
     ("diagnose readings.csv", ["--scene SCENE"]),

@@ -4,7 +4,7 @@ reasons."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -25,6 +25,8 @@ STEP = 1e-2
 _FROM_THE_ENDS = 0.02
 #: Readings at one distance, in metres, have a range all the same.
 _SHORTEST_RANGE_M = 1e-3
+#: A curve of one function is no curve: named effects have as much. Chosen.
+_FEWEST_FUNCTIONS = 2
 
 #: Attenuation of the clearest water there is, in 1/m, rounded: pure water at 490 nm (Pope & Fry 1997, Appl.
 #: Opt. 36, 8710, doi:10.1364/AO.36.008710).
@@ -47,13 +49,17 @@ REASONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Setting:
-    """What turns the relative numbers of the table of effects into absolute ones."""
+    """What turns the relative numbers of the table of effects into absolute ones.
+
+    `curves` are the amplitudes of free-form effects, by path: those of which the readings tell.
+    """
 
     scene: Scene
     layout: Layout
     signal: float
     band_nm: float
     absolute: bool = False
+    curves: Mapping[str, Parameter] = field(default_factory=dict)
 
     @property
     def hwhm_deg(self) -> float:
@@ -156,7 +162,7 @@ def _parameter(
     free: Free, setting: Setting, known: Mapping[str, Parameter], shape: bool
 ) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
-    now = float(setting.scene.get(free.path))
+    now = known[free.path].value
     coordinate = "inverse-square" if free.inverse_square else "linear"
     low, high = offset + factor * free.low, offset + factor * free.high
     if not free.inverse_square:
@@ -200,6 +206,12 @@ def _resolve(
     return replace(found, grid=(own, *(point for point in found.grid if point != own)))
 
 
+def _different_curves(forms: Iterable[Candidate]) -> list[Candidate]:
+    """Forms of a free-form effect with different numbers of functions, called after them."""
+    sizes = {len(form.amplitudes): form for form in forms if len(form.amplitudes) >= _FEWEST_FUNCTIONS}
+    return [replace(one, form=replace(one.form, name=f"{n} functions")) for n, one in sizes.items()]
+
+
 def candidates(
     setting: Setting, effects: Iterable[Effect], base: Iterable[str], without_diffuse: str | None = None
 ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
@@ -212,7 +224,7 @@ def candidates(
     without_diffuse : str, optional
         Why scattered and reflected light cannot be predicted, when it cannot.
     """
-    known = setting.scene.parameters()
+    known = {**setting.scene.parameters(), **setting.curves}
     taken = set(base)
     found: list[Candidate] = []
     untestable: dict[str, str] = {}
@@ -229,7 +241,11 @@ def candidates(
             f for f in (_resolve(effect, form, setting, known) for form in effect.forms) if f is not None
         ]
         forms = [f for f in forms if not taken & {p.path for p in f.amplitudes}]
-        if not forms:
+        if effect.is_free_form:
+            forms = _different_curves(forms)
+            if not forms:
+                untestable[effect.name] = "the readings are at too few different places or times"
+        if not forms and not effect.is_free_form:
             untestable[effect.name] = (
                 "its parameters are free in the base model, or this scene has none of them"
             )

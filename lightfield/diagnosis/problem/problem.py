@@ -41,6 +41,8 @@ class Problem:
         Readings left out (saturated, gross outliers) carry 0.
     base : tuple of FitParameter
         Gain per channel, beam half-width, absorption.
+    candidates, curves : tuple of Candidate
+        Named effects, and free-form ones, for what no named effect explains.
     """
 
     forward: SceneForward
@@ -49,6 +51,7 @@ class Problem:
     keep: Array
     base: tuple[FitParameter, ...]
     candidates: tuple[Candidate, ...]
+    curves: tuple[Candidate, ...] = ()
 
     def model(self, explanation: Explanation = ()) -> Model:
         """The base model with the effects of an explanation set free."""

@@ -22,7 +22,7 @@ from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
-from lightfield.scene.scene import AT
+from lightfield.scene.listed import AT
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat
@@ -257,9 +257,12 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute)
+    known = forward.light.curves.parameters if forward.light.curves else {}
+    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute, known)
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
-    return Problem(forward, layout, value, keep, base, found), untestable
+    named = tuple(c for c in found if not c.effect.is_free_form)
+    curves = tuple(c for c in found if c.effect.is_free_form)
+    return Problem(forward, layout, value, keep, base, named, curves), untestable
 
 
 def _check_size(layout: Layout, source: str) -> None:

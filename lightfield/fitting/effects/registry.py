@@ -8,7 +8,7 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 
 from lightfield.errors import UsageError
-from lightfield.fitting.effects import air, detector, lamp, tank, water
+from lightfield.fitting.effects import air, detector, free_form, lamp, own, tank, water
 from lightfield.fitting.effects.effect import Effect, Form
 from lightfield.scene import Scene
 
@@ -16,6 +16,9 @@ ENTRY_POINT_GROUP = "lightfield.effects"
 
 #: One module per part of the scene, in the order in which a diagnosis tries and names what they list.
 _PARTS = (lamp, water, tank, detector, air)
+
+#: Effects of the scenes that were asked about: a verdict names effects, and looks up what it says of them.
+_of_scenes: dict[str, Effect] = {}
 
 
 def _from_entry_points() -> Iterable[Effect]:
@@ -81,6 +84,35 @@ def table() -> Mapping[str, Effect]:
     return effects
 
 
+def curves() -> Mapping[str, Effect]:
+    """Every free-form effect by name: what is tried where named effects do not suffice."""
+    return {effect.name: effect for effect in free_form.EFFECTS}
+
+
+def all_of(scene: Scene) -> Mapping[str, Effect]:
+    """Every effect that may act in a scene by name: those of the table, and the scene's own.
+
+    A name of the scene's own is known to `get` from then on.
+
+    Raises
+    ------
+    UsageError
+        An effect of the scene's own has the name of another.
+    """
+    known, mine = {**table(), **curves()}, {effect.name: effect for effect in own.effects_of(scene)}
+    taken = sorted(known.keys() & mine.keys())
+    if taken:
+        raise UsageError(
+            "an effect of one's own has the name of another",
+            where="effect",
+            found=", ".join(taken),
+            rule="names that the table of effects does not have",
+            remedy="rename it",
+        )
+    _of_scenes.update(mine)
+    return {**table(), **mine}
+
+
 def get(name: str) -> Effect:
     """The effect called `name`.
 
@@ -89,7 +121,7 @@ def get(name: str) -> Effect:
     UsageError
         No effect has that name; the error lists those that exist.
     """
-    effects = table()
+    effects = {**table(), **curves(), **_of_scenes}
     if name not in effects:
         near = difflib.get_close_matches(name, effects, n=1)
         raise UsageError(

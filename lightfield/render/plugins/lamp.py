@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import drjit as dr
 import mitsuba as mi
 
@@ -11,6 +13,8 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import fields_on
 
 PROPERTIES = fields_on(Lamp, Acts.BEAM | Acts.SOURCE)
+#: What Mitsuba knows no kind of property for is given as text.
+CURVES = ("profile_departure",)
 
 
 class LightfieldLamp(mi.Emitter):
@@ -18,8 +22,8 @@ class LightfieldLamp(mi.Emitter):
 
     Properties have the names and units of the `[lamp]` section: hwhm_deg, shape_exponent, skirt_fraction,
     skirt_hwhm_deg, ellipticity, offset_x_m, offset_y_m, tilt_x_deg, tilt_y_deg, apparent_distance_m,
-    radius_m, profile, intensity_table; and `intensity`, the on-axis radiant intensity in W/sr/nm. Nest or
-    refer to the water's medium.
+    radius_m, profile, intensity_table, profile_departure (as text: [[0, 0.0], ...]); and `intensity`,
+    the on-axis radiant intensity in W/sr/nm. Nest or refer to the water's medium.
 
     Stock integrators see a lamp without area: `apparent_distance_m` and `radius_m` act in `photon_tracer`
     only.
@@ -27,7 +31,10 @@ class LightfieldLamp(mi.Emitter):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.lamp = Lamp.model_validate({name: props[name] for name in PROPERTIES if name in props})
+        given = {name: props[name] for name in PROPERTIES if name in props}
+        self.lamp = Lamp.model_validate(
+            {name: json.loads(v) if name in CURVES else v for name, v in given.items()}
+        )
         self.intensity = float(props.get("intensity", 1.0))
         self.m_flags = int(mi.EmitterFlags.DeltaPosition)
         self.m_needs_sample_2, self.m_needs_sample_3 = False, True

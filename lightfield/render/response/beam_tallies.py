@@ -215,7 +215,9 @@ def _stretched(lamp: Lamp, factor: float) -> Lamp:
     """The beam with all its angles multiplied."""
     if factor == 1:
         return lamp
-    return lamp.model_copy(update={name: factor * getattr(lamp, name) for name in ANGLES})
+    departure = tuple((factor * angle, value) for angle, value in lamp.profile_departure)
+    angles = {name: factor * getattr(lamp, name) for name in ANGLES}
+    return lamp.model_copy(update={**angles, "profile_departure": departure})
 
 
 def roots(covariance: Array) -> Array:

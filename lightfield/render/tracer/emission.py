@@ -74,7 +74,8 @@ class Emission:
         self.steps, self.corners = mi.Float(steps), mi.Float(corners)
         omega, share = 4 * pi * np.diff(corners.astype(float)), np.diff(steps.astype(float))
         self.weight_of_bin = mi.Float(omega / share)
-        if lamp.profile == "table":
+        self.is_tabulated = lamp.profile == "table" or bool(lamp.profile_departure)
+        if self.is_tabulated:
             fine = np.linspace(0, 0.5 * pi, TABLE)
             self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
         # Variables and not literals: another lamp needs no new kernel.
@@ -117,7 +118,7 @@ class Emission:
         value = self.value
         y = theta_y / value["ellipticity"]
         theta = dr.sqrt(theta_x * theta_x + y * y)
-        if self.lamp.profile == "table":
+        if self.is_tabulated:
             at = dr.clip(theta * ((TABLE - 1) / (0.5 * pi)), 0, TABLE - 1.001)
             low = mi.UInt32(at)
             a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)

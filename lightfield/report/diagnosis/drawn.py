@@ -8,6 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.rivals import separation
+from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 
 if TYPE_CHECKING:
@@ -88,4 +89,5 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
             ("run on these readings", str(verdict.run)),
         ),
         found.scene.to_toml(),
+        fitted_curves(found.forward, found.steps[-1].fit, finding.level.phi),
     )

@@ -14,6 +14,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.stated import lines
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
@@ -81,11 +82,20 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
             "Tank from above and from the side with positions of readings",
         ),
+        "curves": None,
         "signatures": None,
         "separation": None,
     }
     if view.scan_axis == "z_m":  # a map of points on one line shows nothing more
         figures["residuals"] = None
+    if view.curves:
+        figures["curves"] = page_figure(
+            curve_figure(view.curves),
+            "curves",
+            "What the explanation says of lamp, water or time as a curve: above against the model without "
+            "it, below the band of its two standard errors.",
+            "Fitted curves with their errors",
+        )
     if view.signatures:
         figures["signatures"] = page_figure(
             signature_figure(view),

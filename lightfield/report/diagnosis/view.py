@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.scene import Tank
 
 
@@ -110,6 +111,8 @@ class DiagnosisView:
     provenance : sequence of (name, value)
     scene_toml : str
         The fitted scene.
+    curves : sequence of FittedCurve
+        Free-form curves of the best explanation.
     """
 
     verdict: Verdict
@@ -122,6 +125,7 @@ class DiagnosisView:
     title: str = "Diagnosis"
     provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
     scene_toml: str = ""
+    curves: Sequence[FittedCurve] = ()
 
     @property
     def scan_axis(self) -> str:

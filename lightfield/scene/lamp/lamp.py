@@ -8,6 +8,7 @@ from pydantic import model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
+from lightfield.scene.curve import Curve
 from lightfield.scene.lamp.photometry import intensity_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
 from lightfield.storage.tables import read_columns, readable
@@ -98,6 +99,19 @@ class Lamp(Part):
         None, "for spectrum table: CSV (wavelength_nm, power), any scale", Acts.POWER
     )
 
+    profile_departure: Curve = declare(
+        (),
+        "[[angle_deg, ln of a factor], ...] on the intensity of the profile: linear between, constant beyond",
+        Acts.BEAM,
+        neutral=(),
+    )
+    power_departure: Curve = declare(
+        (),
+        "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",
+        Acts.TIME,
+        neutral=(),
+    )
+
     @model_validator(mode="after")
     def _profile_has_its_parameters(self) -> Lamp:
         needs = {
@@ -107,6 +121,10 @@ class Lamp(Part):
         }.get(self.profile)
         if needs and needs not in self.model_fields_set:
             raise RuleError(f'profile "{self.profile}" needs {needs}', f"add {needs}")
+        if self.profile_departure and self.profile in ("isotropic", "pencil"):
+            raise RuleError(
+                f'profile "{self.profile}" has no angle to depart by', "leave profile_departure out"
+            )
         if self.spectrum == "table" and self.spectrum_table is None:
             raise RuleError('spectrum "table" needs spectrum_table', "add spectrum_table")
         if self.intensity_table is not None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.scene.curve import value_at
 from lightfield.scene.lamp.photometry import intensity_table
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLik
     """Radiant intensity over that on the beam axis, I / I(0).
 
     Gaussian family: exp(-ln2 (theta/hwhm)^m) + f exp(-ln2 (theta/hwhm_s)^2), over 1 + f; the paper's eq. 1 is
-    m = 2, f = 0 with B = ln2 / hwhm^2. Zero behind the lamp (theta > 90 deg), except for the isotropic lamp.
+    m = 2, f = 0 with B = ln2 / hwhm^2. A departure multiplies it, on the axis too. Zero behind the
+    lamp (theta > 90 deg), except for the isotropic lamp.
 
     Parameters
     ----------
@@ -60,6 +62,13 @@ def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:
     theta_squared : array, rad^2
         Squared effective angle.
     """
+    shape = _without_departure(lamp, theta_squared)
+    if not lamp.profile_departure:
+        return shape
+    return shape * np.exp(value_at(lamp.profile_departure, np.degrees(np.sqrt(theta_squared))))
+
+
+def _without_departure(lamp: Lamp, theta_squared: Array) -> Array:
     if lamp.profile == "table":
         angle, intensity = intensity_table(str(lamp.intensity_table))
         return np.interp(np.sqrt(theta_squared), angle, intensity, right=0.0)
@@ -113,6 +122,9 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
         )
         widths = math.radians(lamp.hwhm_deg) * np.array([1.0, lamp.ellipticity])
         edges = np.concatenate([np.outer(widths, steps).ravel(), math.radians(lamp.skirt_hwhm_deg) * steps])
+    if lamp.profile_departure:
+        kinks = np.radians([angle for angle, _ in lamp.profile_departure if angle > 0])
+        edges = np.concatenate([edges, np.outer([1.0, lamp.ellipticity], kinks).ravel()])
     pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
     half: NDArray[Any] = 0.5 * np.diff(pieces)
     middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
@@ -139,7 +151,7 @@ def inverse_cdf_table(lamp: Lamp, nodes: int = 4096) -> tuple[Array, Array]:
         whole: NDArray[Any] = np.linspace(0.0, math.pi, nodes)
         return np.sin(0.5 * whole) ** 2, whole
     widest = max(math.radians(lamp.hwhm_deg), math.radians(lamp.skirt_hwhm_deg) * (lamp.skirt_fraction > 0))
-    if lamp.profile == "table":
+    if lamp.profile == "table" or lamp.profile_departure:
         widest = HALF_PI
     core = np.linspace(0.0, min(6.0 * widest, HALF_PI), nodes * 3 // 4)
     tail = np.linspace(core[-1], HALF_PI, nodes - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)

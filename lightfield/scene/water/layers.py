@@ -1,4 +1,4 @@
-"""Absorption that changes with the place: a gradient along z, one in height, and a slab across the tank."""
+"""Absorption that changes with the place: gradients in z and height, a slab across the tank, any curve of z."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.curve import integral_to, value_at
 
 if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
@@ -14,7 +15,12 @@ if TYPE_CHECKING:
 
 def is_layered(water: Water) -> bool:
     """Does the absorption change with the place?"""
-    return bool(water.gradient_per_m2 or water.height_gradient_per_m2 or water.layer_absorption_per_m)
+    return bool(
+        water.gradient_per_m2
+        or water.height_gradient_per_m2
+        or water.layer_absorption_per_m
+        or water.absorption_departure
+    )
 
 
 def slab_m(water: Water) -> tuple[float, float]:
@@ -43,7 +49,7 @@ def path_up_gradient_m2(water: Water, z_m: Array, path_m: Array) -> Array:
 
 
 def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | float = 0.0) -> Array | float:
-    """Optical depth that gradients and slab add along straight paths from the window plane to z.
+    """Optical depth that gradients, slab and curve add along straight paths from the window plane to z.
 
     The tracer's own, for flights from anywhere to anywhere, is `render.tracer.walk.Absorption.depth`.
 
@@ -62,4 +68,22 @@ def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | floa
         depth = depth + water.height_gradient_per_m2 * height_m * path_m
     if water.layer_absorption_per_m:
         depth = depth + water.layer_absorption_per_m * path_in_slab_m(water, z_m, path_m)
+    if water.absorption_departure:
+        depth = depth + integral_to(water.absorption_departure, z_m) * (path_m / z_m)
     return depth
+
+
+def layers_absorption_per_m(water: Water, z_m: Array) -> Array:
+    """Absorption that gradient, slab and curve add at z, 1/m.
+
+    Parameters
+    ----------
+    water : Water
+    z_m : array, m
+    """
+    low, high = slab_m(water)
+    extra = water.gradient_per_m2 * (z_m - water.gradient_centre_m)
+    extra = extra + water.layer_absorption_per_m * ((z_m > low) & (z_m < high))
+    if water.absorption_departure:
+        extra = extra + value_at(water.absorption_departure, z_m)
+    return np.asarray(extra)

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
+from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
 from lightfield.scene.water.library import list_presets
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, PhaseSpec
@@ -102,6 +103,12 @@ class Water(Part):
     layer_centre_m: float = number(6.5, "m", "z of the slab's middle", Acts.LAYERS, low=0.0, high=1000.0)
     layer_width_m: float = number(
         1.0, "m", "thickness of the slab along z", Acts.LAYERS, above=0.0, high=1000.0
+    )
+    absorption_departure: Curve = declare(
+        (),
+        "[[z_m, absorption in 1/m], ...] added along the tank: linear between, constant beyond",
+        Acts.LAYERS,
+        neutral=(),
     )
     hardening_per_m: float = number(
         0.0,

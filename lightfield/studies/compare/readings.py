@@ -24,6 +24,7 @@ from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
+from lightfield.fitting.fitted_curves import save_lamp
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.light_source import DiffuseSource
@@ -121,6 +122,7 @@ class FitReport:
             number += 1
         path = target / f"rung{number}.toml"
         self.model.scene.save(path)
+        save_lamp(self.model.forward, self.model.fit, target)
         row = {
             "label": "+ " + " + ".join(self.model.effects) if self.model.effects else "base",
             "effects": self.model.effects,
@@ -157,7 +159,7 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
             )  # fmt: skip
         forms = [
             c
-            for c in problem.candidates
+            for c in (*problem.candidates, *problem.curves)
             if c.name == effect.name and (c.form.name == form.name or ":" not in name)
         ]
         if not forms:
@@ -224,7 +226,7 @@ def fit_readings(
         return FitReport(
             model,
             solver,
-            estimates(fit, adequacy.phi, units_of(model.forward.scene)),
+            estimates(fit, adequacy.phi, _units(model.forward)),
             Statistics(
                 fit.chi2 * made.phi,
                 max(int(problem.keep.sum()) - len(fit.u), 1),
@@ -235,6 +237,12 @@ def fit_readings(
             Residuals.of(problem, fit.prediction, np.sqrt(prepared.noise.variance(1.0, 0.0))),
             [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted],
         )
+
+
+def _units(forward: SceneForward) -> dict[str, str]:
+    """Unit of everything that a fit may move, by path."""
+    amplitudes = forward.light.curves.parameters if forward.light.curves else {}
+    return units_of(forward.scene) | {path: parameter.unit for path, parameter in amplitudes.items()}
 
 
 def _refit(
@@ -249,8 +257,9 @@ def _refit(
     source, reason = source_of(scene, diffuse, readings)
     quoted = np.asarray(readings.stderr, float)
     traces = Retraced(spectral(scene, readings), readings, source)
+    every = [*effects.all_of(scene).values(), *effects.curves().values()]
     for forward in traces:
-        problem, untestable = problem_of(forward, readings, list(effects.table().values()), reason)
+        problem, untestable = problem_of(forward, readings, every, reason)
         explanation = _chosen(problem, with_effects, untestable)
         if not any(c.effect.instead_of for c in explanation):
             problem = by_shape(problem)

@@ -7,6 +7,8 @@ import pytest
 
 from lightfield.diagnosis.verdict.parts import SetAside
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.fitted_curves import FittedCurve
+from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.scene import Tank
@@ -204,3 +206,18 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
     cells = "".join(f"<td>{c}</td>" for c in ("17", "0.3", "0", "4.5", "water", "525", "-46.2"))
     assert cells in html and "<td>saturated</td>" in html
     assert "Readings set aside" not in diagnosis_page(view)
+
+
+def test_fitted_curves_are_drawn_with_their_errors():
+    at = np.linspace(0, 12, 40)
+    beam = FittedCurve(
+        "lamp.profile_departure", "angle (deg)", "intensity", at, at**0, 0.01 * at, 0.9 * at**0
+    )
+    html = diagnosis_page(dataclasses.replace(example(), curves=(beam, beam)))
+    assert "Fitted curves with their errors" in html
+    assert "Fitted curves with their errors" not in diagnosis_page(example())
+    figure = curve_figure((beam,))
+    upper, lower = figure.axes
+    assert (upper.get_xlabel(), lower.get_xlabel(), upper.get_ylabel()) == ("", "angle (deg)", "intensity")
+    (band,) = (patch.get_paths()[0].get_extents() for patch in lower.collections)
+    assert (band.ymin, band.ymax) == pytest.approx((-0.24, 0.24))

@@ -1,0 +1,282 @@
+"""Curves that a fit may lay over a scene: departures from what the base model says of lamp, water and time.
+
+A scene states such a curve by its nodes (`scene/curve.py`); a fit moves amplitudes of smooth functions. They
+are those of Demmler and Reinsch (1975, Numer. Math. 24, 375-382): of all curves, those that
+are least rough for what they change in the readings, the smoothest first. What the base model can do by
+itself costs no roughness and is left out, so that every curve is a departure from it and nothing else:
+
+    lamp.profile_departure      s(theta), I = I_base exp(s)   int (s'' - s'/theta)^2   without 1, theta^2
+    water.absorption_departure  k(z), K = K_base + k          int k'^2                 without 1
+    lamp.power_departure        q(t), power = base exp(q)     int q''^2                without 1
+
+An amplitude is the weighted rms of what its function changes in the logarithm of the readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from lightfield.arrays import Array
+from lightfield.formula.path import rays
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.scene.all_parameters import acts_on
+from lightfield.scene.curve import Nodes, integral_to, value_at
+from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.parameters import Parameter
+
+PROFILE, ABSORPTION, POWER = (
+    "lamp.profile_departure",
+    "water.absorption_departure",
+    "lamp.power_departure",
+)
+#: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain; K(z) at
+#: five distances has three, and hardly more are told apart at fifteen; six are a lamp's warm-up and a step.
+MOST = {PROFILE: 11, ABSORPTION: 4, POWER: 6}
+#: Nodes of a curve: three for each bend of the finest function. Chosen.
+NODES = 61
+#: Angles are tabulated up to so many times the largest read: tilt and offset move the axis. Chosen.
+BEYOND = 1.3
+#: A curve that a fit tries is clipped here, a factor of 1100: no lamp has more, and no number overflows.
+LARGEST = 7.0
+#: Dim readings are taken for this part of the brightest, and unknown errors for 1 % of the reading and 0.1 %
+#: of the brightest (as a diagnosis assumes them): weights only decide what is smooth. Chosen.
+_DIM, _RELATIVE, _FLOOR = 0.02, 0.01, 0.001
+#: Roughness counts by the area of its ring, and on the axis by this part of the outermost ring's. Chosen.
+_ON_AXIS = 0.1
+#: Coordinates that differ by less are one, as a part of their range.
+_SAME = 1e-6
+#: What rounding leaves of the largest eigenvalue.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Functions of a curve, on its nodes.
+
+    Parameters
+    ----------
+    field : str
+        Dotted path of the scene's curve.
+    place : array, shape (n_nodes,)
+        deg, m or s.
+    functions : array, shape (n_nodes, n_functions)
+        ln of a factor, or m^-1.
+    """
+
+    field: str
+    place: Array
+    functions: Array
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """One per amplitude."""
+        return tuple(path_of(self.field, k) for k in range(1, self.functions.shape[1] + 1))
+
+    def curve(self, amplitudes: Array) -> Array:
+        """The curve at its nodes, shape (n_nodes,)."""
+        return np.asarray(np.clip(self.functions[:, : len(amplitudes)] @ amplitudes, -LARGEST, LARGEST))
+
+    def amplitudes(self, values: Mapping[str, float]) -> Array:
+        """Amplitudes of all functions among the values of a fit; 0 where it has none."""
+        return np.array([values.get(path, 0.0) for path in self.paths])
+
+
+def path_of(field: str, k: int) -> str:
+    """Name of the k-th amplitude of a curve, k = 1, 2..."""
+    return f"{field}.{k}"
+
+
+def is_amplitude(path: str) -> bool:
+    """Is it the name of an amplitude?"""
+    return path.startswith((f"{PROFILE}.", f"{ABSORPTION}.", f"{POWER}."))
+
+
+def field_of(path: str) -> str:
+    """The scene's field that a value changes: of an amplitude the curve's."""
+    return path.rpartition(".")[0] if is_amplitude(path) else path
+
+
+class Curves:
+    """Curves over one scene, smooth in the sense of one table of readings.
+
+    Parameters
+    ----------
+    scene : Scene
+        What it has of curves stays: those of a fit are added.
+    readings : Readings
+    """
+
+    def __init__(self, scene: Scene, readings: Readings) -> None:
+        self.scene, self.readings = scene, readings
+
+    @cached_property
+    def bases(self) -> dict[str, Basis]:
+        """Basis of every curve that the readings can tell of, by the scene's field."""
+        found = (self._profile(), self._absorption(), self._power())
+        return {basis.field: basis for basis in found if basis is not None}
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every amplitude by its path."""
+        return {
+            path: Parameter(
+                path, "1", f"amplitude {k} of {field}", -LARGEST, LARGEST, 0.0, 0.0, acts_on(field)
+            )
+            for field, basis in self.bases.items()
+            for k, path in enumerate(basis.paths, 1)
+        }
+
+    def stated(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Values as a scene takes them: nodes of curves in place of their amplitudes."""
+        if not any(is_amplitude(path) for path in values):
+            return dict(values)
+        out: dict[str, Any] = {k: v for k, v in values.items() if not is_amplitude(k)}
+        for field, basis in self.bases.items():
+            amplitudes = basis.amplitudes(values)
+            if amplitudes.any():
+                out[field] = self._added(field, basis.place, basis.curve(amplitudes))
+        return out
+
+    def _added(self, field: str, place: Array, curve: Array) -> Nodes:
+        """Nodes of a curve together with what the scene has already."""
+        own: Nodes = self.scene.get(field)
+        if own:
+            every = np.union1d(place, [at for at, _ in own])
+            place, curve = every, np.interp(every, place, curve) + value_at(own, every)
+        return tuple(zip(place.tolist(), curve.tolist(), strict=True))
+
+    @cached_property
+    def _weight(self) -> Array:
+        """1 / (relative error of a reading)^2, shape (n,); 0 where it is saturated."""
+        value, stderr = np.asarray(self.readings.value, float), np.asarray(self.readings.stderr, float)
+        used = ~np.asarray(self.readings.saturated, bool)
+        top = float(np.abs(value[used]).max(initial=0.0)) or 1.0
+        level = np.clip(value, _DIM * top, None)
+        known = np.isfinite(stderr) & (stderr > 0)
+        sigma = np.where(known, stderr, _RELATIVE * level + _FLOOR * top)
+        return np.where(used, (level / sigma) ** 2, 0.0)
+
+    def _profile(self) -> Basis | None:
+        lamp, r = self.scene.lamp, self.readings
+        if lamp.profile in ("isotropic", "pencil"):
+            return None
+        ray = rays(lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)))
+        across, up = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
+        theta = np.degrees(np.hypot(across, up / lamp.ellipticity))
+        place = np.linspace(0.0, BEYOND * float(theta.max()), NODES)
+        if place[-1] <= 0:
+            return None
+        x = place / place[-1]
+        step = x[1]
+        rough = np.zeros((NODES, NODES))
+        for i in range(1, NODES - 1):
+            ring = np.sqrt(min(x[i] + _ON_AXIS, 1.0))
+            rough[i, i - 1 : i + 2] += ring * np.array([1.0, -2.0, 1.0])
+            rough[i, [i - 1, i + 1]] += ring * np.array([0.5, -0.5]) * step / x[i]
+        # A table's width is not fitted: there the angle's square is a function like others.
+        base = [np.ones(NODES), x**2]
+        known = 1 if lamp.profile == "table" else 2
+        return self._basis(PROFILE, place, theta, value_at, rough, base, known)
+
+    def _absorption(self) -> Basis | None:
+        r = self.readings
+        wet = np.asarray(r.medium) != "air"
+        z = np.asarray(r.z_m, float)
+        wet &= z > 0
+        if not wet.any() or np.ptp(z[wet]) <= 0:
+            return None
+        place, z = np.linspace(z[wet].min(), z[wet].max(), NODES), np.where(wet, z, z[wet].min())
+        lamp = self.scene.lamp
+        way = rays(lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m))).water_m
+        steep = np.where(wet, way / np.where(wet, z, 1.0), 0.0)
+
+        def depth(nodes: Nodes, at: Array) -> Array:
+            return np.asarray(-integral_to(nodes, at) * steep)
+
+        rough = np.diff(np.eye(NODES), axis=0)
+        return self._basis(ABSORPTION, place, z, depth, rough, [np.ones(NODES)], 1, gain=True)
+
+    def _power(self) -> Basis | None:
+        time = np.asarray(self.readings.time_s, float)
+        known = np.isfinite(time)
+        if not known.all() or np.ptp(time) <= 0:
+            return None
+        place = np.linspace(time.min(), time.max(), NODES)
+        rough = np.diff(np.eye(NODES), 2, axis=0)
+        return self._basis(
+            POWER, place, time, value_at, rough, [np.ones(NODES), np.linspace(-1, 1, NODES)], 1
+        )
+
+    def _basis(
+        self,
+        field: str,
+        place: Array,
+        at: Array,
+        acts: Callable[[Nodes, Array], Array],
+        rough: Array,
+        smooth: list[Array],
+        known: int,
+        gain: bool = False,
+    ) -> Basis | None:
+        """Functions of Demmler and Reinsch on nodes.
+
+        Parameters
+        ----------
+        place : array, shape (n_nodes,)
+        at : array, shape (n,)
+            Coordinate of every reading.
+        acts : callable
+            What nodes change in the logarithm of the readings: `acts(nodes, at)`, linear in their values.
+        rough : array, shape (k, n_nodes)
+            Square root of the roughness of a curve by its nodes.
+        smooth : list of array, shape (n_nodes,)
+            All that is not rough.
+        known : int
+            So many of them the base model has; the others are functions too.
+        gain : bool
+            No curve is a gain, which the base model has as well.
+        """
+        weight = self._weight
+        design = np.empty((len(at), NODES))
+        for j in range(NODES):
+            unit = np.zeros(NODES)
+            unit[j] = 1.0
+            design[:, j] = acts(tuple(zip(place.tolist(), unit.tolist(), strict=True)), at)
+        if gain:
+            design = design - weight @ design / weight.sum()
+        metric = design.T @ (weight[:, None] * design) / weight.sum()
+        functions: list[Array] = []
+        taken: list[Array] = []
+        for k, one in enumerate(smooth):
+            rest = one - sum((t * (t @ metric @ one) for t in taken), np.zeros(NODES))
+            size = float(np.sqrt(max(rest @ metric @ rest, 0.0)))
+            if size <= _SAME * float(np.abs(design @ one).max()):
+                return None
+            taken.append(rest / size)
+            if k >= known:
+                functions.append(rest / size)
+        # All that is orthogonal to what is not rough; there the roughness is a metric too.
+        others = linalg.null_space(np.array(taken) @ metric)
+        change, roughness = others.T @ metric @ others, (r := rough @ others).T @ r
+        share, vectors = linalg.eigh(change, roughness)
+        share, vectors = share[::-1], vectors[:, ::-1]
+        told = _levels(at[weight > 0]) - known - int(gain) - len(functions)
+        more = min(told, MOST[field] - len(functions), int((share > _ROUNDING * share[0]).sum()))
+        functions += [others @ vectors[:, k] / np.sqrt(share[k]) for k in range(max(more, 0))]
+        if not functions:
+            return None
+        # A function and its negative are one: it ends above where it begins.
+        signed = [f if f[-1] >= f[0] else -f for f in functions]
+        return Basis(field, place, np.stack(signed, axis=1))
+
+
+def _levels(at: Array) -> int:
+    """How many different coordinates there are."""
+    return int(1 + (np.diff(np.sort(at)) > _SAME * max(float(np.ptp(at)), _SAME)).sum())

@@ -1,0 +1,87 @@
+"""Local unknowns: a dip across the beam, a step in time, a ripple over the angle, with three numbers each.
+
+What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
+They are effects of the user's own, ready to be tested, renamed and made better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.readings import Readings
+from lightfield.scene.own.effect import OwnEffect, OwnParameter
+
+FAMILY = "local unknown"
+#: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
+#: to the whole range of angles. Chosen.
+_NARROWEST_M, _WIDEST_PART = 0.02, 0.25
+_SIZE, _TYPICAL = 0.9, 0.05
+
+
+def local_unknowns(readings: Readings) -> tuple[OwnEffect, ...]:
+    """Those of which readings may tell, in ranges that are theirs."""
+    return tuple(_found(readings))
+
+
+def _found(readings: Readings) -> Iterator[OwnEffect]:
+    for axis in ("x", "y"):
+        at = np.asarray(getattr(readings, f"{axis}_m"), float)
+        if (span := float(np.ptp(at))) > 2 * _NARROWEST_M / _WIDEST_PART:
+            yield OwnEffect(
+                name=f"dip_in_{axis}",
+                family=FAMILY,
+                stage="path",
+                formula=f"1 - depth*exp(-(({axis} - {axis}0)/width)**2)",
+                parameters={
+                    "depth": _size(),
+                    f"{axis}0": _within("m", at, "its middle"),
+                    "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
+                },
+                physics=f"Something at one {axis} dims (or brightens) the light that comes straight.",
+                laboratory=f"Look along the beam for what stands at this {axis}; move the stage, read again.",
+            )
+    time = np.asarray(readings.time_s, float)
+    if np.isfinite(time).all() and (span := float(np.ptp(time))) > 0:
+        yield OwnEffect(
+            name="step_in_time",
+            family=FAMILY,
+            stage="source",
+            formula="1 + size*(1 + tanh((time - time0)/duration))/2",
+            parameters={
+                "size": _size(),
+                "time0": _within("s", time, "when"),
+                "duration": _between("s", 0.002 * span, _WIDEST_PART * span, "how long it takes"),
+            },
+            physics="All light changes from one level to another while the scan runs.",
+            laboratory="Repeat a reference position every few minutes; ask what was switched then.",
+        )
+    theta = np.degrees(np.arctan2(np.hypot(readings.x_m, readings.y_m), readings.z_m))
+    if (widest := float(theta.max())) > 0:
+        yield OwnEffect(
+            name="ripple_over_angle",
+            family=FAMILY,
+            stage="source",
+            formula="1 + a*cos(2*pi*theta/period) + b*sin(2*pi*theta/period)",
+            parameters={
+                "a": _size(0.4),
+                "b": _size(0.4),
+                "period": _between("deg", widest / 20, widest, "of the ripple"),
+            },
+            physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
+            laboratory="Measure the lamp in air at one range with a fine angular step.",
+        )
+
+
+def _size(most: float = _SIZE) -> OwnParameter:
+    return OwnParameter(range=(-most, most), neutral=0.0, typical=_TYPICAL)
+
+
+def _within(unit: str, at: Array, meaning: str) -> OwnParameter:
+    return OwnParameter(unit=unit, range=(float(at.min()), float(at.max())), meaning=meaning)
+
+
+def _between(unit: str, low: float, high: float, meaning: str) -> OwnParameter:
+    return OwnParameter(unit=unit, range=(low, high), meaning=meaning)

@@ -1,0 +1,132 @@
+"""The curves that a fit has found, as people look at them, with their errors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.fitting.curves import ABSORPTION, BEYOND, POWER, PROFILE, field_of
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit
+from lightfield.formula.path import attenuation_per_m
+from lightfield.formula.readout import time_factor
+from lightfield.scene import Scene
+from lightfield.scene.lamp.profile import radial_intensity
+from lightfield.scene.lamp.tabulated import save_intensity
+from lightfield.scene.water.layers import layers_absorption_per_m
+
+#: Places at which a curve is drawn. Chosen: twice its nodes.
+PLACES = 121
+#: The table of a fitted beam profile, beside the scene that was fitted.
+LAMP_TABLE = "lamp.csv"
+
+
+@dataclass(frozen=True)
+class FittedCurve:
+    """One curve of a fit.
+
+    Parameters
+    ----------
+    field : str
+        Dotted path of the scene's curve.
+    coordinate, quantity : str
+        Names with units, for axes.
+    at : array, shape (n,)
+        deg, m or s, as far as the readings reach.
+    value, stderr : array, shape (n,)
+        Intensity over that on the axis, attenuation in 1/m, or lamp power over its mean.
+    without : array, shape (n,)
+        The same without the departure.
+    """
+
+    field: str
+    coordinate: str
+    quantity: str
+    at: Array
+    value: Array
+    stderr: Array
+    without: Array
+
+    def as_data(self) -> dict[str, str | list[float]]:
+        """What JSON holds."""
+        columns = {"at": self.at, "value": self.value, "stderr": self.stderr, "without": self.without}
+        words = {"field": self.field, "coordinate": self.coordinate, "quantity": self.quantity}
+        return {**words, **{name: column.tolist() for name, column in columns.items()}}
+
+
+def _intensity(scene: Scene, angle_deg: Array) -> Array:
+    light = radial_intensity(scene.lamp, np.radians(np.concatenate([[0.0], angle_deg])) ** 2)
+    return light[1:] / light[0]
+
+
+def _attenuation(scene: Scene, z_m: Array) -> Array:
+    middle = 0.5 * sum(scene.detector.bands_nm[0])
+    uniform = np.asarray(attenuation_per_m(scene.water, None, middle), float)
+    return uniform + layers_absorption_per_m(scene.water, z_m)
+
+
+_SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
+    PROFILE: ("angle from the beam's axis (deg)", "intensity / that on the axis", _intensity),
+    ABSORPTION: ("z (m)", "attenuation K (1/m)", _attenuation),
+    POWER: ("time (s)", "lamp power / its mean", time_factor),
+}
+
+
+def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[FittedCurve, ...]:
+    """Every curve whose amplitudes a fit moves, with standard errors from the covariance of all it moves.
+
+    Parameters
+    ----------
+    forward : SceneForward
+        Whose readings made the functions of the curves.
+    fit : Fit
+    scale : float
+        Variance of the readings in units of the whitening.
+    """
+    curves = forward.light.curves
+    moved = {field_of(path) for path in fit.paths} & _SHOWN.keys()
+    if curves is None or not moved:
+        return ()
+    covariance = np.nan_to_num(fit.covariance(scale))
+    values = fit.values
+    flat = {k: v for k, v in values.items() if field_of(k) not in moved}
+    out = []
+    for field in (field for field in _SHOWN if field in moved):
+        coordinate, quantity, shown = _SHOWN[field]
+        place = curves.bases[field].place
+        at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
+        value = shown(forward.scene_at(values, validate=False), at)
+        slopes = np.empty((len(at), len(fit.u)))
+        for i, parameter in enumerate(fit.model.parameters):
+            there = {**values, parameter.path: parameter.value(fit.u[i] + parameter.step)}
+            slopes[:, i] = (shown(forward.scene_at(there, validate=False), at) - value) / parameter.step
+        stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+        without = shown(forward.scene_at(flat, validate=False), at)
+        out.append(FittedCurve(field, coordinate, quantity, at, value, stderr, without))
+    return tuple(out)
+
+
+def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
+    """Write the beam profile of a fit as a lamp table (`profile = "table"`); None where none was fitted.
+
+    Parameters
+    ----------
+    folder : path-like
+        Gets lamp.csv.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    curves = forward.light.curves
+    if curves is None or PROFILE not in {field_of(p) for p in fit.paths}:
+        return None
+    to_deg = float(curves.bases[PROFILE].place[-1])
+    remark = f"fitted to readings within {to_deg / BEYOND:.3g} deg of the axis; beyond it is a guess"
+    return save_intensity(forward.scene_at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)

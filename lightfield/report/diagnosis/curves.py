@@ -1,0 +1,45 @@
+"""Figure of the curves that a diagnosis has fitted, with their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from lightfield.fitting.fitted_curves import FittedCurve
+from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure
+
+DASHED = (0, (5, 2))
+#: Bands are drawn so wide, in standard errors.
+BAND = 2.0
+
+
+def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
+    """A panel per curve: above with the model that lacks it, below its band of two standard errors alone.
+
+    Parameters
+    ----------
+    curves : sequence of FittedCurve
+        At least one, as `fitting.fitted_curves` gives them.
+    """
+    several = len(curves) > 1
+    with figure(WIDTH if several else 6.0, 4.2) as fig:
+        axes = fig.subplots(2, len(curves), squeeze=False, sharex="col", height_ratios=(2.2, 1))
+        for (upper, lower), curve in zip(axes.T, curves, strict=True):
+            wide = BAND * curve.stderr
+            upper.fill_between(
+                curve.at, curve.value - wide, curve.value + wide, color=RENDER, alpha=0.25, linewidth=0
+            )
+            upper.plot(curve.at, curve.without, color=FORMULA, linestyle=DASHED, label="without the curve")
+            upper.plot(curve.at, curve.value, color=RENDER, label="fitted curve")
+            upper.set_ylabel(curve.quantity)
+            lower.fill_between(
+                curve.at, -wide, wide, color=RENDER, alpha=0.25, linewidth=0, label="two standard errors"
+            )
+            lower.axhline(0, color=MUTED, linewidth=0.8)
+            lower.set_xlabel(curve.coordinate)
+            lower.set_ylabel("its error")
+        lines, names = axes[0, 0].get_legend_handles_labels()
+        bands, errors = axes[1, 0].get_legend_handles_labels()
+        fig.legend([*lines, *bands], [*names, *errors], loc="outside lower center", ncols=3)
+    return fig

@@ -1,0 +1,63 @@
+"""Curves that a scene states by their nodes: linear between them, constant beyond."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from lightfield.arrays import Array
+from lightfield.errors import RuleError
+
+#: Nodes are coordinates of any kind, and departures that no exponential takes out of the range of numbers.
+_FARTHEST, LARGEST = 1e12, 20.0
+Coordinate = Annotated[float, Field(strict=True, ge=-_FARTHEST, le=_FARTHEST)]
+Departure = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+
+
+def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if any(not after > before for (before, _), (after, _) in pairwise(nodes)):
+        raise RuleError("the first numbers of a curve's nodes must rise", "sort the nodes, drop doubles")
+    return nodes
+
+
+#: Coordinate and value of every node; no nodes stand for no departure at all.
+Curve = Annotated[tuple[tuple[Coordinate, Departure], ...], AfterValidator(_rising)]
+Nodes = tuple[tuple[float, float], ...]
+
+
+def value_at(nodes: Nodes, at: Array) -> Array:
+    """The curve at some coordinates.
+
+    Parameters
+    ----------
+    nodes : tuple of pairs
+        At least one.
+    at : array
+        In the unit of the nodes' coordinate.
+    """
+    place, value = _columns(nodes)
+    return np.asarray(np.interp(at, place, value))
+
+
+def integral_to(nodes: Nodes, at: Array) -> Array:
+    """Integral of the curve from 0 to some coordinates; arguments as for `value_at`."""
+    place, value = _columns(nodes)
+    return _from_first(place, value, np.asarray(at, float)) - _from_first(place, value, np.zeros(1))
+
+
+def _from_first(place: Array, value: Array, at: Array) -> Array:
+    """Integral from the first node, of linear pieces and of the constants beyond them."""
+    whole = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(place))])
+    k = np.clip(np.searchsorted(place, at, side="right") - 1, 0, len(place) - 1)
+    step = np.where(at < place[0], at - place[0], at - place[k])
+    return np.asarray(whole[k] + 0.5 * (value[k] + np.interp(at, place, value)) * step)
+
+
+@lru_cache(maxsize=64)
+def _columns(nodes: Nodes) -> tuple[Array, Array]:
+    place, value = np.array(nodes, float).T
+    return place, value

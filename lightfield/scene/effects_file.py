@@ -1,0 +1,37 @@
+"""A file of effects of the user's own: the `[[effect]]` tables of a scene, apart from it."""
+
+from __future__ import annotations
+
+import os
+
+from lightfield.errors import SceneError
+from lightfield.scene.listed import OWN_FIELD
+from lightfield.scene.scene import Scene
+
+
+def with_effects(scene: Scene, path: str | os.PathLike[str] | None) -> Scene:
+    """The scene with the effects of a file beside its own.
+
+    Parameters
+    ----------
+    path : path-like, optional
+        TOML file with nothing but `[[effect]]` tables; without one the scene stays as it is.
+
+    Raises
+    ------
+    SceneError
+        Not such a file, or two effects of one name.
+    """
+    if path is None:
+        return scene
+    given = Scene.load(path)
+    others = sorted(given.model_fields_set - {OWN_FIELD})
+    if others or not given.effect:
+        raise SceneError(
+            "not a file of effects",
+            where=os.fspath(path),
+            found=", ".join(others) or "no effect",
+            rule="[[effect]] tables and nothing else",
+            remedy="leave the rest to the scene",
+        )
+    return scene.with_values({OWN_FIELD: (*scene.effect, *given.effect)})

@@ -1,0 +1,56 @@
+"""A lamp's beam as a table of intensity, the file that `profile = "table"` reads."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene.lamp.profile import radial_intensity
+from lightfield.storage.files import atomic_path
+
+if TYPE_CHECKING:
+    from lightfield.scene.lamp.lamp import Lamp
+
+#: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
+#: is right to 1e-4 of its axis (test_tabulated.py).
+EVEN, LARGER = 401, 100
+
+
+def intensity_rows(lamp: Lamp, to_deg: float) -> tuple[Array, Array]:
+    """Angles in degrees and the intensity there over that on the axis, shape (n,).
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Gaussian family or table, with what departs from it; of an oval beam the section along x.
+    to_deg : float
+        Up to here the beam is tabulated finely.
+    """
+    fine = np.linspace(0.0, min(to_deg, 90.0), EVEN)
+    angle = np.unique(np.concatenate([fine, np.geomspace(max(fine[-1], 1e-3), 90.0, LARGER)]))
+    intensity = radial_intensity(lamp, np.radians(angle) ** 2)
+    return angle, intensity / intensity[0]
+
+
+def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], remark: str = "") -> Path:
+    """Write the table, whole or not at all; arguments as for `intensity_rows`.
+
+    Parameters
+    ----------
+    remark : str
+        One line on where it comes from.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    rows = [f"{a:.6g},{i:.8g}" for a, i in zip(*intensity_rows(lamp, to_deg), strict=True)]
+    lines = [*([f"# {remark}"] if remark else []), "angle_deg,intensity", *rows]
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Path(path)

@@ -1,0 +1,85 @@
+"""Parameters that live in lists of a scene: points of a spectrum, and numbers of effects of the user's own.
+
+"water.absorption_at.450nm" is the absorption at 450 nm, "effect.shadow.depth" the depth of an effect
+`shadow`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+from lightfield.scene.own.effect import OwnEffect
+from lightfield.scene.parameters import Parameter, acts_of
+from lightfield.scene.water.water import Water
+
+AT_FIELD = "absorption_at"
+AT = f"water.{AT_FIELD}."
+OWN_FIELD = "effect"
+OWN = f"{OWN_FIELD}."
+
+
+class Listing(Protocol):
+    """A scene, as far as its lists go."""
+
+    @property
+    def water(self) -> Water: ...
+
+    @property
+    def effect(self) -> tuple[OwnEffect, ...]: ...
+
+
+def is_listed(path: str) -> bool:
+    """Is it a path of something in a list?"""
+    return path.startswith((AT, OWN))
+
+
+def listed_parameters(scene: Listing) -> Iterator[Parameter]:
+    """Every number in the lists of a scene."""
+    for wavelength, value in scene.water.absorption_at:
+        path, meaning = f"{AT}{wavelength:g}nm", f"absorption at {wavelength:g} nm"
+        yield Parameter(path, "1/m", meaning, 0.0, 100.0, None, value, acts_of(Water, AT_FIELD))
+    for effect in scene.effect:
+        for name, p in effect.parameters.items():
+            meaning = p.meaning or f"{name} of the effect {effect.name}"
+            low, high = p.range
+            path = f"{OWN}{effect.name}.{name}"
+            yield Parameter(path, p.unit, meaning, low, high, p.neutral, p.now, effect.acts)
+
+
+def listed_value(scene: Listing, path: str) -> float | None:
+    """The number at a path, None where the scene has none."""
+    return next((p.value for p in listed_parameters(scene) if p.path == path), None)
+
+
+def with_listed(scene: Listing, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by path, those of lists put in their places: the whole lists.
+
+    Raises
+    ------
+    KeyError
+        With the path that a scene's lists have nothing at.
+    """
+    out = {path: value for path, value in values.items() if not is_listed(path)}
+    named = {path: value for path, value in values.items() if is_listed(path)}
+    if not named:
+        return out
+    known = {p.path for p in listed_parameters(scene)}
+    missing = next((path for path in named if path not in known), None)
+    if missing is not None:
+        raise KeyError(missing)
+    if any(path.startswith(AT) for path in named):
+        points = ((w, named.get(f"{AT}{w:g}nm", value)) for w, value in scene.water.absorption_at)
+        out[AT[:-1]] = tuple(points)
+    if any(path.startswith(OWN) for path in named):
+        out[OWN_FIELD] = tuple(_changed(effect, named) for effect in scene.effect)
+    return out
+
+
+def _changed(effect: OwnEffect, named: Mapping[str, Any]) -> OwnEffect:
+    new = {
+        name: p.model_copy(update={"value": value}) if value is not None else p
+        for name, p in effect.parameters.items()
+        for value in [named.get(f"{OWN}{effect.name}.{name}")]
+    }
+    return effect.model_copy(update={"parameters": new})

@@ -1,0 +1,165 @@
+"""Formulas that anybody may have written: arithmetic over named arrays, and nothing else.
+
+The text is parsed, never evaluated, by Python; what is not on the lists below is refused before anything is
+computed, and so is what is long or deep.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.errors import RuleError
+
+#: Longest formula, in characters; most parts (numbers, names, operations) of it. Chosen: much arithmetic.
+LONGEST, MOST_PARTS = 500, 200
+#: Largest number that may be written.
+_LARGEST = 1e12
+
+CONSTANTS = {"pi": math.pi, "e": math.e}
+FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
+    "exp": (np.exp, 1),
+    "log": (np.log, 1),
+    "sqrt": (np.sqrt, 1),
+    "sin": (np.sin, 1),
+    "cos": (np.cos, 1),
+    "tan": (np.tan, 1),
+    "atan": (np.arctan, 1),
+    "tanh": (np.tanh, 1),
+    "abs": (np.abs, 1),
+    "min": (np.minimum, 2),
+    "max": (np.maximum, 2),
+    "where": (np.where, 3),
+}
+_TWO: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+_ONE: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.USub: np.negative, ast.UAdd: np.positive}
+_COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+}
+RULE = (
+    f"numbers, names, + - * / **, one comparison (< <= > >=) at a time, brackets, {', '.join(CONSTANTS)} and "
+    f"{', '.join(FUNCTIONS)}; at most {LONGEST} characters and {MOST_PARTS} parts"
+)
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    RuleError
+        On the first use: not a formula, or one beyond the rules.
+    """
+
+    text: str
+
+    @cached_property
+    def _tree(self) -> ast.expr:
+        if len(self.text) > LONGEST:
+            raise _refused(f"{len(self.text)} characters")
+        if not self.text.isascii() or not self.text.isprintable():
+            raise _refused("a character that is no plain one")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Python's on what is odd, and refused below
+                tree = ast.parse(self.text.strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            raise _refused("what is no formula") from error
+        parts = 0
+        for node in ast.walk(tree):
+            parts += isinstance(node, ast.expr)
+            if parts > MOST_PARTS:
+                raise _refused(f"more than {MOST_PARTS} parts")
+            _check(node)
+        return tree
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Names that need a value."""
+        called = {id(node.func) for node in ast.walk(self._tree) if isinstance(node, ast.Call)}
+        every = (node for node in ast.walk(self._tree) if isinstance(node, ast.Name))
+        return frozenset(node.id for node in every if id(node) not in called) - CONSTANTS.keys()
+
+    def __call__(self, values: Mapping[str, Array | float]) -> Array:
+        """The formula's value, in the shape that the named values have together; not always finite.
+
+        Parameters
+        ----------
+        values : mapping
+            At least the `names`.
+        """
+        known = {name: np.asarray(value, float) for name, value in {**CONSTANTS, **values}.items()}
+        with np.errstate(all="ignore"):
+            return np.asarray(_value(self._tree, known), float)
+
+
+def _refused(found: str) -> RuleError:
+    return RuleError(f"a formula holds {found}; allowed are {RULE}", "write it with these alone")
+
+
+def _check(node: ast.AST) -> None:
+    """Refuse a part of a formula that is not on the lists."""
+    if isinstance(node, ast.Constant):
+        number = node.value
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise _refused(f"a value that is no number ({type(number).__name__})")
+        if not -_LARGEST <= number <= _LARGEST:
+            raise _refused("a number beyond 1e12")
+    elif isinstance(node, ast.Call):
+        called = node.func.id if isinstance(node.func, ast.Name) else ""
+        if called not in FUNCTIONS or node.keywords:
+            raise _refused(f"a call of {called[:40] or 'something without a name'}")
+        takes = FUNCTIONS[called][1]
+        if len(node.args) != takes:
+            raise _refused(f"{called} with {len(node.args)} values instead of {takes}")
+    elif isinstance(node, ast.Compare):
+        if len(node.ops) != 1:
+            raise _refused("several comparisons in a row")
+    elif not isinstance(node, _ALLOWED):
+        raise _refused(f"something else ({type(node).__name__})")
+
+
+_ALLOWED = (ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, *_TWO, *_ONE, *_COMPARE)
+
+
+def _value(node: ast.AST, known: Mapping[str, Array]) -> Any:
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return np.float64(node.value)
+    if isinstance(node, ast.Name):
+        return known[node.id]
+    if isinstance(node, ast.BinOp):
+        return _TWO[type(node.op)](_value(node.left, known), _value(node.right, known))
+    if isinstance(node, ast.UnaryOp):
+        return _ONE[type(node.op)](_value(node.operand, known))
+    if isinstance(node, ast.Compare):
+        left, right = _value(node.left, known), _value(node.comparators[0], known)
+        return np.asarray(_COMPARE[type(node.ops[0])](left, right), float)
+    assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name), "checked when it was parsed"
+    return FUNCTIONS[node.func.id][0](*_values(node.args, known))
+
+
+def _values(nodes: list[ast.expr], known: Mapping[str, Array]) -> Iterator[Any]:
+    for node in nodes:
+        yield _value(node, known)

@@ -1,0 +1,131 @@
+"""Effects of the user's own, and local unknowns: found, laddered and planned for like those of the table."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.errors import UsageError
+from lightfield.fitting import effects
+from lightfield.fitting.effects.local import local_unknowns
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings, write_table
+from lightfield.scene import Scene
+from lightfield.scene.effects_file import with_effects
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "own_effects.md"
+#: A rope that takes 9 % of the light at x = 0.15 m, 7 cm wide.
+DEPTH, PLACE_M, WIDTH_M = 0.09, 0.15, 0.07
+
+
+def shade(table: Readings) -> np.ndarray:
+    return np.asarray(1 - DEPTH * np.exp(-(((table.x_m - PLACE_M) / WIDTH_M) ** 2)))
+
+
+@pytest.fixture
+def own_file(tmp_path: Path) -> Path:
+    """The example of the page about them."""
+    (example,) = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    path = tmp_path / "own.toml"
+    path.write_text(example, encoding="utf-8")
+    return path
+
+
+def test_the_example_of_the_page_is_found(
+    own_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the command that the page names; its sentence is what the page says."""
+    from lightfield.cli import main
+
+    table, believed = readings(factor=shade, seed=3, layout="fine")
+    write_table(table, tmp_path / "readings.csv")
+    believed.save(tmp_path / "scene.toml")
+    line = re.search(r"^    lightfield (diagnose .*)$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    assert line is not None
+    words = [str(tmp_path / w) if w.endswith((".csv", ".toml")) else w for w in line[1].split()]
+    assert main([*words, "--no-trace"]) == 0
+    said = re.search(r"the answer is `(.*?)`", DOCUMENT.read_text(encoding="utf-8"))
+    assert said is not None and said[1] in capsys.readouterr().out
+
+
+def test_it_is_ranked_and_laddered_and_its_size_is_right(own_file: Path) -> None:
+    table, believed = readings(factor=shade, seed=5, layout="fine")
+    found = diagnose(table, with_effects(believed, own_file), diffuse=None, advise=False)
+    assert found.verdict.effects == ["rope"]
+    assert [rung.label for rung in found.verdict.ladder] == ["base", "+ rope"]
+    place = found.verdict.explanations[0].parameters["effect.rope.x0"]
+    assert abs(place.value - PLACE_M) < 4 * place.stderr
+    assert found.scene.get("effect.rope.x0") == pytest.approx(place.value)
+    fitted = Scene.from_toml(found.scene.to_toml())
+    np.testing.assert_allclose(
+        SceneForward(fitted, table).predict({"gain": found.steps[-1].fit.values["gain"]}), found.prediction
+    )
+
+
+def test_it_is_planned_for(own_file: Path) -> None:
+    table, believed = readings(layout="line")
+    made = plan(table, with_effects(believed, own_file), None)
+    assert "rope" in made.limits
+
+
+def test_it_may_not_have_the_name_of_another(own_file: Path) -> None:
+    own_file.write_text(own_file.read_text().replace('"rope"', '"background"'))
+    with pytest.raises(UsageError, match=r"name of another.*background"):
+        effects.all_of(with_effects(Scene(), own_file))
+
+
+def jump(table: Readings) -> np.ndarray:
+    return np.asarray(np.where(table.time_s > 0.6 * table.time_s.max(), 0.93, 1.0))
+
+
+def rings(table: Readings) -> np.ndarray:
+    theta = np.degrees(np.arctan2(np.hypot(table.x_m, table.y_m), table.z_m))
+    return np.asarray(1 + 0.04 * np.sin(2 * np.pi * theta / 1.7 + 0.4))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name", "true"),
+    [
+        (shade, "dip_in_x", {"depth": DEPTH, "x0": PLACE_M, "width": WIDTH_M}),
+        (jump, "step_in_time", {"size": -0.07}),
+        (rings, "ripple_over_angle", {"a": 0.04 * np.sin(0.4), "b": 0.04 * np.cos(0.4), "period": 1.7}),
+    ],
+)
+def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[str, float]) -> None:
+    """Three numbers each; their sizes within the errors of the fit, from starts over their ranges."""
+    table, believed = readings(factor=hidden, seed=1, layout="fine")
+    stderr = np.hypot(0.005 * table.value, 8e-4)
+    table = replace(table, stderr=stderr)
+    scene = believed.with_values({"effect": local_unknowns(table)})
+    known = effects.all_of(scene)
+    problem, _ = problem_of(SceneForward(scene, table), table, [known[name]], None)
+    (one,) = problem.candidates
+    assert len(one.parameters) == 3
+
+    def whiten(columns: np.ndarray) -> np.ndarray:
+        return (columns.T / stderr).T
+
+    base = problem.fit((), whiten, [problem.model().start])
+    starts = [np.r_[base.u, one.typical, shape] for shape in one.grid]
+    begun = [problem.fit((one,), whiten, [start], max_steps=3) for start in starts]
+    fit = problem.fit((one,), whiten, [min(begun, key=lambda f: f.chi2).u])
+    assert fit.chi2 < 0.5 * base.chi2
+    errors, values = fit.stderr(), fit.values
+    for key, value in true.items():
+        path = f"effect.{name}.{key}"
+        assert abs(values[path] - value) < 4 * errors[path], key
+
+
+def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
+    table, _ = readings(layout="fine")
+    assert [e.name for e in local_unknowns(table)] == ["dip_in_x", "step_in_time", "ripple_over_angle"]
+    still = replace(table, x_m=0 * table.x_m, time_s=np.full(len(table.value), np.nan))
+    assert local_unknowns(still) == ()
