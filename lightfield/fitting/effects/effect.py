@@ -87,6 +87,8 @@ class Effect:
         Conditions on readings and scene without which it cannot be tested.
     instead_of : tuple of str
         Parameters of the base model that it takes the place of: held in the middle of their range.
+    contains : tuple of str
+        Effects that are special cases of it, and are never combined with it: it is a free-form curve.
     """
 
     name: str
@@ -97,6 +99,12 @@ class Effect:
     laboratory: str
     needs: tuple[Need, ...] = ()
     instead_of: tuple[str, ...] = ()
+    contains: tuple[str, ...] = ()
+
+    @property
+    def is_free_form(self) -> bool:
+        """Is it a curve that other effects are special cases of?"""
+        return bool(self.contains)
 
     @cached_property
     def diffuse(self) -> bool:
@@ -111,7 +119,8 @@ class Effect:
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
-        return self.name != other.name and not clash
+        special = other.name in self.contains or self.name in other.contains
+        return self.name != other.name and not clash and not special
 
     @property
     def paths(self) -> tuple[str, ...]:

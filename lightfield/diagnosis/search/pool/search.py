@@ -1,0 +1,195 @@
+"""Any number of effects: a pool of refitted sets, noise judged again at every new best one, rivals without
+each effect, and how sure each effect is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
+from lightfield.diagnosis.search.pool.moves import forward, polish
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, coordinates
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.rivals import seek_rivals
+from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
+from lightfield.fitting.least_squares import Fit
+
+#: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
+_BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
+#: Fits of a linear elimination before giving up.
+_MORE = 6
+#: Rounds of noise and search, and of rivals that turn out better. Chosen: noise settles in two.
+_ROUNDS, _RIVAL_ROUNDS = 4, 3
+
+
+@dataclass(frozen=True)
+class Many:
+    """The best set of any number of effects.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        Noise and outliers as judged about it.
+    adequacy : Adequacy
+        Of the best set.
+    adequate : bool
+        Nothing is missing beside it.
+    """
+
+    prepared: Prepared
+    bench: Bench
+    tolerance: float
+    pool: Pool
+    best: Node
+    base: Node
+    adequacy: Adequacy
+    adequate: bool
+    evidence: Sequence[Evidence]
+
+
+@dataclass(frozen=True)
+class Data:
+    """Readings as they came, and what is stated of their errors.
+
+    Parameters
+    ----------
+    problem : Problem
+        With every usable reading, and every candidate.
+    quoted : array, shape (n,)
+        Standard errors of the table; NaN where unknown.
+    """
+
+    problem: Problem
+    quoted: Array
+    budget: Budget
+
+
+def named(candidate: Candidate) -> bool:
+    """Is it a named effect, not a curve?"""
+    return not candidate.effect.is_free_form
+
+
+def everything(candidate: Candidate) -> bool:
+    return True
+
+
+def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit: Fit) -> tuple[Bench, Ground]:
+    made = bench(prepared, tolerance, rng)
+    adequacy = made.test(fit)
+    return made, Ground(made.test, adequacy.phi, adequacy.nu)
+
+
+def _pool(ground: Ground, best: Node | None, progress: Callable[[str], None]) -> Pool:
+    def told(fits: int, node: Node) -> None:
+        progress(f"sets of any number of effects: {fits} tried, {len(node.explanation)} effects")
+
+    pool = Pool(ground, progress=told)
+    start = Begin(coordinates(best) if best is not None else {})
+    pool.settled(pool.fit((), [start]))
+    if best is not None:
+        pool.settled(pool.fit(best.explanation, [start]))
+    return pool
+
+
+def _first(pool: Pool) -> None:
+    """The best named set, then the best of all."""
+    base = pool.nodes[frozenset()]
+    forward(pool, base, _BEAM, _FITS, named)
+    best = polish(pool, named)
+    linear_backward(pool, base, named)
+    linear_backward(pool, best, named)
+    polish(pool, named)
+    if _has_curves(pool):
+        _curves(pool)
+
+
+def _has_curves(pool: Pool) -> bool:
+    return not all(map(named, pool.problem.candidates))
+
+
+def _curves(pool: Pool) -> None:
+    forward(pool, pool.nodes[frozenset()], _BEAM_AGAIN, _FITS_AGAIN, everything)
+    best = polish(pool, everything)
+    if all(map(named, best.explanation)):
+        return
+    # Does a named set catch up with the curve?
+    for candidate in best.explanation:
+        if not named(candidate):
+            best = pool.drop(best, candidate)
+    forward(pool, best, _BEAM_AGAIN, _FITS_AGAIN, named, patience=2)
+    polish(pool, named)
+    polish(pool, everything)
+
+
+def _wider(pool: Pool, best: Node) -> None:
+    """Another look before giving up."""
+    forward(pool, pool.nodes[frozenset()], _WIDE, _FITS, named, patience=2)
+    other = polish(pool, named)
+    for node in {other.key: other, best.key: best}.values():
+        linear_backward(pool, node, named, _MORE)
+    polish(pool, named)
+    polish(pool, everything)
+
+
+def search_many(
+    data: Data,
+    begun: Prepared,
+    described: tuple[Explanation, Fit],
+    alpha: float,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> Many:
+    """The best set, and how sure its effects are.
+
+    Parameters
+    ----------
+    begun : Prepared
+        Noise to begin with.
+    described : (explanation, fit)
+        What describes the readings best so far.
+    """
+    best = Node(*described)
+    prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
+    prepared.whitenings.clear()
+    made, ground = _ground(prepared, 0.0, rng, best.fit)
+    pool = _pool(ground, None, progress)
+    pool.fit(best.explanation, [Begin(coordinates(best))])
+    _first(pool)
+    found = pool.best()
+    for _ in range(_ROUNDS):
+        before = found.key
+        prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
+        made, ground = _ground(prepared, 0.0, rng, found.fit)
+        pool = _pool(ground, found, progress)
+        polish(pool, everything)
+        forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
+        linear_backward(pool, pool.best(), named)
+        found = polish(pool, everything)
+        if found.key == before:
+            break
+    adequacy = made.test(found.fit)
+    if not adequacy.passes(alpha):
+        _wider(pool, found)
+        if pool.best() is not found:
+            found = pool.best()
+            adequacy = made.test(found.fit)
+    for _ in range(_RIVAL_ROUNDS):
+        for candidate in found.explanation:
+            seek_rivals(pool, found, candidate)
+        if pool.best() is found:
+            break
+        found = polish(pool, everything)
+        adequacy = made.test(found.fit)
+    adequate = adequacy.passes(alpha)
+    base = pool.nodes[frozenset()]
+    return Many(
+        prepared, made, 0.0, pool, found, base, adequacy, adequate, evidence(pool, found, adequate)
+    )  # fmt: skip
