@@ -145,7 +145,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
         assert tried.adequacy is not None
         if k == 0:
             left_out = found.steps[-1].held_out_percent
-        elif hold_out:
+        elif hold_out and not finding.beyond_two:
             left_out = held_out(
                 problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
             )
@@ -233,7 +233,9 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, N
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
     scale = error_scale(prepared, finding)
     plain = Whitener(noise, 0.0, 1.0, 0.0)
-    base = problem.fit((), plain, [finding.level.base.u])
+    known = finding.closest
+    start = known.fit.u if known else finding.level.base.u
+    base = problem.fit(known.explanation if known else (), plain, [start])
     ranked = coordinates(problem, plain, base, scale)
     best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
     z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
@@ -297,7 +299,9 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     advice: NextMeasurement | None = None
     misfit: Misfit | None = None
     if best is not None:
-        near = nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
+        # Of more effects the gap to the best set without each says more, and takes no fits.
+        many = finding.beyond_two
+        near = None if many else nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
         if near is not None:
             rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)

@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import forward, polish
@@ -42,6 +42,8 @@ class Many:
         Of the best set.
     adequate : bool
         Nothing is missing beside it.
+    sought : bool
+        It was sought here; else it was found before, and only its rivals were.
     """
 
     prepared: Prepared
@@ -53,6 +55,7 @@ class Many:
     adequacy: Adequacy
     adequate: bool
     evidence: Sequence[Evidence]
+    sought: bool = True
 
 
 @dataclass(frozen=True)
@@ -140,28 +143,21 @@ def _wider(pool: Pool, best: Node) -> None:
 
 
 def search_many(
-    data: Data,
-    begun: Prepared,
-    described: tuple[Explanation, Fit],
-    alpha: float,
-    rng: np.random.Generator,
-    progress: Callable[[str], None],
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
 ) -> Many:
     """The best set, and how sure its effects are.
+
+    Every question is asked with the noise alone, and once more with the tolerance where nothing passes.
 
     Parameters
     ----------
     begun : Prepared
-        Noise to begin with.
-    described : (explanation, fit)
-        What describes the readings best so far.
+        Noise to begin with, and what describes the readings best so far.
     """
-    best = Node(*described)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
-    prepared.whitenings.clear()
-    made, ground = _ground(prepared, 0.0, rng, best.fit)
-    pool = _pool(ground, None, progress)
-    pool.fit(best.explanation, [Begin(coordinates(best))])
+    found = Node(prepared.explanation, prepared.reference)
+    _, ground = _ground(replace(prepared), 0.0, rng, found.fit)
+    pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
     for _ in range(_ROUNDS):
@@ -169,18 +165,16 @@ def search_many(
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
         made, ground = _ground(prepared, 0.0, rng, found.fit)
         pool = _pool(ground, found, progress)
-        polish(pool, everything)
-        forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
-        linear_backward(pool, pool.best(), named)
-        found = polish(pool, everything)
+        found = _again(pool)
         if found.key == before:
             break
-    adequacy = made.test(found.fit)
-    if not adequacy.passes(alpha):
-        _wider(pool, found)
-        if pool.best() is not found:
-            found = pool.best()
-            adequacy = made.test(found.fit)
+    tolerance = 0.0
+    found, adequacy = _settled(pool, made, found, alpha)
+    if not adequacy.passes(alpha) and data.budget.tolerance > 0:
+        tolerance = data.budget.tolerance
+        made, ground = _ground(prepared, tolerance, rng, found.fit)
+        pool = _pool(ground, found, progress)
+        found, adequacy = _settled(pool, made, _again(pool), alpha)
     for _ in range(_RIVAL_ROUNDS):
         for candidate in found.explanation:
             seek_rivals(pool, found, candidate)
@@ -190,6 +184,24 @@ def search_many(
         adequacy = made.test(found.fit)
     adequate = adequacy.passes(alpha)
     base = pool.nodes[frozenset()]
-    return Many(
-        prepared, made, 0.0, pool, found, base, adequacy, adequate, evidence(pool, found, adequate)
-    )  # fmt: skip
+    certainty = evidence(pool, found, adequate)
+    return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
+
+
+def _again(pool: Pool) -> Node:
+    """The best set, from what was the best under other errors."""
+    polish(pool, everything)
+    forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
+    linear_backward(pool, pool.best(), named)
+    return polish(pool, everything)
+
+
+def _settled(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, Adequacy]:
+    """The best set and its test, after another look where it fails."""
+    adequacy = made.test(found.fit)
+    if not adequacy.passes(alpha):
+        _wider(pool, found)
+        if pool.best() is not found:
+            found = pool.best()
+            adequacy = made.test(found.fit)
+    return found, adequacy
