@@ -18,7 +18,8 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
-from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent
+from lightfield.diagnosis.verdict.found import found_effects
+from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -132,8 +133,9 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
             parameters=values(s),
             scene=found.forward.scene_at(s.fit.values).to_toml(),
+            removed_percent=part,
         )
-        for s in found.steps
+        for s, part in zip(found.steps, removed(found.steps, scale), strict=True)
     ]
 
 
@@ -277,6 +279,16 @@ def _untestable(found: Found) -> dict[str, str]:
     return found.untestable | {name: ABSORBED for name in others if name not in testable}
 
 
+def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
+    """Parameters of the best set; errors that an unexplained misfit widens."""
+    closest = finding.closest
+    if closest is None:
+        return {}
+    if finding.best is None:
+        phi = max(phi, closest.fit.chi2 / max(finding.n - len(closest.fit.u), 1))
+    return estimates(closest.fit, phi, units, closest.errors)
+
+
 def kind_of(finding: Finding) -> Kind:
     """The kind of verdict that a finding is."""
     if finding.best is not None:
@@ -331,6 +343,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
+        found=found_effects(found.forward, finding, _of_best(finding, phi, units)),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
         untestable=untestable,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -84,6 +85,23 @@ def _label(candidate: Candidate) -> str:
     if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
         return f"+ {candidate.name}"
     return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
+
+
+def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
+    """Share of the base model's misfit beyond noise that each rung removes, in per cent; None for the base.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    """
+    base, last = steps[0].fit, steps[-1].fit
+    spare = max(len(base.residual) - len(last.u), 1)
+    whole = base.chi2 - max(last.chi2, scale * spare)
+    out: list[float | None] = [None]
+    for before, after in pairwise(steps):
+        out.append(100 * (before.fit.chi2 - after.fit.chi2) / whole if whole > 0 else None)
+    return out
 
 
 def _order(
