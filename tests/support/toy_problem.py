@@ -74,6 +74,20 @@ def candidate(name: str, low: float = -1e3, high: float = 1e3) -> Candidate:
     return Candidate(effect, form, (FitParameter(path, low, high, 0.0, 1e-3),), (1.0,), (), ((),), (0.0,))
 
 
+def curve(name: str, forms: Sequence[int], contains: tuple[str, ...]) -> list[Candidate]:
+    """A free-form effect: nested forms of so many amplitudes, that contain other effects."""
+    paths = [f"toy.{name}{k}" for k in range(max(forms))]
+    declared = tuple(Form(f"{d} terms", tuple(Free(p, -1e3, 1e3, 1.0) for p in paths[:d])) for d in forms)
+    effect = Effect(name, "toy curve", declared, "", "", "look at it", contains=contains)
+    return [
+        Candidate(
+            effect, form, tuple(FitParameter(p, -1e3, 1e3, 0.0, 1e-3) for p in paths[:d]),
+            (1.0,) * d, (), ((),), (0.0,) * d,
+        )
+        for form, d in zip(declared, forms, strict=True)
+    ]  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Toy:
     """A problem, its true base, and the standard errors of its readings, shape (n,).

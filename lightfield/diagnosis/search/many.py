@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
+from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
@@ -40,14 +42,13 @@ def beyond_two(
     many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress)
     bench, base = many.bench, many.base.fit
     level = Level(many.tolerance, bench, base, bench.test(base))
-    best = Tried(
-        many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test
-    )
+    best = Tried(many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test)
     near = sorted(many.pool.nodes.values(), key=many.pool.cost)[:_NEAR]
+    others = (_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)
+    kept = int(many.prepared.problem.keep.sum())
     found = replace(
-        finding, level=level, levels=[*finding.levels, level], many=many, n=int(many.prepared.problem.keep.sum()),
-        tried=[best, *(_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)],
-    )  # fmt: skip
+        finding, level=level, levels=[*finding.levels, level], tried=[best, *others], n=kept, many=many
+    )
     if not (many.adequate and many.best.explanation):
         return many.prepared, found
     accepted = [best, *_family(many, alpha)]
@@ -82,6 +83,9 @@ def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> 
         return finding
     problem = replace(data.problem, keep=prepared.problem.keep)
     test, adequacy = best.test.on(problem), best.adequacy
+    if problem.sample is not None and isinstance(test.whiten, Whitener):
+        rows, problem = problem.sample
+        test = AdequacyTest(problem, test.whiten.of(rows), {}, test.noise, test.errors_stated)
     pool = Pool(Ground(test, adequacy.phi, adequacy.nu))
     own = {c.key: c for c in problem.candidates}
     explanation = tuple(own.get(c.key, c) for c in best.explanation)

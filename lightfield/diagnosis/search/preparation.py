@@ -185,13 +185,13 @@ def _prepared(
         same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
         described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
-    own = np.zeros(layout.size)
+    own: Array = np.zeros(layout.size)
     if explanation:
         own = _own_error(problem, reference)
         problem, whiten, reference = _without_outliers(
             problem, quoted, explanation, reference, usable, True, own
         )
-    settled = _settled(problem, whiten, Described(explanation, reference, base), own, budget, stated)
+    settled = _settled(problem, whiten, explanation, (reference, base), own, budget, stated)
     return replace(settled, known=described.known, to_trace_per_m=described.to_trace_per_m)
 
 
@@ -214,17 +214,8 @@ def prepare_about(
     if law is not None:
         again = replace(problem, keep=usable)
         problem, whiten, reference = _without_outliers(again, law, explanation, fit, usable, True, own)
-    settled = _settled(problem, whiten, Described(explanation, reference, reference), own, budget, stated)
+    settled = _settled(problem, whiten, explanation, (reference, reference), own, budget, stated)
     return replace(settled, doubted=law is not None)
-
-
-@dataclass(frozen=True)
-class Described:
-    """What the readings are like, and the fit whose diffuse light has the error that the noise states."""
-
-    explanation: Explanation
-    reference: Fit
-    lit: Fit
 
 
 def _own_error(problem: Problem, fit: Fit) -> Array:
@@ -234,7 +225,13 @@ def _own_error(problem: Problem, fit: Fit) -> Array:
 
 
 def _settled(
-    problem: Problem, whiten: Whitener, described: Described, own: Array, budget: Budget, stated: bool
+    problem: Problem,
+    whiten: Whitener,
+    explanation: Explanation,
+    fits: tuple[Fit, Fit],
+    own: Array,
+    budget: Budget,
+    stated: bool,
 ) -> Prepared:
     """Standard errors and serial correlation about a description without the outliers.
 
@@ -242,10 +239,12 @@ def _settled(
     ----------
     whiten : Whitener
         By the smoothed quoted errors, and the description's own.
+    fits : (Fit, Fit)
+        The description, and the fit whose diffuse light has the error that the noise states.
     own : array, shape (n,)
         Error of the description by its diffuse light.
     """
-    layout, explanation, reference = problem.layout, described.explanation, described.reference
+    layout, (reference, lit) = problem.layout, fits
     quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
     if stated:
         rich, total = _rich(problem, whiten, reference), whiten.noise.sigma
@@ -261,7 +260,7 @@ def _settled(
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
-    noise = with_response_error(problem, plain, described.lit)
+    noise = with_response_error(problem, plain, lit)
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
     return Prepared(problem, noise, serial, reference, explanation, stated, excess)
 

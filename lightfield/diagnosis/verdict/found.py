@@ -1,5 +1,5 @@
-"""Every effect of the best set as data: its level, its size, what stands against it, and what the water and the
-beam would be without it."""
+"""Every effect of the best set as data: its level, its size, what stands against it, and what water and beam
+would be without it."""
 
 from __future__ import annotations
 

@@ -49,7 +49,9 @@ def _value(path: str, estimate: Estimate) -> str:
     return f"{path.rpartition('.')[2]} = {estimate.value:.4g} {error}{unit}"
 
 
-def said(kind: Kind, found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None) -> Said | None:
+def said(
+    kind: Kind, found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None
+) -> Said | None:
     """The verdict on three effects and more, or on an unexplained best set; None where others have the word.
 
     Parameters

@@ -79,7 +79,7 @@ class FoundEffect(Part):
     )
     parameters: dict[str, Estimate] = Field(description="its size, by dotted path")
     sigma_to_remove: float | None = Field(description="by which the others, refitted, are worse without it")
-    gap: float | None = Field(description="cost of the best set without it above that of the best set; null: none")
+    gap: float | None = Field(description="cost of the best set without it above that of the best")
     gap_named: float | None = Field(description="the same, without curves that it is a special case of")
     gap_plus: float | None = Field(
         description="the same among sets with at most one effect more, all parameters counted alike"

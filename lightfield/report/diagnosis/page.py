@@ -168,7 +168,8 @@ def _lead(verdict: Verdict) -> list[str]:
 def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     """An effect of the best set: how sure it is, and what would be without it."""
     numbers = [
-        "–" if v is None else f"{v:.3g}" if v < MANY else f"> {MANY:g}" for v in (one.sigma_to_remove, one.gap)
+        "–" if v is None else f"{v:.3g}" if v < MANY else f"> {MANY:g}"
+        for v in (one.sigma_to_remove, one.gap)
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {

@@ -43,8 +43,8 @@ class Equivalence:
 
 
 def _turned_receiver(values: Mapping[str, float]) -> list[dict[str, float]]:
-    """A Gaussian acceptance of width A about an axis turned by t, times a Gaussian beam of width h0, is a beam
-    of width h that is tilted by -t (h / A)^2, where 1/h^2 = 1/h0^2 + 1/A^2."""
+    """A Gaussian acceptance of width A about an axis turned by t, times a Gaussian beam of width h0, is a
+    beam of width h that is tilted by -t (h / A)^2, where 1/h^2 = 1/h0^2 + 1/A^2."""
     h, tilt = values["lamp.hwhm_deg"], values.get("lamp.tilt_x_deg", 0.0)
     out = []
     for turn in _TURNS_DEG:

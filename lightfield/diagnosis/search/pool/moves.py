@@ -8,6 +8,8 @@ from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Pro
 _MOST = 9
 #: A set counts as better when it costs less by this.
 _BETTER = 1e-6
+#: What promises less of chi-square than one parameter takes of the noise is not fitted.
+_LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.
 ROUNDS, SWAPS, REACH = 6, 10, 8.0
@@ -61,7 +63,9 @@ def _additions(pool: Pool, level: list[Node], allowed: Allowed) -> dict[Key, Pro
     for node in level:
         for promise in pool.promises(node):
             known = out.get(promise.key)
-            if allowed(promise.candidate) and (known is None or promise.cost < known.cost):
+            if not allowed(promise.candidate) or promise.starts[0].gain < _LEAST * pool.ground.phi:
+                continue
+            if known is None or promise.cost < known.cost:
                 out[promise.key] = promise
     return out
 

@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
+from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.search import clipped
 from lightfield.fitting.least_squares import Fit
 
@@ -194,13 +194,13 @@ class Pool:
         """The set as fitted to the end, with slopes of its own."""
         if node.key not in self._settled:
             whiten = self.ground.test.whiten
-            fit = self.problem.fit(node.explanation, whiten, [node.fit.u], _STEPS, tolerance=_LEFT)
+            begin = Begin(coordinates(node))
+            fit = settled_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
             self._spend(node.explanation, fit)
             self._settled.add(node.key)
-            if fit.chi2 < node.fit.chi2:
-                self._scores.pop(node.key, None)
-                self._promises.pop(node.key, None)
-                return self._remember(Node(node.explanation, fit))
+            self._scores.pop(node.key, None)
+            self._promises.pop(node.key, None)
+            return self._remember(Node(node.explanation, fit))
         return self.nodes[node.key]
 
     def affordable(self, candidates: Iterable[Candidate]) -> bool:

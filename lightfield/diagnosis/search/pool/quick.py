@@ -20,6 +20,8 @@ from lightfield.fitting.least_squares import Fit, Whiten
 #: Damping to begin with, at least, and by how much it falls and rises; steps that fail before the slopes are
 #: taken anew, and after that before it ends.
 _DAMPING, _LEAST, _FALL, _RISE, _FAILURES = 1e-3, 1e-9, 10.0, 10.0, 3
+#: How often slopes are taken anew before a fit counts as ended.
+_RENEWALS = 6
 #: A parameter this near to a bound that it is drawn to, as part of its range, is held there.
 _AT = 1e-9
 
@@ -72,7 +74,7 @@ class _Quick:
         moved[i] += step
         return np.asarray((self.residual - self._at(moved)[1]) / step)
 
-    def _renew(self) -> None:
+    def renew(self) -> None:
         self.slopes = np.stack([self._slope(i) for i in range(len(self.u))], axis=1)
         self.fresh, self.damping = True, _DAMPING
 
@@ -111,7 +113,7 @@ class _Quick:
             if failed >= _FAILURES:
                 if self.fresh:
                     return
-                self._renew()
+                self.renew()
                 failed = 0
 
     def _learn(self, step: Array, change: Array) -> None:
@@ -126,7 +128,11 @@ class _Quick:
         model, u, prediction = self.model, self.u, self.prediction
         keep, whiten = self.problem.keep, self.whiten
 
+        known = self.slopes if self.fresh else None
+
         def differentiate() -> Array:
+            if known is not None:
+                return known
             return np.asarray(whiten(keep[:, None] * model.jacobian(u, prediction)))
 
         return Fit(model, u, prediction, self.residual, self.chi2, differentiate, True, self.evaluations)
@@ -146,4 +152,17 @@ def quick_fit(
     """
     search = _Quick(problem, explanation, whiten, begin)
     search.run(steps, tolerance)
+    return search.fit()
+
+
+def settled_fit(
+    problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin, steps: int, tolerance: float
+) -> Fit:
+    """The same to the end: until slopes taken anew ask for no further step."""
+    search = _Quick(problem, explanation, whiten, begin)
+    for _ in range(_RENEWALS):
+        search.run(steps, tolerance)
+        if search.fresh:
+            break
+        search.renew()
     return search.fit()

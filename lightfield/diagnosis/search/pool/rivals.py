@@ -18,6 +18,9 @@ _BEAM, _FITS, _LEVELS, _PATIENCE = 3, 7, 2, 2
 _PAIRS = 3
 #: Rounds of drops and swaps after that, and swaps in each: what became superfluous goes.
 _ROUNDS, _SWAPS, _REACH = 2, 5, 6.0
+#: Cost above the best at which a second effect more, and then drops and swaps, are still tried. Chosen: a
+#: rival has to come down to ten.
+_FAR, _NEAR = 1000.0, 200.0
 #: Keeps the normal equations of two templates that are one solvable.
 _RIDGE = 1e-7
 
@@ -33,7 +36,9 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
     rest = [c for c in best.explanation if c is not candidate]
     if pool.affordable(rest):
         dropped = pool.drop(best, candidate)
-        forward(pool, dropped, _BEAM, _FITS, without, _LEVELS, _PATIENCE)
+        forward(pool, dropped, _BEAM, _FITS, without, most=1)
+        if _far(pool, best, without) < _FAR:
+            forward(pool, dropped, _BEAM, _FITS, without, _LEVELS, _PATIENCE)
         for pair in _pairs(pool, dropped, without):
             whole = (*dropped.explanation, *(c for c, *_ in pair))
             begin = begin_at(dropped)
@@ -42,7 +47,13 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
             if pool.affordable(whole):
                 pool.fit(whole, [begin])
     try_declared(pool, best, candidate)
-    polish(pool, without, _ROUNDS, _SWAPS, _REACH)
+    if _far(pool, best, without) < _NEAR:
+        polish(pool, without, _ROUNDS, _SWAPS, _REACH)
+
+
+def _far(pool: Pool, best: Node, allowed: Allowed) -> float:
+    """Cost of the best set of allowed effects above that of the best."""
+    return pool.cost(pool.best(allowed)) - pool.cost(best)
 
 
 def _pairs(pool: Pool, node: Node, allowed: Allowed) -> list[tuple[_Begun, _Begun]]:

@@ -11,7 +11,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
@@ -80,6 +80,11 @@ def named(candidate: Candidate) -> bool:
     return not candidate.effect.is_free_form
 
 
+def direct(candidate: Candidate) -> bool:
+    """Is it a named effect that acts on direct light alone?"""
+    return named(candidate) and not candidate.effect.diffuse
+
+
 def everything(candidate: Candidate) -> bool:
     return True
 
@@ -105,8 +110,10 @@ def _pool(ground: Ground, best: Node | None, progress: Callable[[str], None]) ->
 def _first(pool: Pool) -> None:
     """The best named set, then the best of all."""
     base = pool.nodes[frozenset()]
-    forward(pool, base, _BEAM, _FITS, named)
-    best = polish(pool, named)
+    # Scattered and reflected light takes its time: first without.
+    forward(pool, base, _BEAM, _FITS, direct)
+    polish(pool, direct)
+    best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
     linear_backward(pool, best, named)
     polish(pool, named)
@@ -147,16 +154,20 @@ def search_many(
 ) -> Many:
     """The best set, and how sure its effects are.
 
-    Every question is asked with the noise alone, and once more with the tolerance where nothing passes.
+    Every question is asked with the noise alone, and once more with the tolerance where nothing passes. Of
+    many readings a sample is searched, and what it finds is fitted to all of them.
 
     Parameters
     ----------
     begun : Prepared
         Noise to begin with, and what describes the readings best so far.
     """
+    sample = data.problem.sample
+    if sample is not None:
+        return _of_sample(data, begun, alpha, rng, progress)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
     found = Node(prepared.explanation, prepared.reference)
-    _, ground = _ground(replace(prepared), 0.0, rng, found.fit)
+    _, ground = _ground(prepared, 0.0, rng, found.fit)
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
@@ -186,6 +197,32 @@ def search_many(
     base = pool.nodes[frozenset()]
     certainty = evidence(pool, found, adequate)
     return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
+
+
+def _of_sample(
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
+) -> Many:
+    """What a sample of many readings finds, fitted to all of them and tested on them."""
+    assert data.problem.sample is not None
+    rows, some = data.problem.sample
+    part = replace(data, problem=some, quoted=data.quoted[rows])
+    u = begun.reference.u
+    first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
+    found = search_many(
+        part, prepare_about(some, part.quoted, data.budget, begun.explanation, first), alpha, rng, progress
+    )
+    progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
+    best, whole = found.best, Whitener(begun.noise)
+    fit = data.problem.fit(best.explanation, whole, [best.fit.u])
+    prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
+    made, ground = _ground(prepared, found.tolerance, rng, fit)
+    pool = _pool(ground, Node(best.explanation, fit), progress)
+    node = pool.nodes[best.key]
+    adequacy = made.test(node.fit)
+    adequate = adequacy.passes(alpha)
+    certainty = evidence(found.pool, best, adequate)
+    base = pool.nodes[frozenset()]
+    return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
 
 
 def _again(pool: Pool) -> Node:
