@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -16,7 +16,7 @@ from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE
-from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.all_parameters import acts_on, neutral, paths_on
 from lightfield.scene.water.coefficients import scattering_per_m
 
 if TYPE_CHECKING:
@@ -113,6 +113,9 @@ class LightSource:
         Factor on the light, and error of what comes of it beside the trace's own.
     part_of : (LightSource, array of bool), optional
         Whose readings these are some of, and which: what is traced is traced for all of them.
+    held : (LightSource, array, mapping), optional
+        Whose scattered and reflected light, shape (n,), stays as it is while the parameters that make it
+        have these values.
     """
 
     scene: Scene
@@ -123,6 +126,7 @@ class LightSource:
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
+    held: tuple[LightSource, Array, Mapping[str, float]] | None = None
 
     @classmethod
     def of(
@@ -150,6 +154,12 @@ class LightSource:
         """The same, scaled reading by reading, so that at `values` it is as given with an error."""
         plain = replace(self, correction=1.0)
         return replace(self, correction=light / np.maximum(plain.light(values), 1e-300), stderr=stderr)
+
+    def holding(self, values: Mapping[str, float]) -> LightSource:
+        """The same, whose scattered and reflected light does not follow the lamp's small changes."""
+        direct = self.direct(self.scene_at(_optical(values), validate=False), self.readings)
+        rest = self.light(values) - direct * self.correction
+        return replace(self, held=(self, np.asarray(rest), _diffuse(values)))
 
     @cached_property
     def channels(self) -> tuple[Array, NDArray[np.int_]]:
@@ -220,8 +230,12 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
+        if self.held is not None and self.held[2] != _diffuse(dict(optical)):
+            return self.held[0].light(dict(optical))
         scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
+        if self.held is not None:
+            return np.asarray(light * self.correction + self.held[1])
         if self.trace is not None and has_diffuse_light(scene):
             every = self._response.light(scene, self._colours)
             channel = self.channels[1]
@@ -254,3 +268,13 @@ class LightSource:
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
     return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
+
+
+def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
+    """The values that make scattered and reflected light what it is."""
+    return {k: v for k, v in values.items() if _makes_diffuse(k)}
+
+
+@cache
+def _makes_diffuse(path: str) -> bool:
+    return bool(acts_on(path) & DIFFUSE)

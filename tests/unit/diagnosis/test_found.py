@@ -110,8 +110,8 @@ def _shadow(table: object) -> np.ndarray:
 
 
 def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
-    """In this program's own light, but for the receiver's cosine: that of a receiver turned by 6 to 12 degrees
-    changes by tan(12 degrees) times the angle, 0.1 rad, over the beam."""
+    """In this program's own light, but for the receiver's cosine: that of a receiver turned by 6 to 12
+    degrees changes by tan(12 degrees) times the angle, 0.1 rad, over the beam."""
     (line,) = TABLE
     table, believed = readings(seed=1, layout="line")
     tilted = {"lamp.hwhm_deg": 4.0, "lamp.tilt_x_deg": 0.5}

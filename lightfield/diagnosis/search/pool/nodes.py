@@ -8,7 +8,7 @@ and nu degrees of freedom at alpha/p, where p effects can be tested (Bonferroni)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -203,6 +203,13 @@ class Pool:
             return self._remember(Node(node.explanation, fit))
         return self.nodes[node.key]
 
+    def exact(self, node: Node) -> Node:
+        """The set with all derivatives its own, also by scattered and reflected light."""
+        whiten = self.ground.test.whiten
+        return self._remember(
+            Node(node.explanation, self.problem.fit(node.explanation, whiten, [node.fit.u]))
+        )
+
     def affordable(self, candidates: Iterable[Candidate]) -> bool:
         """May a set still be fitted? Scattered and reflected light takes its time."""
         whole = tuple(candidates)
@@ -214,7 +221,11 @@ class Pool:
     def scores(self, node: Node) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
         """Score tests of every effect that the set lacks."""
         if node.key not in self._scores:
-            self._scores[node.key] = self.ground.test.score(node.fit)
+            test = self.ground.test
+            if node.is_diffuse:
+                near = self.problem.forward.holding(node.fit.values)
+                test = test.on(replace(self.problem, forward=near))
+            self._scores[node.key] = test.score(node.fit)
         return self._scores[node.key]
 
     def promises(self, node: Node) -> list[Promise]:

@@ -8,7 +8,8 @@ doi:10.1137/0111030). Slopes are taken anew where a step fails.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -48,9 +49,11 @@ class _Quick:
         start = np.array([begin.u.get(p.path, p.start) for p in self.model.parameters])
         self.low, self.high = self.model.low, self.model.high
         self.u = np.clip(start, self.low, self.high)
-        self.evaluations = 0
+        self.evaluations, self.diffuse = 0, any(c.effect.diffuse for c in explanation)
+        self.explanation, self.near = explanation, self.model
         self.prediction, self.residual = self._at(self.u)
         self.chi2 = float(self.residual @ self.residual)
+        self._come_near()
         self.slopes = np.stack(
             [
                 begin.slopes[p.path] if p.path in begin.slopes else self._slope(i)
@@ -60,6 +63,13 @@ class _Quick:
         )
         self.fresh = not begin.slopes
         self.damping = _DAMPING
+
+    def _come_near(self) -> None:
+        """Slopes are taken with scattered and reflected light that does not follow the lamp: its evaluation
+        takes a hundred times as long, and a step shows what is missing."""
+        if self.diffuse:
+            forward = self.problem.forward.holding(self.model.values(self.u))
+            self.near = replace(self.problem, forward=forward).model(self.explanation)
 
     def _at(self, u: Array) -> tuple[Array, Array]:
         prediction = self.model.predict(u)
@@ -72,9 +82,18 @@ class _Quick:
             return np.zeros(len(self.residual))
         step = parameter.step if self.u[i] + parameter.step <= parameter.high else -parameter.step
         moved[i] += step
-        return np.asarray((self.residual - self._at(moved)[1]) / step)
+        # Counts where it makes scattered and reflected light anew.
+        self.evaluations += int(parameter.path in self.lights)
+        change = self.problem.keep * (self.near.predict(moved) - self.prediction)
+        return np.asarray(self.whiten(change) / step)
+
+    @cached_property
+    def lights(self) -> frozenset[str]:
+        """Parameters that make scattered and reflected light."""
+        return frozenset(p.path for c in self.explanation if c.effect.diffuse for p in c.parameters)
 
     def renew(self) -> None:
+        self._come_near()
         self.slopes = np.stack([self._slope(i) for i in range(len(self.u))], axis=1)
         self.fresh, self.damping = True, _DAMPING
 

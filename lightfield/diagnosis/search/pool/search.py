@@ -192,7 +192,8 @@ def search_many(
         if pool.best() is found:
             break
         found = polish(pool, everything)
-        adequacy = made.test(found.fit)
+    found = pool.exact(found)
+    adequacy = made.test(found.fit)
     adequate = adequacy.passes(alpha)
     base = pool.nodes[frozenset()]
     certainty = evidence(pool, found, adequate)
