@@ -17,8 +17,8 @@ from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import atomic_path, locked_folder, output_file
 
-#: Of a ladder: the base model and two effects.
-MOST_RUNGS = 3
+#: Of a ladder: the base model and eight effects.
+MOST_RUNGS = 9
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
+from lightfield.diagnosis.search.many import beyond_two, levelled
+from lightfield.diagnosis.search.pool.search import Data, named
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
@@ -241,18 +243,25 @@ def _diagnose(
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
-        prepared = prepare(calibration.by_shape(problem), quoted, budget, rng, alpha, known)
+        data = Data(calibration.by_shape(problem), quoted, budget)
+        # Curves come only where no named effect will do.
+        by_name = replace(data.problem, candidates=tuple(filter(named, data.problem.candidates)))
+        prepared = prepare(by_name, quoted, budget, rng, alpha, known)
         traces.asked, known = prepared.to_trace_per_m, prepared.known
         if traces.asked is not None and traces.left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
+        if finding.size is None:
+            prepared, finding = beyond_two(data, prepared, finding, alpha, seed, progress)
         traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
+    progress("rivals of every effect")
+    finding = levelled(data, prepared, finding, alpha)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
-    best = finding.best
+    best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
     progress("errors of planes held out")

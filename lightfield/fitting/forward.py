@@ -110,6 +110,10 @@ class SceneForward:
         light = self.light.subset(rows)
         return SceneForward(self.scene, light.readings, full=self._full, light=light)
 
+    def holding(self, values: Mapping[str, float]) -> SceneForward:
+        """The same near some values, for slopes: scattered and reflected light does not follow the lamp."""
+        return SceneForward(self.scene, self.readings, full=self._full, light=self.light.holding(values))
+
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> SceneForward:
         """A copy whose light is scaled, reading by reading, so that at `values` it equals a full render.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE
-from lightfield.scene.all_parameters import neutral, paths_on
+from lightfield.scene.all_parameters import acts_on, neutral, paths_on
 from lightfield.scene.bands import read_nm
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import scattering_per_m
@@ -122,6 +122,9 @@ class LightSource:
         Whose readings these are some of, and which: what is traced is traced for all of them.
     curves : Curves, optional
         What amplitudes of curves among the values stand for.
+    held : (LightSource, array, mapping), optional
+        Whose scattered and reflected light, shape (n,), stays as it is while the parameters that make it
+        have these values.
     """
 
     scene: Scene
@@ -133,6 +136,7 @@ class LightSource:
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
     curves: Curves | None = None
+    held: tuple[LightSource, Array, Mapping[str, float]] | None = None
 
     @classmethod
     def of(
@@ -161,6 +165,12 @@ class LightSource:
         """The same, scaled reading by reading, so that at `values` it is as given with an error."""
         plain = replace(self, correction=1.0)
         return replace(self, correction=light / np.maximum(plain.light(values), 1e-300), stderr=stderr)
+
+    def holding(self, values: Mapping[str, float]) -> LightSource:
+        """The same, whose scattered and reflected light does not follow the lamp's small changes."""
+        direct = self.direct(self.scene_at(_optical(values), validate=False), self.readings)
+        rest = self.light(values) - direct * self.correction
+        return replace(self, held=(self, np.asarray(rest), _diffuse(values)))
 
     @cached_property
     def channels(self) -> tuple[Array, NDArray[np.int_]]:
@@ -239,8 +249,12 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
+        if self.held is not None and self.held[2] != _diffuse(dict(optical)):
+            return self.held[0].light(dict(optical))
         scene = lit(self.with_values(dict(optical)))
         light: Array = self.direct(scene, self.readings)
+        if self.held is not None:
+            return np.asarray(light * self.correction + self.held[1])
         if self.trace is not None and has_diffuse_light(scene):
             light = light + np.where(self._wet, self._diffuse(scene), 0.0)
         return np.asarray(light * self.correction)
@@ -289,3 +303,13 @@ class LightSource:
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
     return {k: v for k, v in values.items() if not (k.startswith(GAIN) or field_of(k) in _AFTERWARDS)}
+
+
+def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
+    """The values that make scattered and reflected light what it is."""
+    return {k: v for k, v in values.items() if _makes_diffuse(field_of(k))}
+
+
+@cache
+def _makes_diffuse(path: str) -> bool:
+    return bool(acts_on(path) & DIFFUSE)

@@ -62,6 +62,9 @@ class Linear:
             np.zeros(self.size),
         )
 
+    def holding(self, values: Mapping[str, float]) -> Linear:
+        return self
+
     def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((self.size, 0)), np.zeros(self.size)
 
@@ -72,6 +75,20 @@ def candidate(name: str, low: float = -1e3, high: float = 1e3) -> Candidate:
     form = Form("linear", (Free(path, low, high, 1.0),))
     effect = Effect(name, "toy", (form,), "", "", "look at it")
     return Candidate(effect, form, (FitParameter(path, low, high, 0.0, 1e-3),), (1.0,), (), ((),), (0.0,))
+
+
+def curve(name: str, forms: Sequence[int], contains: tuple[str, ...]) -> list[Candidate]:
+    """A free-form effect: nested forms of so many amplitudes, that contain other effects."""
+    paths = [f"toy.{name}{k}" for k in range(max(forms))]
+    declared = tuple(Form(f"{d} terms", tuple(Free(p, -1e3, 1e3, 1.0) for p in paths[:d])) for d in forms)
+    effect = Effect(name, "toy curve", declared, "", "", "look at it", contains=contains)
+    return [
+        Candidate(
+            effect, form, tuple(FitParameter(p, -1e3, 1e3, 0.0, 1e-3) for p in paths[:d]),
+            (1.0,) * d, (), ((),), (0.0,) * d,
+        )
+        for form, d in zip(declared, forms, strict=True)
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True)

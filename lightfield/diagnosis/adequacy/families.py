@@ -118,7 +118,7 @@ def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Ar
 def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
     """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
     unit = orthonormal(basis - basis.mean(0), _SAME_COLUMN)
-    model, keep, value = problem.model(), problem.keep, problem.value
+    model, keep, value = base.model, problem.keep, problem.value
     u, factor = base.u.copy(), np.ones(problem.layout.size)
     best = (base.chi2, factor)
     for _ in range(_ITERATIONS):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
+from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, OwnErrors, Prepared, bench
 from lightfield.diagnosis.search.search import (
     Fitted,
@@ -72,6 +73,8 @@ class Finding:
         Number of readings that were fitted.
     withheld : bool
         There was an answer, and no reason to believe it.
+    many : Many, optional
+        The best set of any number of effects, and how sure each of them is.
     """
 
     size: int | None
@@ -82,6 +85,7 @@ class Finding:
     tried: list[Tried]
     n: int
     withheld: bool = False
+    many: Many | None = None
 
     def without_answer(self) -> Finding:
         """The same, where no answer can rest on the readings."""
@@ -91,6 +95,16 @@ class Finding:
     def best(self) -> Tried | None:
         """The best explanation."""
         return self.accepted[0] if self.accepted else None
+
+    @property
+    def beyond_two(self) -> bool:
+        """Did one or two effects explain nothing?"""
+        return self.many is not None and self.many.sought
+
+    @property
+    def closest(self) -> Tried | None:
+        """The best explanation, or the best set where it leaves something unexplained."""
+        return self.best or (self.tried[0] if self.beyond_two and not self.withheld else None)
 
     @property
     def whiten(self) -> Whiten:
@@ -111,7 +125,11 @@ class Finding:
     @property
     def identified(self) -> bool:
         """Is there one answer?"""
-        if not self.determined or self.weights[0] <= CONVINCING:
+        if not self.determined:
+            return False
+        if self.many is not None and self.many.sought:
+            return all(e.is_claimed for e in self.many.evidence) and not self.accepted[0].undetermined
+        if self.weights[0] <= CONVINCING:
             return False
         return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
 

@@ -185,14 +185,66 @@ def _prepared(
         same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
         described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
-    own = np.zeros(layout.size)
+    own: Array = np.zeros(layout.size)
     if explanation:
-        # The error of the light in the description is neither noise of the readings nor makes outliers.
-        modes, smooth = problem.forward.errors(reference.values)
-        own = np.sqrt((modes**2).sum(axis=1) + smooth**2)
+        own = _own_error(problem, reference)
         problem, whiten, reference = _without_outliers(
             problem, quoted, explanation, reference, usable, True, own
         )
+    settled = _settled(problem, whiten, explanation, (reference, base), own, budget, stated)
+    return replace(settled, known=described.known, to_trace_per_m=described.to_trace_per_m)
+
+
+def prepare_about(
+    problem: Problem, quoted: Array, budget: Budget, explanation: Explanation, fit: Fit
+) -> Prepared:
+    """Outliers, smoothed errors and serial correlation about a set of effects that was found.
+
+    Parameters
+    ----------
+    problem : Problem
+        With all usable readings.
+    quoted : array, shape (n,)
+        Standard errors of the table; NaN where unknown.
+    """
+    usable, stated = problem.keep, errors_stated(quoted)
+    own = _own_error(problem, fit)
+    problem, whiten, reference = _without_outliers(problem, quoted, explanation, fit, usable, True, own)
+    law = _law(problem, whiten, reference) if stated else None
+    if law is not None:
+        again = replace(problem, keep=usable)
+        problem, whiten, reference = _without_outliers(again, law, explanation, fit, usable, True, own)
+    settled = _settled(problem, whiten, explanation, (reference, reference), own, budget, stated)
+    return replace(settled, doubted=law is not None)
+
+
+def _own_error(problem: Problem, fit: Fit) -> Array:
+    """Error of the predicted readings by their diffuse light, shape (n,): neither noise nor an outlier."""
+    modes, smooth = problem.forward.errors(fit.values)
+    return np.asarray(np.sqrt((modes**2).sum(axis=1) + smooth**2))
+
+
+def _settled(
+    problem: Problem,
+    whiten: Whitener,
+    explanation: Explanation,
+    fits: tuple[Fit, Fit],
+    own: Array,
+    budget: Budget,
+    stated: bool,
+) -> Prepared:
+    """Standard errors and serial correlation about a description without the outliers.
+
+    Parameters
+    ----------
+    whiten : Whitener
+        By the smoothed quoted errors, and the description's own.
+    fits : (Fit, Fit)
+        The description, and the fit whose diffuse light has the error that the noise states.
+    own : array, shape (n,)
+        Error of the description by its diffuse light.
+    """
+    layout, (reference, lit) = problem.layout, fits
     quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
     if stated:
         rich, total = _rich(problem, whiten, reference), whiten.noise.sigma
@@ -208,10 +260,9 @@ def _prepared(
     forward, values = problem.forward, reference.values
     slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
-    noise = with_response_error(problem, plain, base)
+    noise = with_response_error(problem, plain, lit)
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
-    fitted, missing = described.known, described.to_trace_per_m
-    return Prepared(problem, noise, serial, reference, explanation, stated, excess, fitted, missing)
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess)
 
 
 def _law(problem: Problem, whiten: Whitener, fit: Fit) -> Array | None:

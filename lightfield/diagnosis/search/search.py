@@ -101,7 +101,7 @@ class Tried:
         return self.adequacy is not None and self.adequacy.passes(alpha)
 
 
-def _clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float]:
+def clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float]:
     """Amplitudes from a score, kept within a part of the bounds and off a one-sided zero."""
     out = []
     for parameter, typical, amplitude in zip(
@@ -123,7 +123,7 @@ def _start(
     pieces = [base]
     for candidate in order:
         score, amplitude = by_key[candidate.key]
-        pieces.append(np.array([*_clipped(candidate, amplitude, part), *score.template.shape]))
+        pieces.append(np.array([*clipped(candidate, amplitude, part), *score.template.shape]))
     return np.concatenate(pieces)
 
 

@@ -18,7 +18,8 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
-from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent
+from lightfield.diagnosis.verdict.found import found_effects
+from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -132,8 +133,9 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
             parameters=values(s),
             scene=found.forward.scene_at(s.fit.values).to_toml(),
+            removed_percent=part,
         )
-        for s in found.steps
+        for s, part in zip(found.steps, removed(found.steps, scale), strict=True)
     ]
 
 
@@ -145,7 +147,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
         assert tried.adequacy is not None
         if k == 0:
             left_out = found.steps[-1].held_out_percent
-        elif hold_out:
+        elif hold_out and not finding.beyond_two:
             left_out = held_out(
                 problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
             )
@@ -233,7 +235,9 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, N
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
     scale = error_scale(prepared, finding)
     plain = Whitener(noise, 0.0, 1.0, 0.0)
-    base = problem.fit((), plain, [finding.level.base.u])
+    known = finding.closest
+    start = known.fit.u if known else finding.level.base.u
+    base = problem.fit(known.explanation if known else (), plain, [start])
     ranked = coordinates(problem, plain, base, scale)
     best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
     z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
@@ -275,6 +279,16 @@ def _untestable(found: Found) -> dict[str, str]:
     return found.untestable | {name: ABSORBED for name in others if name not in testable}
 
 
+def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
+    """Parameters of the best set; errors that an unexplained misfit widens."""
+    closest = finding.closest
+    if closest is None:
+        return {}
+    if finding.best is None:
+        phi = max(phi, closest.fit.chi2 / max(finding.n - len(closest.fit.u), 1))
+    return estimates(closest.fit, phi, units, closest.errors)
+
+
 def kind_of(finding: Finding) -> Kind:
     """The kind of verdict that a finding is."""
     if finding.best is not None:
@@ -297,7 +311,9 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     advice: NextMeasurement | None = None
     misfit: Misfit | None = None
     if best is not None:
-        near = nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
+        # Of more effects the gap to the best set without each says more, and takes no fits.
+        many = finding.beyond_two
+        near = None if many else nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
         if near is not None:
             rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
@@ -327,6 +343,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
+        found=found_effects(found.forward, finding, _of_best(finding, phi, units)),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
         untestable=untestable,

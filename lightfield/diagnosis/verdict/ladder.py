@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Readings below this part of the largest one of their plane do not count in the error in per cent. Chosen:
@@ -17,6 +19,9 @@ from lightfield.fitting.least_squares import Fit, Whiten
 BRIGHT = 0.05
 #: Steps of a fit without one plane, from the fit with it; what the fit of a rung may leave of chi-square.
 _STEPS, _LEFT = 12, 1e-5
+#: Of more effects than this, fits in between and without one plane take the slopes of a neighbouring one, and
+#: may leave this of chi-square: with all their derivatives they take minutes in scattered light.
+_FEW, _ROUGHLY = 2, 1e-2
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,10 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     for k in range(int(plane.max()) + 1):
         others = replace(problem, keep=problem.keep * (plane != k))
         if others.keep.sum() > len(fit.u):
-            refit = others.fit(explanation, whiten, [fit.u], max_steps=_STEPS)
+            if len(explanation) <= _FEW:
+                refit = others.fit(explanation, whiten, [fit.u], max_steps=_STEPS)
+            else:
+                refit = _nearby(others, explanation, whiten, fit.u, fit)
             prediction[plane == k] = refit.prediction[plane == k]
     return percent(problem, prediction, counted)
 
@@ -77,6 +85,52 @@ def _label(candidate: Candidate) -> str:
     if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
         return f"+ {candidate.name}"
     return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
+
+
+def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
+    """Share of the base model's misfit beyond noise that each rung removes, in per cent; None for the base.
+
+    Parameters
+    ----------
+    scale : float
+        Pure-error variance in units of the whitening.
+    """
+    base, last = steps[0].fit, steps[-1].fit
+    spare = max(len(base.residual) - len(last.u), 1)
+    whole = base.chi2 - max(last.chi2, scale * spare)
+    out: list[float | None] = [None]
+    for before, after in pairwise(steps):
+        out.append(100 * (before.fit.chi2 - after.fit.chi2) / whole if whole > 0 else None)
+    return out
+
+
+def _order(
+    problem: Problem, explanation: Explanation, whiten: Whiten, base: Fit, full: Fit
+) -> list[Candidate]:
+    """The effects in the order in which each lowers the misfit most beside those before it."""
+    known, order, fit = dict(zip(full.paths, full.u, strict=True)), list[Candidate](), base
+    few = len(explanation) <= _FEW
+    while len(left := [c for c in explanation if c not in order]) > 1:
+        fits = []
+        for candidate in left:
+            part = (*order, candidate)
+            start = np.array([*fit.u, *(known[p.path] for p in candidate.parameters)])
+            if few:
+                fits.append(problem.fit(part, whiten, [start, problem.default_start(base.u, part)]))
+            else:
+                fits.append(_nearby(problem, part, whiten, start, full))
+        first = int(np.argmin([f.chi2 for f in fits]))
+        order.append(left[first])
+        fit = fits[first]
+    return [*order, *left]
+
+
+def _nearby(problem: Problem, part: Explanation, whiten: Whiten, start: Array, like: Fit) -> Fit:
+    """A fit that begins with the slopes of another one."""
+    model = problem.model(part)
+    slopes = dict(zip(like.paths, like.jacobian.T, strict=True))
+    begin = Begin({p.path: float(u) for p, u in zip(model.parameters, start, strict=True)}, slopes)
+    return quick_fit(problem, part, whiten, begin, _STEPS, _ROUGHLY)
 
 
 def climb(
@@ -97,15 +151,7 @@ def climb(
         Variance scale of the whitening, taken back out of chi-square.
     """
     base, full = starts[0], starts[-1]
-    order = list(explanation)
-    if len(order) == 2:
-        alone = []
-        for candidate in order:
-            known = dict(zip(full.paths, full.u, strict=True))
-            start = np.array([*base.u, *(known[p.path] for p in candidate.parameters)])
-            fits = [start, problem.default_start(base.u, (candidate,))]
-            alone.append(problem.fit((candidate,), whiten, fits).chi2)
-        order = [order[int(np.argmin(alone))], order[int(np.argmax(alone))]]
+    order = _order(problem, explanation, whiten, base, full)
     # What takes the place of a base parameter comes first: the rest would be bent to do its work.
     order.sort(key=lambda c: not c.effect.instead_of)
     bent = any(c.effect.instead_of for c in order)
@@ -120,7 +166,8 @@ def climb(
             starts_k = [np.concatenate([fit.u, own])]
             if k == len(order):
                 starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
-            fit = problem.fit(part, whiten, starts_k, tolerance=_LEFT)
+            left = _LEFT if len(order) <= _FEW or k == len(order) else _ROUGHLY
+            fit = problem.fit(part, whiten, starts_k, tolerance=left)
         label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(

@@ -57,6 +57,40 @@ class AcceptedExplanation(Part):
     adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")
 
 
+class WaterAndBeam(Part):
+    """What a fit says of the water at the first wavelength, and of the beam."""
+
+    absorption_per_m: float
+    scattering_per_m: float
+    attenuation_per_m: float = Field(description="K = a + b")
+    hwhm_deg: float
+
+
+class FoundEffect(Part):
+    """An effect of the best set, and how sure it is."""
+
+    effect: str
+    family: str
+    form: str
+    level: Literal["certain", "simplest", "one of", "partial"] = Field(
+        description="certain: no other set of about as many effects does as well; simplest: only sets with "
+        "more parameters do; one of: it or what may replace it; partial: certain as far as the unexplained "
+        "rest allows"
+    )
+    parameters: dict[str, Estimate] = Field(description="its size, by dotted path")
+    sigma_to_remove: float | None = Field(description="by which the others, refitted, are worse without it")
+    gap: float | None = Field(description="cost of the best set without it above that of the best")
+    gap_named: float | None = Field(description="the same, without curves that it is a special case of")
+    gap_plus: float | None = Field(
+        description="the same among sets with at most one effect more, all parameters counted alike"
+    )
+    rival: list[str] = Field(description="the best set without it")
+    alternatives: list[list[str]] = Field(description="what replaces it in sets that are accepted too")
+    weight: float = Field(description="share of exp(-cost/2) of all sets with it; decides nothing")
+    with_it: WaterAndBeam
+    without_it: WaterAndBeam | None = Field(description="refitted without this effect")
+
+
 class NearestRival(Part):
     """The next explanation and its distance."""
 
@@ -83,6 +117,9 @@ class Rung(Part):
     held_out_percent: float | None
     parameters: dict[str, Estimate]
     scene: str = Field(description="the fitted scene as TOML; `compare --scene` of it gives this rung again")
+    removed_percent: float | None = Field(
+        None, description="share of the base model's misfit, beyond noise, that this rung removes"
+    )
     rendered_error_percent: float | None = Field(None, description="error of a fresh render of that scene")
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lightfield.diagnosis.verdict import aside_words, stated, words
+from lightfield.diagnosis.verdict import aside_words, found_words, stated, words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
 
 if TYPE_CHECKING:
@@ -32,7 +32,11 @@ def _found(verdict: Verdict) -> words.Said:
     own = {entry.effect for entry in verdict.stated}
     limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
 
+    many = found_words.said(verdict.verdict, verdict.found, verdict.ladder, verdict.misfit)
+
     def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
+        if many is not None:
+            return many
         return words.said(
             verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise
         )
@@ -47,14 +51,17 @@ def as_text(verdict: Verdict) -> str:
     lines = [verdict.sentence]
     if verdict.ladder:
         lines.append("")
-        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}")
+        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}{'removes %':>11}")
         for rung in verdict.ladder:
             held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
-            lines.append(f"{rung.label:<28}{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}")
+            part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
+            numbers = f"{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
+            lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
+    lines += found_words.lines(verdict.found)
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(
             f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")

@@ -80,7 +80,7 @@ def trust_of(
         Readings left out because they are saturated.
     """
     problem, counted = prepared.problem, bright(prepared.problem)
-    fit = finding.best.fit if finding.best else finding.level.base
+    fit = finding.closest.fit if finding.closest else finding.level.base
     sigma, misfit = standard_errors(prepared, finding), problem.value - fit.prediction
     aside = (problem.keep == 0) & ~saturated
     noise = float(100 * np.median(sigma[counted] / problem.value[counted])) if counted.any() else None

@@ -10,6 +10,7 @@ from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
     Doubt,
+    FoundEffect,
     Kind,
     Misfit,
     NearestRival,
@@ -29,6 +30,9 @@ class Verdict(Part):
     verdict: Kind
     effects: list[str] = Field(description="the best explanation, or none")
     explanations: list[AcceptedExplanation] = Field(description="all accepted smallest sets, best first")
+    found: list[FoundEffect] = Field(
+        default_factory=list, description="every effect of the best set, whatever the verdict"
+    )
     nearest_rival: NearestRival | None
     detection_limits: dict[str, DetectionLimit]
     untestable: dict[str, str]
@@ -66,6 +70,26 @@ class Verdict(Part):
     run: int = Field(1, description="how many diagnoses and comparisons of these readings the ledger holds")
     seed: int = 0
     lightfield_version: str = ""
+
+    @computed_field(description="effects that explain most, whatever the verdict")  # type: ignore[prop-decorator]
+    @property
+    def best_set(self) -> list[str]:
+        return [one.effect for one in self.found]
+
+    @computed_field(description="effects that no other set of about as many does without")  # type: ignore[prop-decorator]
+    @property
+    def certain(self) -> list[str]:
+        return [one.effect for one in self.found if one.level == "certain"]
+
+    @computed_field(description="effects that only sets of more parameters do without")  # type: ignore[prop-decorator]
+    @property
+    def simplest(self) -> list[str]:
+        return [one.effect for one in self.found if one.level == "simplest"]
+
+    @computed_field(description="effects that are certain as far as an unexplained rest allows")  # type: ignore[prop-decorator]
+    @property
+    def partial(self) -> list[str]:
+        return [one.effect for one in self.found if one.level == "partial"]
 
     @computed_field(description="the verdict in words")  # type: ignore[prop-decorator]
     @property

@@ -133,10 +133,14 @@ def said(
             return Said.of(f"{what}{within}.")
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
         return Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
-    about = "it is not a function of one coordinate"
-    if misfit is not None:
-        about = f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
-    return Said.of(f"Unexplained by any one or two known effects; {about}.")
+    return Said.of(f"Unexplained by any known effects; {unexplained_about(misfit)}.")
+
+
+def unexplained_about(misfit: Misfit | None) -> str:
+    """What is known of a misfit that nothing explains."""
+    if misfit is None:
+        return "it is not a function of one coordinate"
+    return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
 
 
 def _largest(misfit: Misfit) -> str:

@@ -26,7 +26,8 @@ def _label(names: tuple[str, ...]) -> str:
 def _separations(found: Diagnosis) -> Separation | None:
     """Distances between the accepted explanations and the best of the others."""
     finding, problem = found.finding, found.prepared.problem
-    if not finding.accepted:
+    # Of more than two effects the gaps tell, and every distance would take a fit of all of them.
+    if not finding.accepted or finding.beyond_two:
         return None
     chosen = list(finding.accepted[:_COMPARED])
     whiten, phi = finding.whiten, finding.level.phi

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from lightfield.diagnosis.verdict.found_words import instead, size
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
+    FoundEffect,
     NearestRival,
     Rung,
     SetAside,
+    WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.stated import lines
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -33,6 +36,8 @@ TAGS = {
     "ambiguous": ("open", "cannot be told apart"),
     "unexplained": ("bad", "unexplained"),
 }
+#: Sigma and gaps beyond this are one: surely there.
+MANY = 1000.0
 FORMULA_IS_NOT_CAUSE = (
     "An effect is named for the formula that explains the readings; a formula that fits is not yet the cause."
 )
@@ -118,6 +123,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         verdict=verdict.headline,
         tag={"kind": kind, "text": text},
         lead=[*verdict.support, *_lead(verdict)],
+        found=[_found(one) for one in verdict.found],
+        with_all=_light(verdict.found[0].with_it) if verdict.found else [],
         rungs=[_rung(rung) for rung in verdict.ladder],
         explanations=[_explanation(each) for each in verdict.explanations],
         rival=_rival(verdict.nearest_rival),
@@ -168,6 +175,29 @@ def _lead(verdict: Verdict) -> list[str]:
     return lines
 
 
+def _found(one: FoundEffect) -> dict[str, str | list[str]]:
+    """An effect of the best set: how sure it is, and what would be without it."""
+    numbers = [
+        "–" if v is None else f"{v:.3g}" if v < MANY else f"> {MANY:g}"
+        for v in (one.sigma_to_remove, one.gap)
+    ]
+    less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
+    return {
+        "effect": _words(one.effect),
+        "level": one.level,
+        "kind": "good" if one.level in ("certain", "simplest") else "open",
+        "instead": instead(one) or "–",
+        "size": size(one),
+        "numbers": [*numbers, f"{one.weight:.2f}", *less],
+    }
+
+
+def _light(what: WaterAndBeam) -> list[str]:
+    """a, b, K and half width."""
+    values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m, what.hwhm_deg)
+    return [f"{value:.3g}" for value in values]
+
+
 def _rung(rung: Rung) -> list[str]:
     rendered = rung.rendered_error_percent
     fresh = "–" if rendered is None else f"{rendered:.3g}"
@@ -178,6 +208,7 @@ def _rung(rung: Rung) -> list[str]:
         _percent(rung.error_percent),
         _percent(rung.chi2_per_dof),
         _optional(rung.held_out_percent),
+        "–" if rung.removed_percent is None else f"{rung.removed_percent:.3g}",
         fresh,
     ]
 

@@ -1,4 +1,4 @@
-"""Absorption that changes with the place: gradients in z and height, a slab across the tank, any curve of z."""
+"""Absorption that changes with the place: gradients along z and upwards, a slab across, any curve of z."""
 
 from __future__ import annotations
 

@@ -173,9 +173,7 @@ def test_a_misfit_of_one_coordinate_is_located() -> None:
     verdict = case.verdict(case.finding(None), doubt)
     assert (verdict.verdict, verdict.unexplained_coordinate, verdict.doubt) == ("unexplained", "x", None)
     assert verdict.misfit is not None and verdict.misfit.worst_at == pytest.approx(0.3, abs=0.01)
-    assert verdict.headline == (
-        "Unexplained by any one or two known effects; it depends on x alone, most near 0.3 m."
-    )
+    assert verdict.headline == ("Unexplained by any known effects; it depends on x alone, most near 0.3 m.")
     assert verdict.next_measurement is not None
     assert verdict.next_measurement.readings[0].x_m == pytest.approx(0.3, abs=0.11)
     read_back(verdict)

@@ -156,7 +156,7 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
     text = words.said("unexplained", [], None, {}, misfit, "", False)
-    assert text == words.Said.of(f"Unexplained by any one or two known effects; {said}.")
+    assert text == words.Said.of(f"Unexplained by any known effects; {said}.")
 
 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:

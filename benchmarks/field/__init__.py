@@ -1,0 +1,1 @@
+"""Readings as a real campaign gives them: many effects at once, lamps that are no Gaussian."""

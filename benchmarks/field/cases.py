@@ -1,0 +1,74 @@
+"""Cases of another simulator, NNN/{scene.toml, data.csv, truth.json}, and what a diagnosis says of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings import read_table
+from lightfield.scene import Scene
+
+Row = dict[str, Any]
+#: What a curve stands for in the truth.
+CURVE = {"beam_profile": "lamp"}
+
+
+def folder_of_cases() -> Path:
+    """LIGHTFIELD_REFERENCE or the sibling folder `shared`."""
+    sibling = Path(__file__).resolve().parents[3] / "shared"
+    return Path(os.environ.get("LIGHTFIELD_REFERENCE", sibling)) / "hidden_effects_field"
+
+
+def run(case: Path) -> Row:
+    """Diagnose one case."""
+    truth = json.loads((case / "truth.json").read_text())
+    row: Row = {
+        "case": case.name, "hidden": truth["hidden"], "lamp": truth["lamp"], "layout": truth["layout"],
+        "delta": truth["detectability_sigma"],
+    }  # fmt: skip
+    readings, scene = read_table(case / "data.csv"), Scene.load(case / "scene.toml")
+    begun = time.process_time()
+    verdict = diagnose(readings, scene).verdict
+    return row | {
+        "readings": len(readings),
+        "cpu_seconds": time.process_time() - begun,
+        "verdict": verdict.verdict,
+        "best_set": verdict.best_set,
+        "certain": verdict.certain,
+        "simplest": verdict.simplest,
+        "partial": verdict.partial,
+        "slots": [
+            [one.effect, *(n for names in one.alternatives for n in names)]
+            for one in verdict.found
+            if one.level == "one of"
+        ],
+        "percent": [
+            verdict.ladder[0].error_percent, verdict.ladder[-1].error_percent, verdict.noise_floor_percent
+        ],
+        "removed": sum(rung.removed_percent or 0.0 for rung in verdict.ladder),
+        "rungs": len(verdict.ladder),
+        "coordinate": verdict.unexplained_coordinate,
+    }  # fmt: skip
+
+
+def right(row: Row, name: str) -> bool:
+    """Was it hidden, or is it the curve of a lamp that is no Gaussian?"""
+    return name in row["hidden"] or bool(row["lamp"] and CURVE.get(name) == "lamp")
+
+
+def found(row: Row) -> list[str]:
+    """Hidden effects in the best set."""
+    return [name for name in row["hidden"] if name in row["best_set"]]
+
+
+def wrong(row: Row, names: list[str]) -> list[str]:
+    """Names of what was not hidden."""
+    return [name for name in names if not right(row, name)]
+
+
+def explained(row: Row) -> bool:
+    return bool(row["verdict"] in ("identified", "ambiguous"))

@@ -1,0 +1,107 @@
+"""Where no one or two effects explain the readings, any number of them; and how sure every effect is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.search.cascade import Finding, Level
+from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.rivals import seek_rivals
+from lightfield.diagnosis.search.pool.search import Data, Many, search_many
+from lightfield.diagnosis.search.preparation import Bench, Prepared
+from lightfield.diagnosis.search.search import Tried, weights
+
+#: Accepted sets that are tested and told, and sets that came near them.
+_ACCEPTED, _NEAR = 8, 30
+
+
+def beyond_two(
+    data: Data,
+    prepared: Prepared,
+    finding: Finding,
+    alpha: float,
+    seed: int,
+    progress: Callable[[str], None],
+) -> tuple[Prepared, Finding]:
+    """What any number of effects explain, and noise and outliers as judged about them.
+
+    Parameters
+    ----------
+    finding : Finding
+        That no one or two effects explain the readings.
+    seed : int
+        Of the bootstrap.
+    """
+    many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress)
+    bench, base = many.bench, many.base.fit
+    level = Level(many.tolerance, bench, base, bench.test(base))
+    best = Tried(many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test)
+    near = sorted(many.pool.nodes.values(), key=many.pool.cost)[:_NEAR]
+    others = (_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)
+    kept = int(many.prepared.problem.keep.sum())
+    found = replace(
+        finding, level=level, levels=[*finding.levels, level], tried=[best, *others], n=kept, many=many
+    )
+    if not (many.adequate and many.best.explanation):
+        return many.prepared, found
+    accepted = [best, *_family(many, alpha)]
+    return many.prepared, replace(
+        found, size=len(many.best.explanation), accepted=accepted, weights=weights(accepted)
+    )
+
+
+def _tried(pool: Pool, node: Node, bench: Bench) -> Tried:
+    return Tried(node.explanation, node.fit, pool.cost(node), None, bench.test)
+
+
+def _family(many: Many, alpha: float) -> list[Tried]:
+    """Other sets that are accepted beside the best, best first."""
+    out = []
+    for node in Weighing.of(many.pool, many.best).family()[1 : _ACCEPTED + 1]:
+        tried = _tried(many.pool, node, many.bench)
+        tested = replace(tried, adequacy=many.bench.test(node.fit))
+        if tested.accepted(alpha):
+            out.append(tested)
+    return out
+
+
+def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> Finding:
+    """A finding of one or two effects with how sure each of them is.
+
+    Sets that hold none of them are sought as for any number of effects, on the ground on which the finding
+    was judged.
+    """
+    best = finding.best
+    if best is None or finding.many is not None or best.test is None or best.adequacy is None:
+        return finding
+    problem = replace(data.problem, keep=prepared.problem.keep)
+    test, adequacy = best.test.on(problem), best.adequacy
+    if problem.sample is not None and isinstance(test.whiten, Whitener):
+        rows, problem = problem.sample
+        test = AdequacyTest(problem, test.whiten.of(rows), {}, test.noise, test.errors_stated)
+    pool = Pool(Ground(test, adequacy.phi, adequacy.nu))
+    own = {c.key: c for c in problem.candidates}
+    explanation = tuple(own.get(c.key, c) for c in best.explanation)
+    if not all(c in problem.candidates for c in explanation):
+        return finding
+    start = Begin(dict(zip(best.fit.paths, best.fit.u, strict=True)))
+    pool.settled(pool.fit((), [start]))
+    node = pool.settled(pool.fit(explanation, [start]))
+    for other in finding.accepted[1:]:
+        pool.fit(other.explanation, [Begin(dict(zip(other.fit.paths, other.fit.u, strict=True)))])
+    for candidate in node.explanation:
+        seek_rivals(pool, node, candidate)
+    node = pool.nodes[node.key]
+    found = evidence(pool, node, adequate=True)
+    many = Many(
+        prepared, finding.level.bench, finding.level.tolerance, pool, node,
+        pool.nodes[frozenset()], adequacy, True, found, sought=False,
+    )  # fmt: skip
+    return replace(finding, many=many)

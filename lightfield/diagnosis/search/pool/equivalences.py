@@ -1,0 +1,82 @@
+"""Equivalences that no linearisation finds: effects that act only together, and then like another one.
+
+Each line of the table has a closed form from which the fit begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.search.pool.nodes import Node, Pool, coordinates
+from lightfield.diagnosis.search.pool.quick import Begin
+
+#: Turns of the receiver, in degrees, from which a fit begins.
+_TURNS_DEG = (6.0, 12.0)
+#: The beam before the receiver's acceptance is wider than after it: the acceptance is wider than the beam by
+#: this factor in its square, at least, and by the other where it would not be; a tilt has this size at least.
+_WIDER, _MUCH_WIDER, _LEAST_TILT_DEG = 1.05, 1.3, 0.02
+
+#: Coordinate of a width in the fit: (10 / degrees)^2.
+_INVERSE_SQUARE = 100.0
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """Effects that together do what another does.
+
+    Parameters
+    ----------
+    single : str
+        The effect that they imitate.
+    together : tuple of str
+    starts : callable
+        From the scene values of a fit with `single`: coordinates by path, several of them.
+    """
+
+    single: str
+    together: tuple[str, ...]
+    starts: Callable[[Mapping[str, float]], list[dict[str, float]]]
+
+
+def _turned_receiver(values: Mapping[str, float]) -> list[dict[str, float]]:
+    """A Gaussian acceptance of width A about an axis turned by t, times a Gaussian beam of width h0, is a
+    beam of width h that is tilted by -t (h / A)^2, where 1/h^2 = 1/h0^2 + 1/A^2."""
+    h, tilt = values["lamp.hwhm_deg"], values.get("lamp.tilt_x_deg", 0.0)
+    out = []
+    for turn in _TURNS_DEG:
+        square = turn * h**2 / max(abs(tilt), _LEAST_TILT_DEG)
+        if square <= _WIDER * h**2:
+            square = _MUCH_WIDER * h**2
+        beam = 1 / np.sqrt(1 / h**2 - 1 / square)
+        out.append(
+            {
+                "lamp.hwhm_deg": float(np.log(beam)),
+                "detector.acceptance_hwhm_deg": _INVERSE_SQUARE / square,
+                "detector.tilt_x_deg": float(-tilt * square / h**2),
+            }
+        )
+    return out
+
+
+#: One line for every product of effects that imitates one more.
+TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_receiver),)
+
+
+def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
+    """Fit what is known to do the same as one of the effects of a set, in its place."""
+    rest = tuple(c for c in node.explanation if c is not candidate)
+    for line in TABLE:
+        if line.single != candidate.name:
+            continue
+        have = {c.name for c in rest}
+        new = [c for c in pool.problem.candidates if c.name in line.together and c.name not in have]
+        whole = (*rest, *new)
+        found = {c.name for c in whole} >= set(line.together)
+        fits_together = all(a.effect.combines_with(b.effect) for i, a in enumerate(whole) for b in whole[:i])
+        if found and new and fits_together and pool.affordable(whole):
+            known = coordinates(node)
+            pool.fit(whole, [Begin(known | start) for start in line.starts(node.fit.values)])

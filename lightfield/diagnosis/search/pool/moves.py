@@ -1,0 +1,95 @@
+"""Moves from set to set: additions level by level, drops and swaps around the best."""
+
+from __future__ import annotations
+
+from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Promise
+
+#: Levels of additions at most: more effects than any set of readings was seen to hold.
+_MOST = 9
+#: A set counts as better when it costs less by this.
+_BETTER = 1e-6
+#: What promises less of chi-square than one parameter takes of the noise is not fitted.
+_LEAST = 1.0
+#: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
+#: this above the best. Chosen: the smallest that mended sets of four effects and more.
+ROUNDS, SWAPS, REACH = 6, 10, 8.0
+
+
+def forward(
+    pool: Pool, start: Node, beam: int, fits: int, allowed: Allowed, most: int = _MOST, patience: int = 1
+) -> Node:
+    """Levels of additions: of the best sets of a level, the additions that promise most are fitted.
+
+    Parameters
+    ----------
+    beam : int
+        Sets of a level that are added to.
+    fits : int
+        Sets of a level that are fitted.
+    patience : int
+        Levels without a new best set after which it ends.
+    """
+    level, lowest, stale = [start], pool.cost(start), 0
+    for _ in range(most):
+        chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
+        made = [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
+        if not made:
+            break
+        made = sorted(map(pool.settled, sorted(made, key=pool.cost)[:beam]), key=pool.cost)
+        if pool.cost(made[0]) < lowest - _BETTER:
+            lowest, stale = pool.cost(made[0]), 0
+        else:
+            stale += 1
+            if stale >= patience:
+                break
+        level = made
+    return best_of(pool, allowed)
+
+
+def best_of(pool: Pool, allowed: Allowed) -> Node:
+    """The set of least cost, of allowed effects, fitted to the end."""
+    while (best := pool.settled(now := pool.best(allowed))) is not now or best is not pool.best(allowed):
+        pass
+    return best
+
+
+def _affordable(pool: Pool, promise: Promise) -> bool:
+    return pool.affordable((*promise.node.explanation, promise.candidate))
+
+
+def _additions(pool: Pool, level: list[Node], allowed: Allowed) -> dict[Key, Promise]:
+    """Sets with one effect more, each from where it promises most."""
+    out: dict[Key, Promise] = {}
+    for node in level:
+        for promise in pool.promises(node):
+            known = out.get(promise.key)
+            if not allowed(promise.candidate) or promise.starts[0].gain < _LEAST * pool.ground.phi:
+                continue
+            if known is None or promise.cost < known.cost:
+                out[promise.key] = promise
+    return out
+
+
+def polish(
+    pool: Pool, allowed: Allowed, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
+) -> Node:
+    """Drops, swaps and additions around the best set until nothing near is better."""
+    done: set[Key] = set()
+    for _ in range(rounds):
+        best = best_of(pool, allowed)
+        if best.key in done:
+            break
+        done.add(best.key)
+        around = [pool.drop(best, c) for c in best.explanation if _without(pool, best, c)]
+        found = _additions(pool, [*around, best], allowed)
+        new = sorted((p for key, p in found.items() if key not in pool.nodes), key=lambda p: p.cost)
+        limit = pool.cost(best) + reach
+        for promise in new[:swaps]:
+            if promise.cost < limit and _affordable(pool, promise):
+                pool.add(promise)
+    return best_of(pool, allowed)
+
+
+def _without(pool: Pool, node: Node, candidate: object) -> bool:
+    rest = [c for c in node.explanation if c is not candidate]
+    return frozenset(c.key for c in rest) in pool.nodes or pool.affordable(rest)

@@ -1,0 +1,294 @@
+"""Sets of effects, each fitted once and remembered with what it costs.
+
+The cost of a set S is chi2(S)/phi plus a price for every effect in it. The price of d parameters is the
+chi-square that an absent effect saves by chance once in a hundred verdicts: d times the quantile of F with d
+and nu degrees of freedom at alpha/p, where p effects can be tested (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
+from lightfield.diagnosis.search.search import clipped
+from lightfield.fitting.least_squares import Fit
+
+Key = frozenset[tuple[str, str]]
+Allowed = Callable[[Candidate], bool]
+
+#: Steps of a fit at most, and what it may leave of chi-square: far less than a price.
+_STEPS, _LEFT = 20, 0.05
+#: Steps from each of several shapes before the best is fitted to the end; so many shapes are tried. Chosen:
+#: from one alone the width of a halo is lost.
+_FEW, _SHAPES = 4, 2
+#: Part of its range within which a score may start an amplitude.
+_PART = 0.4
+#: Predictions of scattered or reflected light that all fits together may take: some milliseconds each.
+MOST_DIFFUSE = 4000
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What sets are judged on: readings, whitening, and the scale of the noise.
+
+    Parameters
+    ----------
+    test : AdequacyTest
+        Its problem holds every candidate.
+    phi, nu : float, int
+        Pure-error variance in units of the whitening, and its degrees of freedom.
+    """
+
+    test: AdequacyTest
+    phi: float
+    nu: int
+
+    @property
+    def problem(self) -> Problem:
+        return self.test.problem
+
+    @cached_property
+    def level(self) -> float:
+        """Level at which one effect is added."""
+        return ALPHA / max(len({c.name for c in self.problem.candidates}), 1)
+
+    @cached_property
+    def _prices(self) -> dict[int, float]:
+        return {}
+
+    def price(self, candidate: Candidate) -> float:
+        """Chi-square, in units of phi, that an effect has to save."""
+        d = len(candidate.parameters)
+        if d not in self._prices:
+            self._prices[d] = d * float(special.fdtri(d, self.nu, 1 - self.level))
+        return self._prices[d]
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A fitted set of effects."""
+
+    explanation: Explanation
+    fit: Fit
+
+    @cached_property
+    def key(self) -> Key:
+        return frozenset(c.key for c in self.explanation)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        return frozenset(c.name for c in self.explanation)
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters of the effects."""
+        return sum(len(c.parameters) for c in self.explanation)
+
+    @property
+    def is_diffuse(self) -> bool:
+        return any(c.effect.diffuse for c in self.explanation)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit with one effect more begins."""
+
+    gain: float
+    shape: tuple[float, ...]
+    amplitudes: Array
+    columns: Array
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What a set with one effect more would cost, were the model linear.
+
+    Parameters
+    ----------
+    starts : tuple of Start
+        At the shapes that promise most, best first.
+    """
+
+    cost: float
+    node: Node
+    candidate: Candidate
+    starts: tuple[Start, ...]
+
+    @property
+    def key(self) -> Key:
+        return self.node.key | {self.candidate.key}
+
+
+@dataclass
+class Pool:
+    """Sets that were fitted on one ground.
+
+    Parameters
+    ----------
+    nodes : dict
+        By what they hold.
+    fits, diffuse : int
+        Fits so far, and predictions of scattered or reflected light that they took.
+    """
+
+    ground: Ground
+    nodes: dict[Key, Node] = field(default_factory=dict)
+    fits: int = 0
+    diffuse: int = 0
+    most_diffuse: int = MOST_DIFFUSE
+    _scores: dict[Key, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
+    _promises: dict[Key, list[Promise]] = field(default_factory=dict)
+    _settled: set[Key] = field(default_factory=set)
+    progress: Callable[[int, Node], None] = lambda fits, best: None
+
+    @property
+    def problem(self) -> Problem:
+        return self.ground.problem
+
+    def cost(self, node: Node) -> float:
+        """Chi-square in units of the noise, plus the price of every effect."""
+        return node.fit.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
+
+    def best(self, allowed: Allowed | None = None) -> Node:
+        """The set of least cost, of allowed effects."""
+        nodes = self.nodes.values()
+        return min((n for n in nodes if allowed is None or all(map(allowed, n.explanation))), key=self.cost)
+
+    def fit(self, explanation: Iterable[Candidate], begins: Sequence[Begin]) -> Node:
+        """The set as fitted from the best of several places, or as it is remembered."""
+        order = self.problem.candidates
+        whole = tuple(sorted(explanation, key=order.index))
+        if (known := self.nodes.get(frozenset(c.key for c in whole))) is not None:
+            return known
+        fits = [self._quick(whole, begin, _FEW if len(begins) > 1 else _STEPS) for begin in begins]
+        fit = min(fits, key=lambda f: f.chi2)
+        if len(begins) > 1:
+            fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
+        return self._remember(Node(whole, fit))
+
+    def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
+        fit = quick_fit(self.problem, explanation, self.ground.test.whiten, begin, steps, _LEFT)
+        self._spend(explanation, fit)
+        return fit
+
+    def _spend(self, explanation: Explanation, fit: Fit) -> None:
+        if any(c.effect.diffuse for c in explanation):
+            self.diffuse += fit.evaluations
+
+    def _remember(self, node: Node) -> Node:
+        self.fits += 1
+        self.nodes[node.key] = node
+        self.progress(self.fits, node)
+        return node
+
+    def settled(self, node: Node) -> Node:
+        """The set as fitted to the end, with slopes of its own."""
+        if node.key not in self._settled:
+            whiten = self.ground.test.whiten
+            begin = Begin(coordinates(node))
+            fit = settled_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
+            self._spend(node.explanation, fit)
+            self._settled.add(node.key)
+            self._scores.pop(node.key, None)
+            self._promises.pop(node.key, None)
+            return self._remember(Node(node.explanation, fit))
+        return self.nodes[node.key]
+
+    def exact(self, node: Node) -> Node:
+        """The set with all derivatives its own, also by scattered and reflected light."""
+        whiten = self.ground.test.whiten
+        return self._remember(
+            Node(node.explanation, self.problem.fit(node.explanation, whiten, [node.fit.u]))
+        )
+
+    def affordable(self, candidates: Iterable[Candidate]) -> bool:
+        """May a set still be fitted? Scattered and reflected light takes its time."""
+        whole = tuple(candidates)
+        wanted = len(self.problem.base) + sum(len(c.parameters) for c in whole)
+        if wanted >= self.problem.keep.sum():
+            return False
+        return self.diffuse < self.most_diffuse or not any(c.effect.diffuse for c in whole)
+
+    def scores(self, node: Node) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
+        """Score tests of every effect that the set lacks."""
+        if node.key not in self._scores:
+            test = self.ground.test
+            if node.is_diffuse:
+                near = self.problem.forward.holding(node.fit.values)
+                test = test.on(replace(self.problem, forward=near))
+            self._scores[node.key] = test.score(node.fit)
+        return self._scores[node.key]
+
+    def promises(self, node: Node) -> list[Promise]:
+        """What every effect that the set lacks would save, were the model linear."""
+        if node.key in self._promises:
+            return self._promises[node.key]
+        found: dict[tuple[str, str], tuple[Candidate, list[Start]]] = {}
+        for score, amplitudes in zip(*self.scores(node), strict=True):
+            candidate = score.template.candidate
+            if not score.testable or not joins(candidate, node):
+                continue
+            gain = float(np.linalg.norm(score.direction.T @ node.fit.residual) ** 2)
+            if candidate.one_sided and amplitudes[0] <= 0:
+                gain = 0.0
+            starts = found.setdefault(candidate.key, (candidate, []))[1]
+            starts.append(Start(gain, score.template.shape, amplitudes, score.template.columns))
+        mine, phi = self.cost(node), self.ground.phi
+        out = []
+        for candidate, starts in found.values():
+            starts.sort(key=lambda s: -s.gain)
+            cost = mine - starts[0].gain / phi + self.ground.price(candidate)
+            out.append(Promise(cost, node, candidate, tuple(starts[:_SHAPES])))
+        self._promises[node.key] = out
+        return out
+
+    def add(self, promise: Promise) -> Node:
+        """The set with one effect more."""
+        known, candidate = begin_at(promise.node), promise.candidate
+        begins = [with_effect(known, candidate, s.amplitudes, s.shape, s.columns) for s in promise.starts]
+        return self.fit((*promise.node.explanation, candidate), begins)
+
+    def drop(self, node: Node, candidate: Candidate) -> Node:
+        """The set without one of its effects."""
+        rest = tuple(c for c in node.explanation if c is not candidate)
+        return self.fit(rest, [begin_at(node)])
+
+
+def joins(candidate: Candidate, node: Node) -> bool:
+    """Can an effect be added to a set?"""
+    return all(candidate.effect.combines_with(c.effect) for c in node.explanation)
+
+
+def coordinates(node: Node) -> dict[str, float]:
+    """Coordinates of a fit by path."""
+    return dict(zip(node.fit.paths, map(float, node.fit.u), strict=True))
+
+
+def begin_at(node: Node) -> Begin:
+    """Where a set lies, with its slopes."""
+    return Begin(coordinates(node), dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
+
+
+def with_effect(
+    begin: Begin, candidate: Candidate, amplitudes: Array, shape: Sequence[float], columns: Array
+) -> Begin:
+    """The same with an effect more, as a score asks for it.
+
+    Parameters
+    ----------
+    columns : array, shape (n, n_amplitudes)
+        Its whitened template.
+    """
+    values = [*clipped(candidate, amplitudes, _PART), *shape]
+    own = {p.path: float(u) for p, u in zip(candidate.parameters, values, strict=True)}
+    slopes = {p.path: column for p, column in zip(candidate.amplitudes, columns.T, strict=True)}
+    return Begin({**begin.u, **own}, {**begin.slopes, **slopes})

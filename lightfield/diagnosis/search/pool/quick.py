@@ -1,0 +1,187 @@
+"""Fits that begin with slopes known from a neighbouring set, and keep them up to date as they go.
+
+A step takes one prediction instead of one for every parameter: the slopes follow what a step has shown of
+them (Broyden 1965, doi:10.1090/S0025-5718-1965-0198670-6), within damped Gauss-Newton steps (Marquardt 1963,
+doi:10.1137/0111030). Slopes are taken anew where a step fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.subspace import TINY
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.fitting.least_squares import Fit, Whiten
+
+#: Damping to begin with, at least, and by how much it falls and rises; steps that fail before the slopes are
+#: taken anew, and after that before it ends.
+_DAMPING, _LEAST, _FALL, _RISE, _FAILURES = 1e-3, 1e-9, 10.0, 10.0, 3
+#: How often slopes are taken anew before a fit counts as ended.
+_RENEWALS = 6
+#: A parameter this near to a bound that it is drawn to, as part of its range, is held there.
+_AT = 1e-9
+
+
+@dataclass(frozen=True)
+class Begin:
+    """Where a fit begins.
+
+    Parameters
+    ----------
+    u : mapping
+        Coordinates by path; what is missing starts where the parameter does.
+    slopes : mapping of array, shape (n,)
+        Whitened derivatives by path, roughly; what is missing is taken by differences.
+    """
+
+    u: Mapping[str, float]
+    slopes: Mapping[str, Array] = field(default_factory=dict)
+
+
+class _Quick:
+    def __init__(self, problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin) -> None:
+        self.problem, self.whiten, self.model = problem, whiten, problem.model(explanation)
+        start = np.array([begin.u.get(p.path, p.start) for p in self.model.parameters])
+        self.low, self.high = self.model.low, self.model.high
+        self.u = np.clip(start, self.low, self.high)
+        self.evaluations, self.diffuse = 0, any(c.effect.diffuse for c in explanation)
+        self.explanation, self.near = explanation, self.model
+        self.prediction, self.residual = self._at(self.u)
+        self.chi2 = float(self.residual @ self.residual)
+        self._come_near()
+        self.slopes = np.stack(
+            [
+                begin.slopes[p.path] if p.path in begin.slopes else self._slope(i)
+                for i, p in enumerate(self.model.parameters)
+            ],
+            axis=1,
+        )
+        self.fresh = not begin.slopes
+        self.damping = _DAMPING
+
+    def _come_near(self) -> None:
+        """Slopes are taken with scattered and reflected light that does not follow the lamp: its evaluation
+        takes a hundred times as long, and a step shows what is missing."""
+        if self.diffuse:
+            forward = self.problem.forward.holding(self.model.values(self.u))
+            self.near = replace(self.problem, forward=forward).model(self.explanation)
+
+    def _at(self, u: Array) -> tuple[Array, Array]:
+        prediction = self.model.predict(u)
+        self.evaluations += 1
+        return prediction, np.asarray(self.whiten(self.problem.keep * (self.problem.value - prediction)))
+
+    def _slope(self, i: int) -> Array:
+        parameter, moved = self.model.parameters[i], self.u.copy()
+        if parameter.is_held:
+            return np.zeros(len(self.residual))
+        step = parameter.step if self.u[i] + parameter.step <= parameter.high else -parameter.step
+        moved[i] += step
+        # Counts where it makes scattered and reflected light anew.
+        self.evaluations += int(parameter.path in self.lights)
+        change = self.problem.keep * (self.near.predict(moved) - self.prediction)
+        return np.asarray(self.whiten(change) / step)
+
+    @cached_property
+    def lights(self) -> frozenset[str]:
+        """Parameters that make scattered and reflected light."""
+        return frozenset(p.path for c in self.explanation if c.effect.diffuse for p in c.parameters)
+
+    def renew(self) -> None:
+        self._come_near()
+        self.slopes = np.stack([self._slope(i) for i in range(len(self.u))], axis=1)
+        self.fresh, self.damping = True, _DAMPING
+
+    def _step(self) -> tuple[Array, float]:
+        """Damped step, and what it would gain."""
+        drawn, room = self.slopes.T @ self.residual, self.high - self.low
+        below = (drawn < 0) & (self.u <= self.low + _AT * room)
+        above = (drawn > 0) & (self.u >= self.high - _AT * room)
+        norm = np.linalg.norm(self.slopes, axis=0)
+        free = ~below & ~above & (norm > TINY)
+        step = np.zeros(len(self.u))
+        if free.any():
+            columns = self.slopes[:, free] / norm[free]
+            gram = columns.T @ columns + self.damping * np.eye(int(free.sum()))
+            step[free] = np.linalg.solve(gram, columns.T @ self.residual) / norm[free]
+        step = np.clip(self.u + step, self.low, self.high) - self.u
+        left = self.residual - self.slopes @ step
+        return step, self.chi2 - float(left @ left)
+
+    def run(self, steps: int, tolerance: float) -> None:
+        """Steps until the next one would not be felt."""
+        failed, kept = 0, max(float(self.problem.keep.sum()), 1.0)
+        for _ in range(steps):
+            step, gain = self._step()
+            if gain < tolerance * max(1.0, self.chi2 / kept):
+                return
+            prediction, residual = self._at(self.u + step)
+            chi2 = float(residual @ residual)
+            self._learn(step, self.residual - residual)
+            if np.isfinite(chi2) and chi2 < self.chi2:
+                self.u, self.prediction, self.residual, self.chi2 = self.u + step, prediction, residual, chi2
+                self.damping, failed = max(self.damping / _FALL, _LEAST), 0
+                continue
+            failed += 1
+            self.damping *= _RISE
+            if failed >= _FAILURES:
+                if self.fresh:
+                    return
+                self.renew()
+                failed = 0
+
+    def _learn(self, step: Array, change: Array) -> None:
+        """Slopes that give the change that a step has made."""
+        weight = step * (np.linalg.norm(self.slopes, axis=0) ** 2 + TINY)
+        along = float(weight @ step)
+        if along > TINY and np.isfinite(change).all():
+            self.slopes = self.slopes + np.outer(change - self.slopes @ step, weight / along)
+            self.fresh = False
+
+    def fit(self) -> Fit:
+        model, u, prediction = self.model, self.u, self.prediction
+        keep, whiten = self.problem.keep, self.whiten
+
+        known = self.slopes if self.fresh else None
+
+        def differentiate() -> Array:
+            if known is not None:
+                return known
+            return np.asarray(whiten(keep[:, None] * model.jacobian(u, prediction)))
+
+        return Fit(model, u, prediction, self.residual, self.chi2, differentiate, True, self.evaluations)
+
+
+def quick_fit(
+    problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin, steps: int, tolerance: float
+) -> Fit:
+    """The fit from one place.
+
+    Parameters
+    ----------
+    steps : int
+        Steps at most.
+    tolerance : float
+        Ends when a step would lower chi-square by less than this, or than this part of the scatter.
+    """
+    search = _Quick(problem, explanation, whiten, begin)
+    search.run(steps, tolerance)
+    return search.fit()
+
+
+def settled_fit(
+    problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin, steps: int, tolerance: float
+) -> Fit:
+    """The same to the end: until slopes taken anew ask for no further step."""
+    search = _Quick(problem, explanation, whiten, begin)
+    for _ in range(_RENEWALS):
+        search.run(steps, tolerance)
+        if search.fresh:
+            break
+        search.renew()
+    return search.fit()

@@ -1,0 +1,245 @@
+"""Any number of effects: a pool of refitted sets, noise judged again at every new best one, rivals without
+each effect, and how sure each effect is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.noise import Budget, Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
+from lightfield.diagnosis.search.pool.moves import forward, polish
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, coordinates
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.rivals import seek_rivals
+from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
+from lightfield.fitting.least_squares import Fit
+
+#: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
+_BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
+#: Fits of a linear elimination before giving up.
+_MORE = 6
+#: Rounds of noise and search, and of rivals that turn out better. Chosen: noise settles in two.
+_ROUNDS, _RIVAL_ROUNDS = 4, 3
+
+
+@dataclass(frozen=True)
+class Many:
+    """The best set of any number of effects.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        Noise and outliers as judged about it.
+    adequacy : Adequacy
+        Of the best set.
+    adequate : bool
+        Nothing is missing beside it.
+    sought : bool
+        It was sought here; else it was found before, and only its rivals were.
+    """
+
+    prepared: Prepared
+    bench: Bench
+    tolerance: float
+    pool: Pool
+    best: Node
+    base: Node
+    adequacy: Adequacy
+    adequate: bool
+    evidence: Sequence[Evidence]
+    sought: bool = True
+
+
+@dataclass(frozen=True)
+class Data:
+    """Readings as they came, and what is stated of their errors.
+
+    Parameters
+    ----------
+    problem : Problem
+        With every usable reading, and every candidate.
+    quoted : array, shape (n,)
+        Standard errors of the table; NaN where unknown.
+    """
+
+    problem: Problem
+    quoted: Array
+    budget: Budget
+
+
+def named(candidate: Candidate) -> bool:
+    """Is it a named effect, not a curve?"""
+    return not candidate.effect.is_free_form
+
+
+def direct(candidate: Candidate) -> bool:
+    """Is it a named effect that acts on direct light alone?"""
+    return named(candidate) and not candidate.effect.diffuse
+
+
+def everything(candidate: Candidate) -> bool:
+    return True
+
+
+def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit: Fit) -> tuple[Bench, Ground]:
+    made = bench(prepared, tolerance, rng)
+    adequacy = made.test(fit)
+    return made, Ground(made.test, adequacy.phi, adequacy.nu)
+
+
+def _pool(ground: Ground, best: Node | None, progress: Callable[[str], None]) -> Pool:
+    def told(fits: int, node: Node) -> None:
+        progress(f"sets of any number of effects: {fits} tried, {len(node.explanation)} effects")
+
+    pool = Pool(ground, progress=told)
+    start = Begin(coordinates(best) if best is not None else {})
+    pool.settled(pool.fit((), [start]))
+    if best is not None:
+        pool.settled(pool.fit(best.explanation, [start]))
+    return pool
+
+
+def _first(pool: Pool) -> None:
+    """The best named set, then the best of all."""
+    base = pool.nodes[frozenset()]
+    # Scattered and reflected light takes its time: first without.
+    forward(pool, base, _BEAM, _FITS, direct)
+    polish(pool, direct)
+    best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
+    linear_backward(pool, base, named)
+    linear_backward(pool, best, named)
+    polish(pool, named)
+    if _has_curves(pool):
+        _curves(pool)
+
+
+def _has_curves(pool: Pool) -> bool:
+    return not all(map(named, pool.problem.candidates))
+
+
+def _curves(pool: Pool) -> None:
+    forward(pool, pool.nodes[frozenset()], _BEAM_AGAIN, _FITS_AGAIN, everything)
+    best = polish(pool, everything)
+    if all(map(named, best.explanation)):
+        return
+    # Does a named set catch up with the curve?
+    for candidate in best.explanation:
+        if not named(candidate):
+            best = pool.drop(best, candidate)
+    forward(pool, best, _BEAM_AGAIN, _FITS_AGAIN, named, patience=2)
+    polish(pool, named)
+    polish(pool, everything)
+
+
+def _wider(pool: Pool, best: Node) -> None:
+    """Another look before giving up."""
+    forward(pool, pool.nodes[frozenset()], _WIDE, _FITS, named, patience=2)
+    other = polish(pool, named)
+    for node in {other.key: other, best.key: best}.values():
+        linear_backward(pool, node, named, _MORE)
+    polish(pool, named)
+    polish(pool, everything)
+
+
+def search_many(
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
+) -> Many:
+    """The best set, and how sure its effects are.
+
+    Every question is asked with the noise alone, and once more with the tolerance where nothing passes. Of
+    many readings a sample is searched, and what it finds is fitted to all of them.
+
+    Parameters
+    ----------
+    begun : Prepared
+        Noise to begin with, and what describes the readings best so far.
+    """
+    sample = data.problem.sample
+    if sample is not None:
+        return _of_sample(data, begun, alpha, rng, progress)
+    prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
+    found = Node(prepared.explanation, prepared.reference)
+    _, ground = _ground(prepared, 0.0, rng, found.fit)
+    pool = _pool(ground, found, progress)
+    _first(pool)
+    found = pool.best()
+    for _ in range(_ROUNDS):
+        before = found.key
+        prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
+        made, ground = _ground(prepared, 0.0, rng, found.fit)
+        pool = _pool(ground, found, progress)
+        found = _again(pool)
+        if found.key == before:
+            break
+    tolerance = 0.0
+    found, adequacy = _settled(pool, made, found, alpha)
+    if not adequacy.passes(alpha) and data.budget.tolerance > 0:
+        tolerance = data.budget.tolerance
+        made, ground = _ground(prepared, tolerance, rng, found.fit)
+        pool = _pool(ground, found, progress)
+        found, adequacy = _settled(pool, made, _again(pool), alpha)
+    for _ in range(_RIVAL_ROUNDS):
+        for candidate in found.explanation:
+            seek_rivals(pool, found, candidate)
+        if pool.best() is found:
+            break
+        found = polish(pool, everything)
+    found = pool.exact(found)
+    adequacy = made.test(found.fit)
+    adequate = adequacy.passes(alpha)
+    base = pool.nodes[frozenset()]
+    certainty = evidence(pool, found, adequate)
+    return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
+
+
+def _of_sample(
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
+) -> Many:
+    """What a sample of many readings finds, fitted to all of them and tested on them."""
+    assert data.problem.sample is not None
+    rows, some = data.problem.sample
+    part = replace(data, problem=some, quoted=data.quoted[rows])
+    u = begun.reference.u
+    first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
+    found = search_many(
+        part, prepare_about(some, part.quoted, data.budget, begun.explanation, first), alpha, rng, progress
+    )
+    progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
+    best, whole = found.best, Whitener(begun.noise)
+    fit = data.problem.fit(best.explanation, whole, [best.fit.u])
+    prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
+    made, ground = _ground(prepared, found.tolerance, rng, fit)
+    pool = _pool(ground, Node(best.explanation, fit), progress)
+    node = pool.nodes[best.key]
+    adequacy = made.test(node.fit)
+    adequate = adequacy.passes(alpha)
+    certainty = evidence(found.pool, best, adequate)
+    base = pool.nodes[frozenset()]
+    return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
+
+
+def _again(pool: Pool) -> Node:
+    """The best set, from what was the best under other errors."""
+    polish(pool, everything)
+    forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
+    linear_backward(pool, pool.best(), named)
+    return polish(pool, everything)
+
+
+def _settled(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, Adequacy]:
+    """The best set and its test, after another look where it fails."""
+    adequacy = made.test(found.fit)
+    if not adequacy.passes(alpha):
+        _wider(pool, found)
+        if pool.best() is not found:
+            found = pool.best()
+            adequacy = made.test(found.fit)
+    return found, adequacy

@@ -1,0 +1,128 @@
+"""The effects of the best set in words: what is certain, what is the simplest, what is one of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Misfit, Rung
+from lightfield.diagnosis.verdict.words import Said, join, unexplained_about
+
+#: Effects from which on the verdict is told by what is known of each.
+MANY: Final = 3
+#: Part of the misfit, in per cent, that a set removes before it is spoken of.
+_SPOKEN = 50.0
+#: What may replace an effect, of which so many are told.
+_TOLD = 3
+
+
+def level(one: FoundEffect) -> str:
+    """How sure an effect is, with what else would do."""
+    if one.level == "certain":
+        return "certain"
+    if one.level == "partial":
+        return "certain as far as the unexplained rest allows"
+    others = instead(one)
+    if one.level == "simplest":
+        return f"simplest; {others} would do as well" if others else "simplest"
+    return f"one of: this, or {others}" if others else "not sure"
+
+
+def instead(one: FoundEffect) -> str:
+    """What would do in place of an effect; "" for nothing."""
+    told = [_with(names) for names in one.alternatives[:_TOLD]]
+    return " or ".join(told)
+
+
+def _with(names: Sequence[str]) -> str:
+    return join(names) if len(names) < 2 else " with ".join(join([n]) for n in names)
+
+
+def size(one: FoundEffect) -> str:
+    """The parameters of an effect with their errors."""
+    return ", ".join(_value(path, estimate) for path, estimate in one.parameters.items())
+
+
+def _value(path: str, estimate: Estimate) -> str:
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    error = f"({estimate.reason})" if estimate.stderr is None else f"± {estimate.stderr:.2g}"
+    return f"{path.rpartition('.')[2]} = {estimate.value:.4g} {error}{unit}"
+
+
+def said(
+    kind: Kind, found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None
+) -> Said | None:
+    """The verdict on three effects and more, or on an unexplained best set; None where others have the word.
+
+    Parameters
+    ----------
+    found : sequence of FoundEffect
+        Effects of the best set.
+    ladder : sequence of Rung
+        That climbs to it.
+    """
+    if kind == "unexplained":
+        return _unexplained(found, ladder, misfit)
+    if len(found) < MANY or kind == "none":
+        return None
+    sure = [one.effect for one in found if one.level in ("certain", "simplest")]
+    open_ = [one for one in found if one.level == "one of"]
+    support = [f"{_sentence(join([o.effect]))}: {level(o)}." for o in found if o.level == "simplest"]
+    certain = [one.effect for one in found if one.level == "certain"]
+    if certain:
+        support.insert(0, f"Certain: {join(certain)}.")
+    if not open_:
+        return Said.of(f"{_sentence(join(sure))} are missing in the model.", *support)
+    slots = "; ".join(_slot(one) for one in open_)
+    if not sure:
+        return Said.of(f"Several effects are missing in the model: {slots}.")
+    verb = "is" if len(sure) == 1 else "are"
+    return Said.of(f"{_sentence(join(sure))} {verb} missing in the model; also {slots}.", *support)
+
+
+def _slot(one: FoundEffect) -> str:
+    others = instead(one)
+    return f"{join([one.effect])} or {others}" if others else f"perhaps {join([one.effect])}"
+
+
+def _unexplained(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None) -> Said | None:
+    removed = sum(rung.removed_percent or 0.0 for rung in ladder)
+    if not found or removed < _SPOKEN:
+        return None
+    certain = [one.effect for one in found if one.level == "partial"]
+    names = [one.effect for one in found]
+    what = f"{_sentence(join(names))} remove{'s' if len(names) == 1 else ''} {removed:.3g} % of the misfit"
+    known = f"Certain so far: {join(certain)}." if certain else "None of these is certain so far."
+    return Said.of(f"Unexplained in part: {unexplained_about(misfit)}.", f"{what}.", known)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def lines(found: Sequence[FoundEffect]) -> list[str]:
+    """A table for a terminal."""
+    if not found:
+        return []
+    out = ["", f"{'effect':<18}{'sigma':>8}{'gap':>9}{'weight':>8}  level; size"]
+    for one in found:
+        sigma = "-" if one.sigma_to_remove is None else f"{one.sigma_to_remove:.1f}"
+        gap = "-" if one.gap is None else f"{one.gap:.1f}"
+        about = f"{level(one)}; {size(one)}"
+        out.append(f"{one.effect:<18}{sigma:>8}{gap:>9}{one.weight:>8.2f}  {about}")
+    return [*out, *_changes(found)]
+
+
+def _changes(found: Sequence[FoundEffect]) -> list[str]:
+    """What water and beam would be without each."""
+    first = found[0].with_it
+    out = [f"with all: a = {first.absorption_per_m:.4g}, b = {first.scattering_per_m:.4g}, "
+           f"K = {first.attenuation_per_m:.4g} 1/m, hwhm = {first.hwhm_deg:.4g} degrees"]  # fmt: skip
+    for one in found:
+        if (less := one.without_it) is not None:
+            out.append(
+                f"without {join([one.effect])}: a = {less.absorption_per_m:.4g}, "
+                f"b = {less.scattering_per_m:.4g}, K = {less.attenuation_per_m:.4g} 1/m, "
+                f"hwhm = {less.hwhm_deg:.4g} degrees"
+            )
+    return out

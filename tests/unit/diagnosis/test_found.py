@@ -1,0 +1,188 @@
+"""Three effects at once, from readings to the words: levels, sizes, a ladder that falls, and JSON."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.search.pool.equivalences import TABLE
+from lightfield.diagnosis.verdict import found_words
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Rung, WaterAndBeam
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.forward import SceneForward
+
+#: What is hidden: a lamp that stands 3 cm aside and drifts, and ambient light.
+HIDDEN = {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": -0.12, "detector.background": 2e-3}
+NAMES = {"beam_offset", "lamp_drift", "background"}
+
+
+@pytest.fixture(scope="module")
+def three() -> Diagnosis:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(preparation, "REPLICATES", 199)
+        table, believed = readings(HIDDEN, seed=2)
+        return diagnose(table, believed, diffuse=None)
+
+
+def test_three_effects_are_identified(three: Diagnosis) -> None:
+    verdict = three.verdict
+    assert (verdict.verdict, set(verdict.effects)) == ("identified", NAMES)
+    assert set(verdict.best_set) == set(verdict.certain) | set(verdict.simplest) == NAMES
+    assert verdict.partial == []
+
+
+def test_sizes_agree_with_what_was_hidden(three: Diagnosis) -> None:
+    """Within four stated errors each; and of the water, whose absorption was 13 % off."""
+    sizes = {path: e for one in three.verdict.found for path, e in one.parameters.items()}
+    for path in ("lamp.offset_x_m", "lamp.drift_per_hour"):
+        stderr = sizes[path].stderr
+        assert stderr is not None and abs(sizes[path].value - HIDDEN[path]) < 4 * stderr
+    (first, *_) = three.verdict.found
+    assert first.with_it.attenuation_per_m == pytest.approx(0.12 * 0.87, abs=0.004)
+    assert first.with_it.scattering_per_m == 0
+
+
+def test_without_an_effect_the_water_would_be_another(three: Diagnosis) -> None:
+    """What the refit without it says, larger in chi-square by the square of its sigma."""
+    many = three.finding.many
+    assert many is not None
+    for one in three.verdict.found:
+        less = one.without_it
+        assert less is not None and less != one.with_it
+        (evidence,) = [e for e in many.evidence if e.candidate.name == one.effect]
+        assert evidence.without is not None and evidence.rival is not None
+        scale = max(many.pool.ground.phi, many.best.fit.chi2 / (three.finding.n - len(many.best.fit.u)))
+        worse = evidence.without.fit.chi2 - many.best.fit.chi2
+        assert one.sigma_to_remove == pytest.approx(np.sqrt(worse / scale))
+        assert one.gap is not None and one.gap <= worse / scale, "the best rival is no worse than a drop"
+
+
+def test_the_ladder_falls_to_the_noise(three: Diagnosis) -> None:
+    """A rung for every effect, each of less chi-square; together they remove all of the misfit."""
+    ladder = three.verdict.ladder
+    assert len(ladder) == 4 and set(ladder[-1].effects) == NAMES
+    assert all(a.chi2_per_dof > b.chi2_per_dof for a, b in pairwise(ladder))
+    parts = [rung.removed_percent for rung in ladder]
+    assert parts[0] is None and sum(p for p in parts if p is not None) == pytest.approx(100, abs=1)
+    assert ladder[-1].error_percent < 1.5 * three.verdict.noise_floor_percent
+
+
+def test_the_verdict_is_data_and_is_read_back(three: Diagnosis) -> None:
+    data = json.loads(three.verdict.model_dump_json())
+    assert set(data["best_set"]) == NAMES and set(data) >= {"certain", "simplest", "partial", "found"}
+    assert Verdict.model_validate(data) == three.verdict
+
+
+def test_the_text_tells_every_effect(three: Diagnosis) -> None:
+    text = three.as_text()
+    assert "are missing in the model" in text.splitlines()[0]
+    for one in three.verdict.found:
+        assert any(line.startswith(one.effect) and one.level in line for line in text.splitlines())
+    assert "removes %" in text
+
+
+def test_a_single_effect_has_a_level_too() -> None:
+    table, believed = readings({"lamp.offset_x_m": 0.03}, seed=2)
+    verdict = diagnose(table, believed, diffuse=None, advise=False).verdict
+    assert verdict.verdict == "identified" and verdict.best_set == ["beam_offset"]
+    assert verdict.certain + verdict.simplest == ["beam_offset"]
+
+
+def test_part_of_what_is_unexplained_is_told() -> None:
+    """A lamp that stands aside, and a shadow at one x: the ladder has more than one rung all the same."""
+    shadow = readings({"lamp.offset_x_m": 0.05}, seed=2, factor=_shadow)
+    verdict = diagnose(*shadow, diffuse=None, advise=False).verdict
+    assert verdict.verdict == "unexplained" and verdict.effects == []
+    assert len(verdict.ladder) > 1 and "beam_offset" in verdict.best_set
+    assert sum(rung.removed_percent or 0 for rung in verdict.ladder) > 50
+    assert verdict.certain == verdict.simplest == []
+    assert "remove" in verdict.sentence and verdict.next_measurement is not None
+
+
+def _shadow(table: object) -> np.ndarray:
+    return 1 - 0.15 * np.exp(-(((np.asarray(table.x_m) - 0.2) / 0.08) ** 2))  # type: ignore[attr-defined]
+
+
+def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
+    """In this program's own light, but for the receiver's cosine: that of a receiver turned by 6 to 12
+    degrees changes by tan(12 degrees) times the angle, 0.1 rad, over the beam."""
+    (line,) = TABLE
+    table, believed = readings(seed=1, layout="line")
+    tilted = {"lamp.hwhm_deg": 4.0, "lamp.tilt_x_deg": 0.5}
+    forward = SceneForward(believed, table)
+    expected = forward.predict(tilted)
+    for start in line.starts(tilted):
+        turned = forward.predict(
+            {
+                "lamp.hwhm_deg": np.exp(start["lamp.hwhm_deg"]),
+                "detector.acceptance_hwhm_deg": 10 / np.sqrt(start["detector.acceptance_hwhm_deg"]),
+                "detector.tilt_x_deg": start["detector.tilt_x_deg"],
+            }
+        )
+        bright = expected > 0.05 * expected.max()
+        ratio = turned[bright] / expected[bright]
+        assert np.std(ratio) / np.mean(ratio) < np.tan(np.radians(12)) * 0.1
+
+
+LIGHT = WaterAndBeam(absorption_per_m=0.1, scattering_per_m=0.0, attenuation_per_m=0.1, hwhm_deg=4.0)
+
+
+def effect(name: str, level: str, *alternatives: list[str]) -> FoundEffect:
+    return FoundEffect(
+        effect=name, family="toy", form="linear", level=level,  # type: ignore[arg-type]
+        parameters={f"lamp.{name}": Estimate(value=0.5, stderr=0.01)}, sigma_to_remove=12.0, gap=30.0,
+        gap_named=30.0, gap_plus=20.0, rival=[], alternatives=list(alternatives), weight=0.9,
+        with_it=LIGHT, without_it=LIGHT,
+    )  # fmt: skip
+
+
+def rung(removed: float | None) -> Rung:
+    return Rung(
+        label="base", effects=[], error_percent=1.0, chi2_per_dof=1.0, held_out_percent=None, parameters={},
+        scene="", removed_percent=removed,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("levels", "headline"),
+    [
+        (["certain"] * 3, "A, b and c are missing in the model."),
+        (["certain", "certain", "one of"], "A and b are missing in the model; also c or d."),
+        (["one of"] * 3, "Several effects are missing in the model: a or d; b or d; c or d."),
+    ],
+)
+def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
+    found = [
+        effect(n, level, *([["d"]] if level == "one of" else []))
+        for n, level in zip("abc", levels, strict=True)
+    ]
+    said = found_words.said("identified", found, [], None)
+    assert said is not None and said.headline == headline
+
+
+def test_one_and_two_effects_are_told_as_before() -> None:
+    assert found_words.said("ambiguous", [effect("a", "certain"), effect("b", "one of")], [], None) is None
+    assert found_words.said("none", [], [rung(None)], None) is None
+
+
+def test_what_is_said_of_the_unexplained() -> None:
+    """Only where the set removes half of the misfit."""
+    found = [effect("a", "partial"), effect("b", "one of")]
+    misfit = Misfit(coordinate="x", worst_at=0.3)
+    said = found_words.said("unexplained", found, [rung(None), rung(90.0), rung(5.0)], misfit)
+    assert said is not None
+    assert said.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
+    assert said.support == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
+    assert found_words.said("unexplained", found, [rung(None), rung(40.0)], misfit) is None
+
+
+def test_the_simplest_comes_with_what_else_would_do() -> None:
+    one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
+    assert found_words.level(one) == "simplest; acceptance with detector tilt would do as well"
+    assert found_words.size(one) == "beam_tilt = 0.5 ± 0.01"

@@ -1,0 +1,224 @@
+"""Any number of effects, against every set there is by textbook regression."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy import stats
+from toy_problem import Toy, candidate, curve, layout, waves
+
+from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.search.pool import search as pooled
+from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
+from lightfield.diagnosis.search.pool.search import Data, Many, everything, named, search_many
+
+
+@pytest.fixture(autouse=True)
+def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preparation, "REPLICATES", 199)
+
+
+def more_waves(lay) -> dict[str, np.ndarray]:
+    """Seven columns that no smooth unknown is; no two alike."""
+    time = lay.phase_of_scan
+    return {
+        **waves(lay),
+        "fan": np.cos(4 * lay.x_m) * (lay.z_m - 6.5) ** 2,
+        "late": 4 * time * (lay.z_m - 6.5),
+        "braid": np.sin(5 * lay.x_m + lay.z_m),
+        "fringe": 3 * time * np.cos(3 * lay.x_m),
+    }
+
+
+def toy(**more: np.ndarray) -> Toy:
+    lay = layout()
+    columns = {**more_waves(lay), **more}
+    return Toy.of([candidate(name) for name in columns], columns, lay)
+
+
+def many(made: Toy, problem, seed: int = 0) -> Many:
+    data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
+    prepared = made.prepared(problem)
+    return search_many(data, prepared, 0.01, np.random.default_rng(seed), lambda stage: None)
+
+
+def regression(found: Many, names: Iterable[str]) -> tuple[np.ndarray, float]:
+    """Sizes and chi-square of base and effects on what the search kept, as it was whitened."""
+    pool, whiten = found.pool, found.bench.whiten
+    problem = pool.problem
+    paths = ("level", "slope", *(f"toy.{n}" for n in names))
+    columns = np.stack([problem.forward.columns[p] for p in paths], axis=1)
+    design, value = whiten(problem.keep[:, None] * columns), whiten(problem.keep * problem.value)
+    sizes = np.linalg.lstsq(design, value, rcond=None)[0]
+    return sizes, float(((value - design @ sizes) ** 2).sum())
+
+
+def every_set(found: Many, phi: float) -> dict[frozenset[str], float]:
+    """Cost of every set of effects, at a variance scale."""
+    names = [c.name for c in found.pool.problem.candidates]
+    price = stats.f.isf(0.01 / len(names), 1, found.pool.ground.nu)
+    sets = (some for size in range(len(names) + 1) for some in combinations(names, size))
+    return {frozenset(some): regression(found, some)[1] / phi + len(some) * price for some in sets}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
+    """And every gap is the one to the best of all sets without that effect."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(seed), odd=2.5, dusk=-2.5, fan=1.5, braid=2.5)
+    found = many(made, problem)
+    costs = every_set(found, found.pool.ground.phi)
+    assert found.best.names == min(costs, key=costs.__getitem__) == {"odd", "dusk", "fan", "braid"}
+    assert found.adequate and {e.level for e in found.evidence} == {"certain"}
+    sizes, chi2 = regression(found, [c.name for c in found.best.explanation])
+    assert found.best.fit.u == pytest.approx(sizes, rel=1e-2)
+    spare = found.prepared.problem.keep.sum() - len(sizes)
+    costs = every_set(found, max(found.pool.ground.phi, chi2 / spare))
+    for one in found.evidence:
+        rival = min(cost for names, cost in costs.items() if one.candidate.name not in names)
+        assert one.gap == pytest.approx(rival - costs[found.best.names], abs=0.3)
+
+
+def test_nothing_is_found_where_nothing_is() -> None:
+    """Twenty sets: none is named with the chance of 0.01 each (five sigma would be three)."""
+    made, rng = toy(), np.random.default_rng(3)
+    named_sets = [bool(many(made, made.drawn(rng)).best.names) for _ in range(20)]
+    assert sum(named_sets) <= stats.binom.isf(0.001, 20, 0.01)
+
+
+def test_a_product_of_two_others_is_the_simplest_only() -> None:
+    """Its column is the sum of two others': with one effect more the readings are met as well."""
+    lay = layout()
+    columns = more_waves(lay)
+    made = toy(sum=columns["odd"] + columns["braid"])
+    found = many(made, made.drawn(np.random.default_rng(1), sum=3.0, dusk=3.0, fan=2.0))
+    levels = {e.candidate.name: e.level for e in found.evidence}
+    assert levels == {"sum": "simplest", "dusk": "certain", "fan": "certain"}
+    (of_sum,) = [e for e in found.evidence if e.candidate.name == "sum"]
+    assert of_sum.gap > 6 and of_sum.gap_plus < 3
+    assert ("braid", "odd") in of_sum.alternatives
+
+
+def test_a_duplicate_is_one_of_two() -> None:
+    made = toy(copy=-2.0 * more_waves(layout())["odd"])
+    found = many(made, made.drawn(np.random.default_rng(1), odd=3.0, dusk=3.0, fan=2.0))
+    levels = {e.candidate.name: (e.level, e.alternatives) for e in found.evidence}
+    (one,) = levels.keys() & {"odd", "copy"}
+    other = {"odd": "copy", "copy": "odd"}[one]
+    assert levels[one] == ("one of", ((other,),))
+    assert levels["dusk"][0] == levels["fan"][0] == "certain"
+
+
+def test_what_is_certain_beside_an_unknown_is_said() -> None:
+    """A structure of no effect's shape, 12 sigma, beside effects of hundreds of sigma and of few."""
+    made = toy()
+    lay = made.problem.layout
+    bump = 12 * np.exp(-(((lay.x_m - lay.x_m[3]) / 0.05) ** 2)) * (lay.z_m > 6)
+    effects = made.problem.forward.predict({"toy.odd": 60.0, "toy.dusk": 0.7})
+    noise = np.random.default_rng(1).standard_normal(lay.size)
+    found = many(made, made.with_value(made.base + effects + made.sigma * (bump + noise)))
+    assert not found.adequate
+    levels = {e.candidate.name: e.level for e in found.evidence}
+    assert levels["odd"] == "partial"
+    assert all(level == "one of" for name, level in levels.items() if name != "odd")
+
+
+def with_curve() -> Toy:
+    """A curve of up to four smooth terms across the beam, of which the effect "round" is a special case."""
+    lay = layout()
+    terms = [np.cos((k + 2) * lay.x_m) * lay.x_m**2 * (lay.z_m - 5.5) for k in range(4)]
+    columns = more_waves(lay) | {"round": terms[0] + 0.5 * terms[1]}
+    candidates = [candidate(name) for name in columns] + curve("profile", (2, 4), ("round",))
+    return Toy.of(candidates, columns | {f"profile{k}": t for k, t in enumerate(terms)}, lay)
+
+
+def test_a_named_form_wins_where_it_suffices() -> None:
+    """Certain even beside the curve that contains it: the curve has more to pay."""
+    made = with_curve()
+    found = many(made, made.drawn(np.random.default_rng(1), round=4.0, dusk=3.0, fan=2.0))
+    assert found.best.names == {"round", "dusk", "fan"}
+    (of_round,) = [e for e in found.evidence if e.candidate.name == "round"]
+    assert of_round.gap < of_round.gap_named and of_round.level in ("certain", "simplest")
+
+
+def test_a_curve_is_found_where_no_name_will_do() -> None:
+    """With as many terms as it takes, and never beside what it contains."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0, dusk=3.0)
+    found = many(made, problem)
+    assert found.best.names == {"profile", "dusk"} and found.adequate
+    (form,) = [c.form.name for c in found.best.explanation if c.name == "profile"]
+    assert form == "4 terms"
+    assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
+
+
+def test_named_and_everything() -> None:
+    made = with_curve()
+    assert [c.name for c in made.problem.candidates if not named(c)] == ["profile", "profile"]
+    assert all(map(everything, made.problem.candidates))
+
+
+def pool_of(made: Toy, problem) -> Pool:
+    replicates = np.random.default_rng(0).standard_normal((60, 99))
+    pool = Pool(Ground(made.test(problem, replicates), 1.0, 1000))
+    pool.fit((), [Begin({})])
+    return pool
+
+
+def test_elimination_from_everything_leaves_what_is_there() -> None:
+    """Four effects in one move from nothing."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=3.0, dusk=-3.0, fan=2.0, braid=3.0)
+    pool = pool_of(made, problem)
+    linear_backward(pool, pool.nodes[frozenset()], everything, fits=1)
+    assert pool.best().names == {"odd", "dusk", "fan", "braid"}
+
+
+def test_a_quick_fit_ends_where_regression_does() -> None:
+    """With its own slopes, with those of nowhere, and with wrong ones."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=3.0, dusk=-3.0)
+    chosen = tuple(c for c in problem.candidates if c.name in ("odd", "dusk"))
+    expected, _, chi2 = made.regression(problem, *(c.name for c in chosen))
+    own = made.fit(problem, *chosen)
+    right = dict(zip(own.paths, own.jacobian.T, strict=True))
+    bent = {path: column * 1.5 + 0.5 for path, column in right.items()}
+    for slopes in ({}, right, bent):
+        quick = quick_fit(problem, chosen, made.whiten, Begin({}, slopes), 60, 1e-6)
+        assert quick.chi2 == pytest.approx(chi2, abs=0.1)
+        settled = settled_fit(problem, chosen, made.whiten, Begin({}, slopes), 60, 1e-6)
+        assert settled.chi2 == pytest.approx(chi2, abs=1e-5)
+        assert settled.u == pytest.approx(expected, abs=1e-3)
+        assert np.allclose(settled.jacobian, own.jacobian, rtol=1e-4, atol=1e-6)
+
+
+def test_bounds_hold() -> None:
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=3.0)
+    (one,) = (candidate("odd", 0.0, 1.0),)
+    fit = settled_fit(problem, (one,), made.whiten, Begin({}), 60, 1e-6)
+    assert fit.u[-1] == 1.0 and bool(fit.at_bound()[-1])
+
+
+def test_scattered_light_is_not_asked_for_without_end() -> None:
+    """What has been spent on it is counted; sets without it are always fitted."""
+    made = toy()
+    pool = pool_of(made, made.drawn(np.random.default_rng(1)))
+    pool.diffuse = pool.most_diffuse
+    assert pool.affordable(made.problem.candidates[:2])
+    assert not pool.affordable([candidate(f"n{k}") for k in range(60)]), "more parameters than readings"
+
+
+def test_the_search_is_the_same_twice() -> None:
+    made = toy()
+    problem = made.drawn(np.random.default_rng(5), odd=1.0, dusk=1.0, fan=0.7)
+    one, two = many(made, problem), many(made, problem)
+    assert [e.gap for e in one.evidence] == [e.gap for e in two.evidence]
+    assert one.adequacy.p == two.adequacy.p
+    assert isinstance(one.best, Node) and pooled.named(one.best.explanation[0])
