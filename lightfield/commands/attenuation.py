@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     media.add_argument(
         "--no-air", action="store_true", help="divide by what the formula says of lossless water"
     )
+    add_option(parser, "--no-trace")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
     parser.add_argument(
@@ -53,7 +55,12 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.attenuation.text import as_data, as_text
 
     in_air = True if args.air else False if args.no_air else None
-    found = attenuation(tables, scenes, in_air)
+    trace = None
+    if not args.no_trace:
+        from lightfield.render.diffuse.source import response_for
+
+        trace = response_for
+    found = attenuation(tables, scenes, trace, in_air)
     print(as_text(found))
     if args.json:
         with atomic_path(args.json) as temporary:

@@ -13,7 +13,7 @@ import xarray as xr
 from scipy import stats
 
 from lightfield.arrays import Array
-from lightfield.studies.attenuation.common_errors import Estimate, least_squares
+from lightfield.studies.attenuation.common_errors import Design, Estimate, stays
 from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
@@ -113,5 +113,5 @@ def apparent_attenuation(ratios: Ratios) -> Apparent:
     """
     ones = np.ones_like(ratios.y)
     X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
-    found = least_squares(ratios.y, ratios.stderr, X, ratios.stay, ratios.stay_stderr)
-    return Apparent(ratios, found)
+    H = stays(ratios.stay, len(ratios.stay_stderr))
+    return Apparent(ratios, Design(ratios.stderr, X, H, ratios.stay_stderr).estimate(ratios.y))

@@ -1,9 +1,10 @@
-"""Generalised least squares over all colours at once, with errors of stays that all colours share.
+"""Generalised least squares over all colours at once, with errors that all colours share.
 
-    y[j, l] = X[j, l, :] theta[l, :] + beta[stay j] + eps[j, l]
+    y[j, l] = X[j, l, :] theta[l, :] + H[j, :] beta + eps[j, l]
 
-beta has a prior of zero mean and known width. Eliminating theta colour by colour leaves equations for the few
-beta, so thousands of colours cost no more than their number. The covariance of theta is
+beta (errors of stays at a distance, of the light that a trace predicts) has a prior of zero mean and known
+width. Eliminating theta colour by colour leaves equations for the few beta, so thousands of colours cost no
+more than their number. The covariance of theta is
 
     cov(theta_l, theta_m) = own_l [l = m] + G_l B G_m^T        B = cov(beta), a few by a few
 """
@@ -11,6 +12,7 @@ beta, so thousands of colours cost no more than their number. The covariance of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +32,11 @@ class Estimate:
     theta : array, shape (n_colours, n_parameters)
     own : array, shape (n_colours, n_parameters, n_parameters)
         Covariance by the readings' own errors.
-    modes : array, shape (n_colours, n_parameters, n_stays)
+    modes : array, shape (n_colours, n_parameters, n_shared)
         Errors that all colours share: covariance between colours = modes @ modes^T.
-    beta, beta_stderr : array, shape (n_stays,)
+    beta, beta_stderr : array, shape (n_shared,)
     residual : array, shape (n_rows, n_colours)
-        y - X theta - beta; NaN where nothing was read.
+        y - X theta - H beta; NaN where nothing was read.
     chi2 : float
     dof : int
     """
@@ -54,51 +56,122 @@ class Estimate:
         own = np.einsum("lpp->lp", self.own)
         return np.asarray(np.sqrt(own + (self.modes**2).sum(axis=2)))
 
+    def of_each(self) -> Array:
+        """Covariance of the parameters of every colour, shape (n_colours, n_parameters, n_parameters)."""
+        return np.asarray(self.own + self.modes @ self.modes.transpose(0, 2, 1))
+
     def covariance(self, parameter: int) -> Array:
         """Covariance of a parameter between colours, shape (n_colours, n_colours)."""
         modes = self.modes[:, parameter]
         return np.asarray(modes @ modes.T + np.diag(self.own[:, parameter, parameter]))
 
 
-def least_squares(y: Array, sigma: Array, X: Array, stay: NDArray[np.int_], stay_stderr: Array) -> Estimate:
-    """Estimate the parameters of every colour and the errors of the stays together.
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Everything of the equations but y.
 
     Parameters
     ----------
-    y, sigma : array, shape (n_rows, n_colours)
+    sigma : array, shape (n_rows, n_colours)
         NaN where nothing was read.
     X : array, shape (n_rows, n_colours, n_parameters)
-    stay : array of int, shape (n_rows,)
-    stay_stderr : array, shape (n_stays,)
+    H : array, shape (n_rows, n_shared)
+        How errors that all colours share act on each row, see `stays`.
+    shared_stderr : array, shape (n_shared,)
+        0 switches one off.
 
     Source
     ------
     Aitken (1935), Proc. R. Soc. Edinburgh 55, 42; the elimination is Schur's complement.
     """
-    known = np.isfinite(y)
-    w = np.where(known, 1.0 / np.where(known, sigma, 1.0) ** 2, 0.0)  # [rows, colours]
-    value, X = np.where(known, y, 0.0), np.where(known[..., None], X, 0.0)
-    H = (stay[:, None] == np.arange(len(stay_stderr))).astype(float)  # [rows, stays]
-    WX = w[..., None] * X
-    own = np.linalg.pinv(np.einsum("jlp,jlq->lpq", X, WX), rcond=_TOLD, hermitian=True)
-    onto = own @ np.einsum("jlp,jk->lpk", WX, H)  # [colours, parameters, stays]: theta follows beta so
-    alone = np.einsum("lpq,jlq,jl->lp", own, WX, value)  # theta without beta
-    HWX = np.einsum("jk,jlp->lkp", H, WX)
-    some = stay_stderr > 0
-    precision = np.where(some, 1.0 / np.where(some, stay_stderr, 1.0) ** 2, 0.0)
-    N = np.diag(precision + (w.sum(axis=1) @ H)) - np.einsum("lkp,lpm->km", HWX, onto)
-    right = (w * value).sum(axis=1) @ H - np.einsum("lkp,lp->k", HWX, alone)
-    beta, spread = np.zeros(len(some)), np.zeros((len(some), len(some)))
-    if some.any():
-        inverse = np.linalg.pinv(N[np.ix_(some, some)], hermitian=True)
-        beta[some] = inverse @ right[some]
-        spread[np.ix_(some, some)] = inverse
-    theta = alone - onto @ beta
-    size, direction = np.linalg.eigh(spread)
-    root = direction * np.sqrt(np.clip(size, 0, None))
-    residual = np.where(known, y - np.einsum("jlp,lp->jl", X, theta) - (H @ beta)[:, None], np.nan)
-    chi2 = float((w * np.where(known, residual, 0.0) ** 2).sum() + (precision * beta**2).sum())
-    told = np.linalg.matrix_rank(np.einsum("jlp,jlq->lpq", X, WX), hermitian=True).sum()
-    return Estimate(
-        theta, own, onto @ root, beta, np.sqrt(np.diag(spread)), residual, chi2, int(known.sum() - told)
-    )
+
+    sigma: Array
+    X: Array
+    H: Array
+    shared_stderr: Array
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """What was read, shape (n_rows, n_colours)."""
+        return np.isfinite(self.sigma)
+
+    def estimate(self, y: Array) -> Estimate:
+        """Parameters and shared errors from values, shape (n_rows, n_colours)."""
+        theta, beta, residual = self._solved(y)
+        spread = np.zeros((len(beta), len(beta)))
+        spread[np.ix_(self._some, self._some)] = self._spread
+        size, direction = np.linalg.eigh(spread)
+        root = direction * np.sqrt(np.clip(size, 0, None))
+        chi2 = float((self._weight * residual**2).sum() + (self._precision * beta**2).sum())
+        told = np.linalg.matrix_rank(self._normal, hermitian=True).sum()
+        return Estimate(
+            theta, self._own, self._onto @ root, beta, np.sqrt(np.diag(spread)),
+            np.where(self.known, residual, np.nan), chi2, int(self.known.sum() - told),
+        )  # fmt: skip
+
+    def whitened(self, y: Array) -> Array:
+        """A vector whose squared length is chi-square at the best theta and beta; linear in y."""
+        _, beta, residual = self._solved(y)
+        return np.concatenate([(np.sqrt(self._weight) * residual).ravel(), np.sqrt(self._precision) * beta])
+
+    def _solved(self, y: Array) -> tuple[Array, Array, Array]:
+        value = np.where(self.known, y, 0.0)
+        weighted, beta = self._weight * value, np.zeros(len(self.shared_stderr))
+        alone = np.einsum("lpq,jlq,jl->lp", self._own, self._zeroed, weighted)  # theta without beta
+        right = weighted.sum(axis=1) @ self.H - np.einsum("lkp,lp->k", self._between, alone)
+        beta[self._some] = self._spread @ right[self._some]
+        theta = alone - self._onto @ beta
+        residual = value - np.einsum("jlp,lp->jl", self._zeroed, theta) - (self.H @ beta)[:, None]
+        return theta, beta, np.where(self.known, residual, 0.0)
+
+    @cached_property
+    def _weight(self) -> Array:
+        return np.where(self.known, 1.0 / np.where(self.known, self.sigma, 1.0) ** 2, 0.0)
+
+    @cached_property
+    def _zeroed(self) -> Array:
+        return np.where(self.known[..., None], self.X, 0.0)
+
+    @cached_property
+    def _normal(self) -> Array:
+        return np.asarray(np.einsum("jlp,jlq->lpq", self._zeroed, self._weight[..., None] * self._zeroed))
+
+    @cached_property
+    def _own(self) -> Array:
+        return np.asarray(np.linalg.pinv(self._normal, rcond=_TOLD, hermitian=True))
+
+    @cached_property
+    def _between(self) -> Array:
+        """H^T W X of every colour, shape (n_colours, n_shared, n_parameters)."""
+        return np.asarray(np.einsum("jk,jl,jlp->lkp", self.H, self._weight, self._zeroed, optimize=True))
+
+    @cached_property
+    def _onto(self) -> Array:
+        """How theta follows beta, shape (n_colours, n_parameters, n_shared)."""
+        return np.asarray(self._own @ self._between.transpose(0, 2, 1))
+
+    @cached_property
+    def _some(self) -> NDArray[np.bool_]:
+        return self.shared_stderr > 0
+
+    @cached_property
+    def _precision(self) -> Array:
+        return np.where(self._some, 1.0 / np.where(self._some, self.shared_stderr, 1.0) ** 2, 0.0)
+
+    @cached_property
+    def _spread(self) -> Array:
+        """Covariance of the beta that there are."""
+        N = np.diag(self._precision) + np.einsum("jk,j,jm->km", self.H, self._weight.sum(axis=1), self.H)
+        N -= np.einsum("lkp,lpm->km", self._between, self._onto)
+        return np.asarray(np.linalg.inv(N[np.ix_(self._some, self._some)]))
+
+
+def stays(stay: NDArray[np.int_], count: int) -> Array:
+    """H of errors of stays at a distance, shape (n_rows, count).
+
+    Parameters
+    ----------
+    stay : array of int, shape (n_rows,)
+    count : int
+    """
+    return (stay[:, None] == np.arange(count)).astype(float)

@@ -120,15 +120,19 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     lossless = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
     clear = direct_field(lossless, x, y, z)
     thick = lossless.with_values({"water.absorption_per_m": 1.0}, validate=False)
-    path = np.log(clear / direct_field(thick, x, y, z))
+    with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out below
+        path = np.log(clear / direct_field(thick, x, y, z))
     water, water_error = _means(light, relative, ~air, place, colour, shape)
     other: Array = clear[:, None] * np.ones(shape)
     other_error: Array = np.zeros(shape)
     geometry = np.zeros(len(places))
     if in_air:
         other, other_error = _means(light, relative, air, place, colour, shape)
-        geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(places), bool)))
-    bright = (water > _FAINT_SIGMA * water_error) & (other > _FAINT_SIGMA * other_error)
+        with np.errstate(invalid="ignore"):
+            geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(places), bool)))
+    bright = (
+        (clear > 0)[:, None] & (water > _FAINT_SIGMA * water_error) & (other > _FAINT_SIGMA * other_error)
+    )
     both = np.isfinite(water) & np.isfinite(other)
     if lost := int((both & ~bright).sum()):
         notes.append(
