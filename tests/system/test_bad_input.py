@@ -225,6 +225,18 @@ WRONG: list[tuple[str, list[str]]] = [
     ("plan unplaced.csv --scene scene.toml", ["lightfield: unplaced.csv: ", "line 1", "z_m is missing"]),
     ("plan far.csv --scene scene.toml --no-trace", ["line 2", "positions in metres"]),
     ("plan readings.csv --scene scene.toml --json folder", ["folder", "a file"]),
+    # attenuation
+    ("attenuation readings.csv", ["required: --scene"]),
+    ("attenuation no.csv --scene scene.toml", ["no.csv", "No such file"]),
+    ("attenuation readings.csv --scene scene.toml --air", ["readings.csv", "no readings in air"]),
+    ("attenuation readings.csv --scene scene.toml --air --no-air", ["not allowed with"]),
+    ("attenuation one.csv --scene scene.toml", ["one.csv", "several distances", "found '1 with readings"]),
+    ("attenuation radiance.csv --scene scene.toml", ["another quantity"]),
+    (
+        "attenuation readings.csv readings.csv readings.csv --scene scene.toml --scene open.toml",
+        ["--scene", "3 tables, 2 scenes", "one scene for each"],
+    ),
+    ("attenuation readings.csv --scene scene.toml --report readings.csv", ["readings.csv"]),
     # sweep
     ("sweep scene.toml", ["nothing is varied", "--vary PATH=RANGE"]),
     ("sweep scene.toml --vary water.absorption_per_m=0:1:3", ["-o STORE.zarr"]),

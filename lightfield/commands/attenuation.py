@@ -1,0 +1,76 @@
+"""`lightfield attenuation`: what readings in water against readings in air tell of the water."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.commands._options import add_option
+from lightfield.errors import UsageError
+from lightfield.readings import read_table
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "readings", type=Path, nargs="+", metavar="READINGS",
+        help="reading table with the media water and air; several tables of one water, one per receiver",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scene", type=Path, action="append", required=True, metavar="SCENE",
+        help="scene file (TOML): lamp, tank, receiver; given again, one for each table",
+    )  # fmt: skip
+    media = parser.add_mutually_exclusive_group()
+    media.add_argument(
+        "--air", action="store_true", help="divide by readings in air (default: if there are any)"
+    )
+    media.add_argument(
+        "--no-air", action="store_true", help="divide by what the formula says of lossless water"
+    )
+    add_option(parser, "--no-trace")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="OUT.nc", help="write the spectrum of K as NetCDF"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Study, print, write."""
+    scenes = [Scene.load(path) for path in args.scene]
+    if len(scenes) not in (1, len(args.readings)):
+        raise UsageError(
+            "tables and scenes do not belong together", where="--scene",
+            found=f"{len(args.readings)} tables, {len(scenes)} scenes",
+            rule="one scene for each table, in the same order, or one for all",
+        )  # fmt: skip
+    tables = [read_table(path) for path in args.readings]
+    outputs = [file for file in (args.json, args.report, args.output) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, *args.readings, *args.scene, *outputs[:k])
+    from lightfield.studies.attenuation.study import attenuation
+    from lightfield.studies.attenuation.text import as_data, as_text
+
+    in_air = True if args.air else False if args.no_air else None
+    trace = None
+    if not args.no_trace:
+        from lightfield.render.diffuse.source import response_for
+
+        trace = response_for
+    found = attenuation(tables, scenes, trace, in_air)
+    print(as_text(found))
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+    if args.output:
+        from lightfield.maps.dataset import write_netcdf
+
+        print(write_netcdf(found.apparent[0].dataset(), args.output))
+    if args.report:
+        from lightfield.report.attenuation.page import write_attenuation
+
+        print(f"report: {write_attenuation(found, args.report).resolve()}")
+    return 0

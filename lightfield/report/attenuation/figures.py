@@ -1,0 +1,167 @@
+"""Figures of attenuation: spectrum of K, per cent over distances, the straight lines behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.attenuation.apparent import Apparent
+from lightfield.studies.attenuation.scattered import Scattered
+from lightfield.studies.attenuation.study import Content
+from lightfield.studies.attenuation.text import some
+
+#: Distances and colours that a figure can show apart.
+LINES = 6
+
+
+def percent_figure(one: Apparent) -> Figure:
+    """Light lost per metre and over every distance that was measured, with bands of one standard error."""
+    colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.ratios.path_m, 3))
+    marker = "o" if len(colour) < 30 else ""
+    with figure(WIDTH, 4.2) as fig:
+        left, right = fig.subplots(1, 2)
+        value, error = one.percent()
+        left.fill_between(colour, value - error, value + error, color=RENDER, alpha=0.25, linewidth=0)
+        left.plot(colour, value, color=RENDER, marker=marker, markersize=4)
+        if len(colour) == 1:
+            left.errorbar(colour, value, error, color=RENDER, marker="o", capsize=3)
+        least = int(np.argmin(value))
+        left.annotate(
+            f"least: {value[least]:.1f} ± {error[least]:.1f} % at {colour[least]:g} nm",
+            (colour[least], value[least]), (0, -22), textcoords="offset points", ha="center", color=RENDER,
+        )  # fmt: skip
+        low, high = left.get_ylim()
+        left.set_ylim(min(low, value[least] - 0.25 * (high - low)), high)
+        left.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
+        label(left, "wavelength (nm)", "% lost per metre", "What the receiver loses per metre")
+        for k, d in enumerate(distances[some(len(distances), LINES)]):
+            value, error = one.percent(float(d))
+            shade = SERIES[k % len(SERIES)]
+            right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
+            right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:g} m")
+        right.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
+        right.legend(title="distance", loc="best")
+        label(right, "wavelength (nm)", "% lost", "… and over each distance")
+    return fig
+
+
+def lines_figure(one: Apparent) -> Figure:
+    """ln(water / air) against distance with the fitted straight lines, and what is left over."""
+    r, e = one.ratios, one.estimate
+    order = np.argsort(r.path_m)
+    with figure(WIDTH, 3.8) as fig:
+        upper, lower = fig.subplots(1, 2)
+        for k, colour in enumerate(some(len(one.K_per_m), LINES)):
+            shade = SERIES[k % len(SERIES)]
+            error = np.hypot(r.stderr[:, colour], r.stay_stderr[r.stay])
+            upper.errorbar(r.path_m, r.y[:, colour], error, color=shade, fmt="o", markersize=4)
+            line = e.theta[colour, 0] - one.K_per_m[colour] * r.path_m
+            upper.plot(r.path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")
+        upper.legend(loc="lower left", fontsize=8.5)
+        label(upper, "path in water (m)", "ln(water / air)", "Straight lines, to the eye")
+        scaled = e.residual / r.stderr
+        for colour in range(scaled.shape[1]):
+            lower.plot(r.path_m, scaled[:, colour], ".", color=DATA, alpha=0.4, markersize=4)
+        lower.axhline(0, color=MUTED, linewidth=0.8)
+        twin = 100 * e.beta
+        for place, value in zip(r.path_m, twin[r.stay], strict=True):
+            lower.annotate(
+                f"{value:+.1f} %".replace("-", "\N{MINUS SIGN}"), (place, 0.97), ha="center", va="top",
+                xycoords=("data", "axes fraction"), fontsize=8.5, color=FORMULA,
+            )  # fmt: skip
+        reach = float(np.nanmax(np.abs(scaled), initial=1.0))
+        lower.set_ylim(-1.15 * reach, 1.5 * reach)
+        label(
+            lower, "path in water (m)", "residual / its standard error", "Left over; above: error of the stay"
+        )
+    return fig
+
+
+def hidden_figure(one: Apparent, found: Scattered, content: Content | None) -> Figure:
+    """Left: K between a and c. Right: the line of a and b that the readings allow at the clearest colour."""
+    colour, k = found.wavelength_nm, int(np.argmin(found.combined))
+    with figure(WIDTH, 4.0) as fig:
+        left, right = fig.subplots(1, 2)
+        left.fill_between(
+            colour,
+            one.K_per_m - one.K_stderr,
+            one.K_per_m + one.K_stderr,
+            color=DATA,
+            alpha=0.25,
+            linewidth=0,
+        )
+        left.plot(colour, one.K_per_m, color=DATA, marker="o", markersize=3, label="K, as measured")
+        if content is not None and content.traced is not None:
+            water = content.traced.water
+            a, b = absorption_per_m(water, colour), scattering_per_m(water, colour)
+            left.plot(colour, a, color=RENDER, label="a of the best constituents")
+            left.plot(colour, a + b, color=FORMULA, linestyle=(0, (5, 2)), label="c = a + b")
+            left.fill_between(colour, a, a + b, color=FORMULA, alpha=0.08, linewidth=0)
+        if found.told.any():
+            at = found.told
+            left.errorbar(
+                colour[at],
+                found.a[at],
+                found.a_stderr[at],
+                color=RENDER,
+                fmt="s",
+                markersize=3,
+                label="a, told",
+            )
+        left.set_yscale("log")
+        plain_log_axis(left.yaxis)
+        left.legend(loc="upper left")
+        label(left, "wavelength (nm)", "1/m", "K is neither a nor c")
+        b = np.linspace(0.0, min(found.largest_b, 1.1 * found.combined[k] / found.kappa[k]), 50)
+        line, error = found.combined[k] - found.kappa[k] * b, found.combined_stderr[k]
+        right.fill_between(b, line - error, line + error, color=RENDER, alpha=0.25, linewidth=0)
+        right.plot(b, line, color=RENDER, label=f"a + {found.kappa[k]:.2f} b, as told at {colour[k]:g} nm")
+        right.plot(
+            b, one.K_per_m[k] - b, color=FORMULA, linestyle=(0, (5, 2)), label="a + b = K (Beer-Lambert)"
+        )
+        if found.told[k]:
+            right.errorbar(
+                found.b[k], found.a[k], found.a_stderr[k], found.b_stderr[k], color=DATA, fmt="o", capsize=3,
+                label="told by this layout",
+            )  # fmt: skip
+        right.set_ylim(bottom=0)
+        right.set_xlim(left=0)
+        right.legend(loc="upper right")
+        label(right, "scattering b (1/m)", "absorption a (1/m)", "Which a and b agree with the readings")
+    return fig
+
+
+def content_figure(found: Content) -> Figure:
+    """Each constituent by each model: 95 % thin, 68 % thick; other phase functions as open marks."""
+    models = [
+        (m, name, shade)
+        for m, name, shade in (
+            (found.traced, "scattered light traced", RENDER),
+            (found.loose, "… grey scattering free", SERIES[2]),
+            (found.beer_lambert, "Beer-Lambert", FORMULA),
+        )
+        if m is not None
+    ]
+    names = list(found.beer_lambert.amounts)
+    with figure(WIDTH, 2.7) as fig:
+        axes = fig.subplots(1, len(names), sharey=True)
+        for axis, name in zip(axes, names, strict=True):
+            for row, (model, _, shade) in enumerate(models):
+                amount, y = model.amounts[name], len(models) - row
+                axis.plot([amount.low_95, amount.high_95], [y, y], color=shade, linewidth=1.5)
+                axis.plot([amount.low_68, amount.high_68], [y, y], color=shade, linewidth=6, alpha=0.5)
+                axis.plot(amount.value, y, "o", color=shade, markersize=6)
+            for k, (g, amounts) in enumerate(found.other_phases.items()):
+                axis.plot(amounts[name], len(models), "D", color=RENDER, fillstyle="none", markersize=6)
+                axis.annotate(
+                    f"g {g:g}", (amounts[name], len(models)), (0, 7 if k else -15), color=RENDER,
+                    textcoords="offset points", ha="center", fontsize=8.5,
+                )  # fmt: skip
+            first = found.beer_lambert.amounts[name]
+            axis.axvline(0, color=MUTED, linewidth=0.8)
+            axis.set_ylim(0.5, len(models) + 0.6)
+            label(axis, first.unit, "", first.name[:1].upper() + first.name[1:])
+        axes[0].set_yticks(range(len(models), 0, -1), [name for _, name, _ in models])
+    return fig

@@ -1,0 +1,96 @@
+"""A study of attenuation as a page."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from lightfield.report.attenuation.figures import content_figure, hidden_figure, lines_figure, percent_figure
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.studies.attenuation.apparent import Apparent
+from lightfield.studies.attenuation.study import Attenuation, Content
+from lightfield.studies.attenuation.text import (
+    content_head,
+    content_rows,
+    content_sentences,
+    fit_sentence,
+    headline,
+    scattered_sentences,
+    table_head,
+    table_rows,
+)
+
+#: Rows of the table of wavelengths.
+ROWS = 14
+
+
+def attenuation_page(found: Attenuation) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    found : Attenuation
+    """
+    first = found.apparent[0]
+    sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
+    if found.scattered is not None:
+        drawing = hidden_figure(first, found.scattered, found.content)
+        caption = (
+            "Left: scattered light that still arrives hides a part of the loss, so K lies between absorption "
+            "and beam attenuation. Right: the waters that the layout allows, with one standard error."
+        )
+        hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told")
+        sections.append(Section("What K hides", (hidden,), scattered_sentences(found.scattered)))
+    if found.content is not None:
+        sections.append(_content(found.content))
+    if found.notes:
+        sections.append(Section("Assumed, or left out", text=found.notes))
+    scene = first.ratios.scene
+    lead = (
+        "Readings in water divided by readings in air at the same places, or by the formula where there "
+        "are none. Errors are standard errors; those of a stay at a distance are common to all wavelengths.",
+    )
+    title = f"{scene.name or 'Water'}: attenuation"
+    return study_page(title, headline(first), lead, sections, scene.to_toml())
+
+
+def write_attenuation(found: Attenuation, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_study(attenuation_page(found), path)
+
+
+def _content(found: Content) -> Section:
+    caption = (
+        "Maximum of the likelihood, intervals of 68 % (thick) and 95 % (thin). Diamonds: with another phase "
+        "function. All models see the same readings."
+    )
+    drawing = page_figure(content_figure(found), "content", caption, "Each constituent by each model")
+    table = Table(
+        "Intervals of 68 % from the profile of the likelihood.", content_head(found), content_rows(found)
+    )
+    return Section("Constituents", (drawing,), content_sentences(found), (table,))
+
+
+def _apparent(one: Apparent, number: int) -> Section:
+    quantity = str(one.ratios.scene.detector.quantity).replace("_", " ")
+    return Section(
+        f"Apparent attenuation, {quantity}",
+        (
+            page_figure(
+                percent_figure(one),
+                f"percent{number}",
+                "Bands of one standard error. Grey: 500 to 550 nm, the band of the paper.",
+                "Light lost per metre and over each distance, against wavelength",
+            ),
+            page_figure(
+                lines_figure(one),
+                f"lines{number}",
+                "Left: logarithms of the ratios with their fitted lines. Right: what the lines leave, and in "
+                "orange the error of each stay that all wavelengths share, as fitted.",
+                "Logarithm of water over air against distance, and residuals",
+            ),
+        ),
+        (fit_sentence(one),),
+        (Table("± is one standard error.", table_head(one), table_rows(one, ROWS)),),
+    )

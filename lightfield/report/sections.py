@@ -1,0 +1,46 @@
+"""The page of a study: a sentence that answers, then sections with figures, words and tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lightfield.report.page import PageFigure, fill, write_page
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text, and what they are."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One question and its answer."""
+
+    title: str
+    figures: Sequence[PageFigure] = ()
+    text: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+
+
+def study_page(
+    title: str, verdict: str, lead: Sequence[str], sections: Sequence[Section], scene_toml: str = ""
+) -> str:
+    """A self-contained page."""
+    provenance = [("scene", "below")] if scene_toml else []
+    return fill(
+        "study.html",
+        title=title, verdict=verdict, lead=lead, sections=sections,
+        scene_toml=scene_toml, provenance=provenance,
+    )  # fmt: skip
+
+
+def write_study(html: str, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_page(html, path)

@@ -1,0 +1,117 @@
+"""Apparent attenuation K(lambda): the slope of ln(water / air) with distance, by generalised least squares.
+
+K is what the receiver loses per metre. It is neither c nor a: scattered light that still arrives hides a part
+of the loss, and does so along a line that is straight to the eye.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy import stats
+
+from lightfield.arrays import Array
+from lightfield.studies.attenuation.common_errors import Design, Estimate, stays
+from lightfield.studies.attenuation.ratios import Ratios
+
+#: What the paper states attenuation over.
+METRE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Apparent:
+    """Apparent attenuation of one table.
+
+    Parameters
+    ----------
+    ratios : Ratios
+    estimate : Estimate
+        Parameters of each colour: alpha, K in 1/m.
+    """
+
+    ratios: Ratios
+    estimate: Estimate
+
+    @property
+    def K_per_m(self) -> Array:
+        """Attenuation, shape (n_colours,), 1/m."""
+        return self.estimate.theta[:, 1]
+
+    @property
+    def K_stderr(self) -> Array:
+        """Its standard error, shape (n_colours,), 1/m; mostly the same error for all colours."""
+        return self.estimate.stderr[:, 1]
+
+    @property
+    def shared_stderr(self) -> Array:
+        """The part of the error that all colours share, shape (n_colours,), 1/m."""
+        return np.asarray(np.sqrt((self.estimate.modes[:, 1] ** 2).sum(axis=1)))
+
+    def mean(self) -> tuple[float, float]:
+        """Mean over all colours and its standard error, by the full covariance, 1/m."""
+        n = len(self.K_per_m)
+        return float(self.K_per_m.mean()), float(np.sqrt(self.estimate.covariance(1).sum())) / n
+
+    def percent(self, distance_m: float = METRE) -> tuple[Array, Array]:
+        """Part of the light lost over a distance and its standard error, shape (n_colours,), %."""
+        left = np.exp(-self.K_per_m * distance_m)
+        return 100 * (1 - left), 100 * left * distance_m * self.K_stderr
+
+    @property
+    def misfit_p(self) -> float:
+        """Probability of a larger chi-square if the logarithm really falls on straight lines."""
+        dof = self.estimate.dof
+        return float(stats.chi2.sf(self.estimate.chi2, dof)) if dof > 0 else float("nan")
+
+    def one_distance(self) -> tuple[Array, Array]:
+        """-ln(water / air) / s of every place by itself, gain and window uncorrected, and its error, 1/m.
+
+        Shape (n_places, n_colours). Whatever factor lies between the media shifts it by -ln(factor) / s: a
+        window of index n, whose lamp stands in water in one medium and in air in the other, has n^2.
+        """
+        r = self.ratios
+        shared, path = r.stay_stderr[r.stay][:, None], r.path_m[:, None]
+        return -(r.y + r.geometry[:, None]) / path, np.hypot(r.stderr, shared) / path
+
+    def dataset(self) -> xr.Dataset:
+        """All numbers with their errors; covariance = diag(own^2) + modes @ modes^T."""
+        estimate, r = self.estimate, self.ratios
+        distances = np.unique(np.round(r.path_m, 3))
+        over, per_metre = [self.percent(float(d)) for d in distances], self.percent()
+        colour, far = ("wavelength_nm",), ("wavelength_nm", "distance_m")
+        own, error = np.sqrt(estimate.own[:, 1, 1]), "its standard error"
+        variables = {
+            "attenuation": (colour, self.K_per_m, "apparent attenuation K", "m-1"),
+            "attenuation_stderr": (colour, self.K_stderr, error, "m-1"),
+            "attenuation_stderr_own": (colour, own, "the part of its own, independent", "m-1"),
+            "attenuation_stderr_modes": (
+                (*colour, "stay"), estimate.modes[:, 1], "errors that all colours share", "m-1"
+            ),
+            "percent_per_metre": (colour, per_metre[0], "light lost per metre", "percent"),
+            "percent_per_metre_stderr": (colour, per_metre[1], error, "percent"),
+            "percent": (far, np.stack([p for p, _ in over], 1), "light lost over a distance", "percent"),
+            "percent_stderr": (far, np.stack([e for _, e in over], 1), error, "percent"),
+            "gain": (colour, estimate.theta[:, 0], "alpha: ln of gain and window", "1"),
+            "gain_stderr": (colour, estimate.stderr[:, 0], error, "1"),
+        }  # fmt: skip
+        return xr.Dataset(
+            {k: (d, v, {"long_name": name, "units": unit}) for k, (d, v, name, unit) in variables.items()},
+            coords={"wavelength_nm": r.wavelength_nm, "distance_m": distances},
+            attrs={"chi2": estimate.chi2, "degrees_of_freedom": estimate.dof, "reference": r.reference},
+        )
+
+
+def apparent_attenuation(ratios: Ratios) -> Apparent:
+    """Fit alpha - K s to the logarithms of all colours at once.
+
+    Parameters
+    ----------
+    ratios : Ratios
+        From `lightfield.studies.attenuation.ratios.ratios_of`.
+    """
+    ones = np.ones_like(ratios.y)
+    X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
+    H = stays(ratios.stay, len(ratios.stay_stderr))
+    return Apparent(ratios, Design(ratios.stderr, X, H, ratios.stay_stderr).estimate(ratios.y))

@@ -1,0 +1,227 @@
+"""What is dissolved and suspended in the water: chlorophyll, CDOM and sediment with profile intervals.
+
+    y = alpha(lambda) - (a + b) s + excess(a, b) + errors,    a, b = pure water + constituents
+
+All colours are fitted together; gains and errors of stays are free. The same with excess = 0 is Beer-Lambert
+with c = a + b, which takes every scattered photon for lost. It can fit as well and be wrong all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import brentq, least_squares
+
+from lightfield.arrays import Array
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.water import Water
+from lightfield.studies.attenuation.common_errors import Design
+from lightfield.studies.attenuation.scattered import Stack
+
+#: What is looked for: field of the water, its unit, its name, where fits start, what it is scaled by, and how
+#: much there may be at most.
+CONSTITUENTS = {
+    "chlorophyll_mg_per_m3": ("mg/m³", "chlorophyll", 0.1, 0.1, 100.0),
+    "cdom_440_per_m": ("1/m", "CDOM at 440 nm", 0.02, 0.05, 10.0),
+    "sediment_g_per_m3": ("g/m³", "sediment", 0.02, 0.1, 100.0),
+}
+#: Scattering of the same size at all wavelengths, beside what the constituents bring along.
+GREY = "scattering_per_m"
+EXTRA = {GREY: ("1/m", "grey scattering", 0.02, 0.05, 2.0)}
+#: Rise of chi-square at the ends of intervals of 68 % and 95 % (one parameter; Wilks 1938,
+#: doi:10.1214/aoms/1177732360).
+RISE_68, RISE_95 = 1.0, 3.841
+#: Constituents need so many wavelengths: one more than there are of them.
+FEWEST_COLOURS = len(CONSTITUENTS) + 1
+#: First step of the search for an end of an interval, in standard errors; and its growth.
+_FIRST_STEP, _GROWTH = 1.0, 2.0
+#: Ends of intervals are found to this part of a standard error.
+_FOUND = 0.02
+
+
+@dataclass(frozen=True)
+class Amount:
+    """One constituent.
+
+    Parameters
+    ----------
+    value, stderr : float
+        Maximum of the likelihood, and half of the interval of 68 % (of its upper half where it begins at 0).
+    low_68, high_68, low_95, high_95 : float
+        Ends of the profile intervals; 0 where they reach to nothing.
+    """
+
+    name: str
+    unit: str
+    value: float
+    stderr: float
+    low_68: float
+    high_68: float
+    low_95: float
+    high_95: float
+
+    @property
+    def found(self) -> bool:
+        """Is nothing of it excluded at 95 %?"""
+        return self.low_95 > 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Constituents:
+    """The answer of one model of the light.
+
+    Parameters
+    ----------
+    amounts : dict of Amount, by field of the water
+    water : Water
+        With these amounts.
+    chi2 : float
+    dof : int
+    """
+
+    amounts: dict[str, Amount]
+    water: Water
+    chi2: float
+    dof: int
+
+    @property
+    def p(self) -> float:
+        """Probability of a larger chi-square."""
+        return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Amounts at the least chi-square, some of them perhaps held."""
+
+    u: Array
+    chi2: float
+    covariance: Array
+
+
+def fit_constituents(
+    stack: Stack, base: Water, *, scattered: bool = True, grey: bool = False
+) -> Constituents:
+    """Fit the constituents to all tables and colours at once.
+
+    Parameters
+    ----------
+    stack : Stack
+        Readings, and what scattered light adds to them.
+    base : Water
+        Pure water with its temperature and salinity; its own constituents are replaced.
+    scattered : bool
+        False: Beer-Lambert with c = a + b.
+    grey : bool
+        Let the water scatter equally at all wavelengths besides, for particles that the constituents' models
+        do not describe.
+    """
+    names = {**CONSTITUENTS, **(EXTRA if grey else {})}
+    design, left = _left(stack, base, list(names), scattered)
+    start, scale, most = _limits(names)
+    best = _fit(left, start, scale, most)
+    amounts = {
+        name: _profile(left, best, k, scale, most, names[name][1], names[name][0])
+        for k, name in enumerate(names)
+    }
+    dof = int(np.isfinite(stack.y).sum()) - design.X.shape[1] * design.X.shape[2] - len(names)
+    water = base.model_copy(update={n: float(v) for n, v in zip(names, best.u, strict=True)})
+    return Constituents(amounts, water, best.chi2, dof)
+
+
+def best_amounts(stack: Stack, base: Water, *, scattered: bool = True) -> dict[str, float]:
+    """The amounts of `fit_constituents` without their intervals, by field of the water."""
+    _, left = _left(stack, base, list(CONSTITUENTS), scattered)
+    best = _fit(left, *_limits(CONSTITUENTS))
+    return dict(zip(CONSTITUENTS, best.u.tolist(), strict=True))
+
+
+def pure(water: Water) -> Water:
+    """The water without what is looked for: its base, or pure water where it says none."""
+    bare = Water(temperature_c=water.temperature_c, salinity_psu=water.salinity_psu, phase=water.phase)
+    known = {"base": "pure" if water.base == "none" else water.base, "table": water.table}
+    return bare.model_copy(update={**known, "cdom_slope_per_nm": water.cdom_slope_per_nm})
+
+
+def _left(
+    stack: Stack, base: Water, names: list[str], scattered: bool
+) -> tuple[Design, Callable[[Array], Array]]:
+    """What amounts leave of the readings, in their errors."""
+    design = Design(stack.sigma, stack.alphas, *stack.shared(traced=scattered))
+    y, s, colours = stack.y, stack.path_m[:, None], stack.tables[0].wavelength_nm
+
+    def left(u: Array) -> Array:
+        a, b = _coefficients(base, dict(zip(names, u, strict=True)), colours)
+        light = stack.light(a, b) if scattered else 0.0
+        return design.whitened(y + (a + b) * s - light)
+
+    return design, left
+
+
+def _limits(names: dict[str, tuple[str, str, float, float, float]]) -> tuple[Array, Array, Array]:
+    """Where fits start, the scale of each amount, and how much there may be."""
+    start, scale, most = (np.array([row[k] for row in names.values()], float) for k in (2, 3, 4))
+    return start, scale, most
+
+
+def _coefficients(base: Water, amounts: dict[str, float], colours: Array) -> tuple[Array, Array]:
+    water = base.model_copy(update={name: max(float(v), 0.0) for name, v in amounts.items()})
+    return absorption_per_m(water, colours), scattering_per_m(water, colours)
+
+
+def _fit(
+    left: Callable[[Array], Array], start: Array, scale: Array, most: Array, held: int | None = None
+) -> _Fit:
+    """Least chi-square over all amounts but the held one, none below nothing."""
+    free = [k for k in range(len(start)) if k != held]
+
+    def some(v: Array) -> Array:
+        u = start.copy()
+        u[free] = v
+        return left(u)
+
+    inside = np.clip(start[free], 1e-6 * scale[free], 0.999 * most[free])
+    found = least_squares(
+        some, inside, bounds=(np.zeros(len(free)), most[free]), x_scale=scale[free], xtol=1e-6, ftol=1e-7
+    )
+    u = start.copy()
+    u[free] = found.x
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    return _Fit(u, float(2 * found.cost), covariance)
+
+
+def _profile(
+    left: Callable[[Array], Array], best: _Fit, k: int, scale: Array, most: Array, name: str, unit: str
+) -> Amount:
+    """Where chi-square, least over all other amounts, has risen by 1 and by 3.84."""
+    value, step = float(best.u[k]), float(np.sqrt(best.covariance[k, k]))
+    known: dict[float, float] = {value: 0.0}
+    last = [best.u]
+
+    def rise(at: float) -> float:
+        if at not in known:
+            start = last[-1].copy()
+            start[k] = at
+            fit = _fit(left, start, scale, most, held=k)
+            last.append(fit.u)
+            known[at] = fit.chi2 - best.chi2
+        return known[at]
+
+    def end(level: float, direction: int) -> float:
+        limit, size, at = (0.0 if direction < 0 else float(most[k])), _FIRST_STEP * step, value
+        while True:
+            beyond = float(np.clip(at + direction * size, 0.0, most[k]))
+            if rise(beyond) >= level:
+                low, high = sorted((at, beyond))
+                return float(brentq(lambda v: rise(float(v)) - level, low, high, xtol=_FOUND * step))
+            if beyond == limit:
+                return limit
+            at, size = beyond, size * _GROWTH
+
+    low_68, high_68 = end(RISE_68, -1), end(RISE_68, 1)
+    low_95, high_95 = end(RISE_95, -1), end(RISE_95, 1)
+    stderr = 0.5 * (high_68 - low_68) if low_68 > 0 else high_68 - value
+    return Amount(name, unit, value, stderr, low_68, high_68, low_95, high_95)

@@ -1,0 +1,128 @@
+"""What scattered and reflected light adds at the receiver, for any water: ln(all light / direct light).
+
+One trace answers for every absorption and scattering. It is asked at the nodes of Chebyshev polynomials in
+both, so that a fit evaluates all colours at all places in microseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from lightfield.arrays import Array
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.formula.field import direct_field
+from lightfield.render.diffuse.dense_water import dense_water, trace_for
+from lightfield.scene import Scene
+from lightfield.scene.acts import ATTENUATION, Acts
+from lightfield.scene.all_parameters import without
+from lightfield.studies.attenuation.ratios import Ratios
+
+#: Nodes in absorption and in scattering: the polynomials meet the response between them to 1e-4
+#: (tests/physics/test_attenuation.py).
+NODES_A, NODES_B = 4, 9
+#: Modes of the trace's error smaller than this part of the largest are left out.
+_SMALL_MODE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """ln(all light / direct light) at the places of a table.
+
+    Parameters
+    ----------
+    largest_a, largest_b : float, 1/m
+        Up to which the polynomials hold; beyond they are continued straight.
+    coefficients : array, shape (NODES_A, NODES_B, n_places)
+    modes : array, shape (n_places, k)
+        Errors of the light over the light, in a typical water, as independent contributions: noise of the
+        trace, and one for what is smooth.
+    """
+
+    largest_a: float
+    largest_b: float
+    coefficients: Array
+    modes: Array
+
+    def value(self, a: Array, b: Array) -> Array:
+        """At absorption and scattering coefficients, shape (n,), 1/m: shape (n_places, n)."""
+        s, t = self._inside(a, b)
+        inner = _grid(self.coefficients, s, t)
+        _, by_b = self.slopes(a, b)
+        return inner + by_b * (b - 0.5 * (t + 1) * self.largest_b)
+
+    def slopes(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """Derivatives by a and by b, each of shape (n_places, n), m."""
+        s, t = self._inside(a, b)
+        by_a = _grid(chebyshev.chebder(self.coefficients, axis=0), s, t) * 2 / self.largest_a
+        by_b = _grid(chebyshev.chebder(self.coefficients, axis=1), s, t) * 2 / self.largest_b
+        return by_a, by_b
+
+    def _inside(self, a: Array, b: Array) -> tuple[Array, Array]:
+        return (
+            np.clip(2 * np.asarray(a) / self.largest_a - 1, -1, 1),
+            np.clip(2 * np.asarray(b) / self.largest_b - 1, -1, 1),
+        )
+
+
+def grey(scene: Scene, a: float, b: float) -> Scene:
+    """The scene in uniform water of these coefficients, with its own phase function."""
+    plain = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
+    return plain.with_values({"water.absorption_per_m": a, "water.scattering_per_m": b}, validate=False)
+
+
+def excess_light(
+    ratios: Ratios, trace: DiffuseSource, largest_a: float, largest_b: float, typical: tuple[float, float]
+) -> Excess:
+    """Ask the response at the nodes.
+
+    Parameters
+    ----------
+    ratios : Ratios
+        Places, and the scene with lamp, tank, receiver and phase function.
+    trace : callable
+        `lightfield.render.diffuse.source.response_for` or the like.
+    largest_a, largest_b : float, 1/m
+    typical : (a, b), 1/m
+        Water whose errors are taken for those of all.
+    """
+    x, y, z = ratios.x_m, ratios.y_m, ratios.z_m
+    first = grey(ratios.scene, typical[0], typical[1])
+    response = trace(first, x, y, z)
+    if dense_water(np.array([largest_b])) is not None:
+        response = response.with_denser(trace(first, x, y, z, dense_per_m=trace_for(largest_b)))
+    nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))
+    values = np.zeros((NODES_A, NODES_B, len(x)))
+    for i, a in enumerate(nodes_a * largest_a):
+        for k, b in enumerate(nodes_b * largest_b):
+            water = grey(ratios.scene, float(a), float(b))
+            values[i, k] = np.log1p(response.light(water, [None])[0] / direct_field(water, x, y, z))
+    for axis, n in ((0, NODES_A), (1, NODES_B)):
+        at = np.cos(np.pi * (np.arange(n) + 0.5) / n)
+        values = np.moveaxis(
+            np.tensordot(np.linalg.inv(chebyshev.chebvander(at, n - 1)), values, (1, axis)), 0, axis
+        )
+    light = response.light(first, [None])[0] + direct_field(first, x, y, z)
+    noise, smooth = response.errors(first, [None], np.zeros(len(x), int))
+    return Excess(largest_a, largest_b, values, _modes(np.column_stack([noise, smooth]) / light[:, None]))
+
+
+def _grid(coefficients: Array, s: Array, t: Array) -> Array:
+    """Polynomials at pairs of (s, t): shape (n_places, n)."""
+    left = chebyshev.chebvander(s, coefficients.shape[0] - 1)
+    right = chebyshev.chebvander(t, coefficients.shape[1] - 1)
+    return np.asarray(np.einsum("ni,nk,ikp->pn", left, right, coefficients, optimize=True))
+
+
+def _modes(modes: Array) -> Array:
+    """The same covariance by as few contributions as there are places."""
+    left, size, _ = np.linalg.svd(modes, full_matrices=False)
+    keep = size > _SMALL_MODE * size.max(initial=0.0)
+    return np.asarray(left[:, keep] * size[keep])
+
+
+def no_excess(places: int) -> Excess:
+    """Of light that is neither scattered nor reflected."""
+    return Excess(1.0, 1.0, np.zeros((NODES_A, NODES_B, places)), np.zeros((places, 0)))

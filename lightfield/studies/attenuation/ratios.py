@@ -1,0 +1,281 @@
+"""Readings in water over readings in air at the same places: what every study of the water starts from.
+
+    y = ln(I_water / I_air) - delta = alpha - K s + ln(1 + f) + beta + eps
+
+s is the path in water, delta what the scene's geometry and refraction change between the two media, alpha a
+constant per colour (gain, n^2 of the window), beta the error of a stay at a distance, common to all colours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS, layout_of
+from lightfield.diagnosis.problem.noise import ASSUMED_RELATIVE
+from lightfield.diagnosis.problem.setup import budget_of
+from lightfield.errors import MeasurementError
+from lightfield.formula.field import direct_field, time_factor
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.scene.acts import ATTENUATION, Acts
+from lightfield.scene.all_parameters import without
+
+#: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
+#: relative error, would reach the error of a stay (0.3 %).
+_FAINT_SIGMA = 12.0
+#: A slope needs so many distances.
+FEWEST_DISTANCES = 2
+#: Repeats from which an error that the table does not state is taken.
+_FEWEST_REPEATS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Ratios:
+    """ln of water over air of one table, corrected for what the scene's geometry changes between them.
+
+    Parameters
+    ----------
+    scene : Scene
+        With bands that hold all the wavelengths.
+    x_m, y_m, z_m, path_m : array, shape (n_places,), m
+        Places, and the straight path in water from the lamp's window to each.
+    stay : array of int, shape (n_places,)
+        Distance at which each place was read: places of one share beta.
+    stay_stderr : array, shape (n_stays,)
+        Standard error of beta.
+    wavelength_nm : array, shape (n_colours,), nm
+    y, stderr : array, shape (n_places, n_colours)
+        NaN where a colour was not read in both media.
+    geometry : array, shape (n_places,)
+        delta, already subtracted from y: what window and geometry make of a lamp in lossless water over air.
+    reference : "air" or "formula"
+        What the readings in water are divided by.
+    notes : tuple of str
+        What was assumed or left out.
+    """
+
+    scene: Scene
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    path_m: Array
+    stay: NDArray[np.int_]
+    stay_stderr: Array
+    wavelength_nm: Array
+    y: Array
+    stderr: Array
+    geometry: Array
+    reference: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def on_axis(self) -> bool:
+        """Was everything read on one line along the beam?"""
+        return bool(np.ptp(self.x_m) == 0 and np.ptp(self.y_m) == 0)
+
+
+def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> Ratios:
+    """Divide readings in water by those in air, or by what the formula says of a lamp in lossless water.
+
+    Parameters
+    ----------
+    readings : Readings
+    scene : Scene
+        Lamp, tank and receiver; its water counts nowhere.
+    in_air : bool, optional
+        Divide by readings in air; default: if there are any.
+
+    Raises
+    ------
+    MeasurementError
+        Too few distances or media; readings that do not fit the scene.
+    """
+    scene = covering(scene, readings.wavelength_nm)
+    table = readings.check_against(scene)
+    table = table.subset((table.role == "signal") & ~table.saturated)
+    where, air = readings.source or None, np.asarray(table.medium) == "air"
+    if in_air is None:
+        in_air = bool(air.any())
+    if in_air and not air.any():
+        raise MeasurementError(
+            "no readings in air", where=where, rule='medium = "air" at the distances of those in water',
+            remedy="measure in air, or let the formula stand for it (the beam is then the scene's)",
+        )  # fmt: skip
+    if not (~air).any():
+        raise MeasurementError(
+            "no readings in water", where=where, rule='medium = "water"', remedy="correct the column medium"
+        )
+    places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
+    colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
+    shape, notes = (len(places), len(colours)), []
+    light = (table.value - scene.detector.background) / time_factor(scene, table.time_s)
+    relative, assumed = _relative_errors(table, light, place * len(colours) + colour, air)
+    notes += assumed
+    x, y, z = places.T
+    lossless = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
+    clear = direct_field(lossless, x, y, z)
+    thick = lossless.with_values({"water.absorption_per_m": 1.0}, validate=False)
+    with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out below
+        path = np.log(clear / direct_field(thick, x, y, z))
+    water, water_error = _means(light, relative, ~air, place, colour, shape)
+    other: Array = clear[:, None] * np.ones(shape)
+    other_error: Array = np.zeros(shape)
+    geometry = np.zeros(len(places))
+    if in_air:
+        other, other_error = _means(light, relative, air, place, colour, shape)
+        with np.errstate(invalid="ignore"):
+            geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(places), bool)))
+    bright = (
+        (clear > 0)[:, None] & (water > _FAINT_SIGMA * water_error) & (other > _FAINT_SIGMA * other_error)
+    )
+    both = np.isfinite(water) & np.isfinite(other)
+    if lost := int((both & ~bright).sum()):
+        notes.append(
+            f"{lost} of {int(both.sum())} pairs are fainter than {_FAINT_SIGMA:g} of their errors: left out"
+        )
+    if alone := int((np.isfinite(water) & ~np.isfinite(other)).sum()):
+        notes.append(f"{alone} readings in water have none in air at their place and wavelength: left out")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ln = np.where(bright, np.log(water / other), np.nan) - geometry[:, None]
+        error = np.where(bright, np.hypot(water_error / water, other_error / other), np.nan)
+    distances, stay = np.unique(places[:, 2], return_inverse=True)
+    budget = budget_of(table)
+    if not budget.gain_stated:
+        notes.append(
+            f"plane_gain_percent = {100 * budget.plane_gain:.2g} assumed for every stay at a distance"
+        )
+    variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
+    found = Ratios(
+        scene, x, y, z, path, stay, np.sqrt(variance), colours[:, 0], ln, error,
+        geometry, "air" if in_air else "formula", tuple(notes),
+    )  # fmt: skip
+    return _enough(found, where)
+
+
+def covering(scene: Scene, wavelength_nm: Array) -> Scene:
+    """The scene with a band more where its own do not hold all the wavelengths of a table."""
+    known = wavelength_nm[np.isfinite(wavelength_nm)]
+    bands = scene.detector.bands_nm
+    outside = [w for w in known if not any(low <= w <= high for low, high in bands)]
+    if not outside:
+        return scene
+    low, high = float(min(outside)) - 0.5, float(max(outside)) + 0.5
+    detector = scene.detector.model_copy(update={"bands_nm": (*bands, (max(low, 0.5), high))})
+    return scene.model_copy(update={"detector": detector})
+
+
+def _labels(*columns: Array, decimals: int) -> tuple[Array, NDArray[np.int_]]:
+    """Different rows of rounded columns, shape (n, n_columns), and which of them each is."""
+    rows, label = np.unique(np.round(np.stack(columns, 1), decimals) + 0.0, axis=0, return_inverse=True)
+    return rows, label.ravel()
+
+
+def _relative_errors(
+    table: Readings, light: Array, group: NDArray[np.int_], air: NDArray[np.bool_]
+) -> tuple[Array, list[str]]:
+    """Standard error over each reading, from the table, from repeats, or assumed; and what was assumed."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stated = np.abs(table.stderr / light)
+    missing = ~(np.isfinite(stated) & (table.stderr > 0))
+    if not missing.any():
+        return stated, []
+    _, label, count = np.unique(2 * group + air, return_inverse=True, return_counts=True)
+    label = label.ravel()
+    mean = np.bincount(label, light) / count
+    free = int((count - 1).sum())
+    if count.max() >= _FEWEST_REPEATS and free > 0:
+        deviation = light / mean[label] - 1
+        scatter = float(np.sqrt((deviation**2).sum() / free))
+        note = f"{int(missing.sum())} readings without stderr: {100 * scatter:.2g} % from their repeats"
+    else:
+        scatter = ASSUMED_RELATIVE
+        note = f"{int(missing.sum())} readings without stderr: {100 * scatter:g} % assumed"
+    return np.where(missing, scatter, stated), [note]
+
+
+def _means(
+    light: Array,
+    relative: Array,
+    chosen: NDArray[np.bool_],
+    place: NDArray[np.int_],
+    colour: NDArray[np.int_],
+    shape: tuple[int, int],
+) -> tuple[Array, Array]:
+    """Mean of the repeats of every place and colour, and its standard error; NaN where there are none."""
+    flat, size = (place * shape[1] + colour)[chosen], shape[0] * shape[1]
+    count = np.bincount(flat, minlength=size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(flat, light[chosen], size) / count
+        error = np.sqrt(np.bincount(flat, (relative * light)[chosen] ** 2, size)) / count
+    return mean.reshape(shape), error.reshape(shape)
+
+
+def _stay_variance(
+    table: Readings, air: NDArray[np.bool_], distances: Array, gain: float, position_m: float, in_air: bool
+) -> Array:
+    """Variance of the error that all colours of a distance share, shape (n_stays,)."""
+    visit, z = layout_of(table).visit, np.round(table.z_m, PLACE_DECIMALS) + 0.0
+    variance = np.zeros(len(distances))
+    for k, distance in enumerate(distances):
+        one = gain**2 + (2.0 * position_m / distance) ** 2  # inverse square: the light's slope is 2 / z
+        for medium in [air, ~air] if in_air else [~air]:
+            visits = len(np.unique(visit[medium & (z == distance)]))
+            variance[k] += one / max(visits, 1)
+    return variance
+
+
+def _enough(found: Ratios, where: str | None) -> Ratios:
+    """Only colours that were read at several distances."""
+    known = np.isfinite(found.y)
+    distances = np.array([len(np.unique(found.stay[column])) for column in known.T])
+    keep = distances >= FEWEST_DISTANCES
+    if not keep.any():
+        raise MeasurementError(
+            "attenuation needs several distances",
+            where=where,
+            found=f"{int(distances.max(initial=0))} with readings in water"
+            + (" and in air at the same places" if found.reference == "air" else ""),
+            rule=f"at least {FEWEST_DISTANCES}, per wavelength",
+            remedy="read water and air at the same distances",
+        )
+    places = known[:, keep].any(axis=1)
+    dropped = int((~keep).sum())
+    more = (
+        (f"{dropped} wavelengths were not read at {FEWEST_DISTANCES} distances: left out",) if dropped else ()
+    )
+    used, stay = np.unique(found.stay[places], return_inverse=True)
+    return replace(
+        found,
+        **{name: getattr(found, name)[places] for name in ("x_m", "y_m", "z_m", "path_m", "geometry")},
+        stay=stay,
+        stay_stderr=found.stay_stderr[used],
+        wavelength_nm=found.wavelength_nm[keep],
+        y=found.y[np.ix_(places, keep)],
+        stderr=found.stderr[np.ix_(places, keep)],
+        notes=(*found.notes, *more),
+    )
+
+
+def same_water(tables: Sequence[Ratios]) -> Array:
+    """The wavelengths of several tables of one water, shape (n_colours,), nm.
+
+    Raises
+    ------
+    MeasurementError
+        They were not read at the same wavelengths.
+    """
+    first = tables[0].wavelength_nm
+    for other in tables[1:]:
+        if len(other.wavelength_nm) != len(first) or not np.allclose(other.wavelength_nm, first, atol=0.01):
+            raise MeasurementError(
+                "the tables have different wavelengths",
+                found=f"{len(first)} and {len(other.wavelength_nm)}",
+                rule="the same wavelengths in all tables of one water",
+                remedy="import them with the same bands",
+            )
+    return first

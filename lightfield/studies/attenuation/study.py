@@ -1,0 +1,156 @@
+"""What readings in water against readings in air tell of the water."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lightfield.errors import MeasurementError, RenderError, SceneError
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.attenuation.apparent import Apparent, apparent_attenuation
+from lightfield.studies.attenuation.constituents import (
+    FEWEST_COLOURS,
+    Constituents,
+    best_amounts,
+    fit_constituents,
+    pure,
+)
+from lightfield.studies.attenuation.excess import no_excess
+from lightfield.studies.attenuation.ratios import ratios_of, same_water
+from lightfield.studies.attenuation.scattered import (
+    Scattered,
+    Stack,
+    other_phases,
+    scattered_light,
+    traced_stack,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """Constituents by several models of the light.
+
+    Parameters
+    ----------
+    traced, loose : Constituents, optional
+        With scattered light, also with grey scattering left free; None without a trace.
+    beer_lambert : Constituents
+        As if every scattered photon were lost.
+    other_phases : dict
+        Amounts, by field of the water, for Henyey-Greenstein phase functions of other g.
+    """
+
+    traced: Constituents | None
+    loose: Constituents | None
+    beer_lambert: Constituents
+    other_phases: dict[float, dict[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Attenuation:
+    """The answer.
+
+    Parameters
+    ----------
+    apparent : tuple of Apparent
+        One per table.
+    scattered : Scattered, optional
+        Where scattered light was traced.
+    content : Content, optional
+        Where there are wavelengths enough.
+    notes : tuple of str
+        What was assumed or left out.
+    """
+
+    apparent: tuple[Apparent, ...]
+    scattered: Scattered | None
+    content: Content | None
+    notes: tuple[str, ...]
+
+
+def attenuation(
+    readings: Readings | Sequence[Readings],
+    scenes: Scene | Sequence[Scene],
+    trace: DiffuseSource | None = None,
+    in_air: bool | None = None,
+) -> Attenuation:
+    """Attenuation of the water from one table of readings, or from several of the same water.
+
+    Parameters
+    ----------
+    readings : Readings, or several
+        Several receivers (each a table with its scene) part absorption from scattering.
+    scenes : Scene, or several
+        One for each table, or one for all. Lamp, tank, receiver and phase function count; the water is
+        looked for.
+    trace : callable, optional
+        `lightfield.render.diffuse.source.response_for`: gives the scattered light that K hides.
+    in_air : bool, optional
+        Divide by readings in air; default: where there are any.
+
+    Raises
+    ------
+    MeasurementError
+        Too few distances; tables of different wavelengths; not one scene for each.
+    """
+    tables = [readings] if isinstance(readings, Readings) else list(readings)
+    given = [scenes] if isinstance(scenes, Scene) else list(scenes)
+    if len(given) == 1:
+        given *= len(tables)
+    if not tables or len(given) != len(tables):
+        raise MeasurementError(
+            "tables and scenes do not belong together",
+            found=f"{len(tables)} tables, {len(given)} scenes",
+            rule="one scene for each table, in the same order, or one for all",
+            remedy="name the scene of each receiver",
+        )
+    ratios = [ratios_of(table, scene, in_air) for table, scene in zip(tables, given, strict=True)]
+    same_water(ratios)
+    apparent = tuple(apparent_attenuation(r) for r in ratios)
+    notes = [note for r in ratios for note in r.notes]
+    stack, others, scattered = None, {}, None
+    if trace is not None:
+        try:
+            stack, others = traced_stack(apparent, trace), other_phases(apparent, trace)
+            scattered = scattered_light(apparent, stack, others)
+        except RenderError as error:
+            notes.append(f"scattered light could not be traced: {error}")
+    content = None
+    if len(ratios[0].wavelength_nm) < FEWEST_COLOURS:
+        notes.append(f"constituents need {FEWEST_COLOURS} wavelengths")
+    else:
+        try:
+            content = _content(apparent, stack, others)
+        except SceneError as error:
+            notes.append(f"constituents were not looked for: {error}")
+    return Attenuation(apparent, scattered, content, tuple(dict.fromkeys(notes)))
+
+
+def _content(apparent: Sequence[Apparent], stack: Stack | None, others: dict[float, Stack]) -> Content:
+    base = pure(apparent[0].ratios.scene.water)
+    plain = stack or Stack(
+        [one.ratios for one in apparent], [no_excess(len(one.ratios.path_m)) for one in apparent]
+    )
+    formula = fit_constituents(plain, base, scattered=False)
+    if stack is None:
+        return Content(None, None, formula, {})
+    return Content(
+        fit_constituents(stack, base),
+        fit_constituents(stack, base, grey=True),
+        formula,
+        {g: best_amounts(other, base) for g, other in others.items()},
+    )
+
+
+def beer_lambert_is_off(content: Content) -> dict[str, tuple[float, float]]:
+    """By how much the formula misses the amounts that were found: relative, and in its own stated errors."""
+    if content.traced is None:
+        return {}
+    off = {}
+    for name, right in content.traced.amounts.items():
+        wrong = content.beer_lambert.amounts[name]
+        if right.found and wrong.stderr > 0:
+            off[name] = (wrong.value / right.value - 1, (wrong.value - right.value) / wrong.stderr)
+    return off

@@ -1,0 +1,260 @@
+"""What a study of attenuation says, to people and to programs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.studies.attenuation.apparent import Apparent
+from lightfield.studies.attenuation.constituents import Amount
+from lightfield.studies.attenuation.scattered import Scattered
+from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off
+
+#: So many colours are printed; the data hold all.
+SHOWN = 12
+#: Straight lines with a smaller probability than this do not fit.
+POOR_FIT = 0.01
+#: An amount that is off by more of its stated errors than this is named.
+NOTEWORTHY_SIGMA = 2.0
+
+
+def as_text(found: Attenuation) -> str:
+    """The answer for people."""
+    lines: list[str] = []
+    for one in found.apparent:
+        lines += _apparent_lines(one)
+    if found.scattered is not None:
+        lines += ["", "What K hides:", *scattered_sentences(found.scattered)]
+    if found.content is not None:
+        lines += ["", "Constituents:", *content_lines(found.content), *content_sentences(found.content)]
+    lines += [f"note: {note}" for note in found.notes]
+    return "\n".join(lines)
+
+
+def as_data(found: Attenuation) -> dict[str, Any]:
+    """The answer for programs: every number with its error."""
+    return {
+        "apparent": [_apparent_data(one) for one in found.apparent],
+        "scattered_light": None if found.scattered is None else _scattered_data(found.scattered),
+        "constituents": None if found.content is None else _content_data(found.content),
+        "notes": list(found.notes),
+    }
+
+
+def headline(one: Apparent) -> str:
+    """One sentence: how much the water takes where it takes least."""
+    k = int(np.argmin(one.K_per_m))
+    percent, error = (float(v[k]) for v in one.percent())
+    least = f", the least of {len(one.K_per_m)} wavelengths" if len(one.K_per_m) > 1 else ""
+    return (
+        f"At {one.ratios.wavelength_nm[k]:g} nm the receiver loses {percent:.1f} ± {error:.1f} % per metre "
+        f"(apparent attenuation K = {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f} per m){least}."
+    )
+
+
+def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
+    """Wavelength, K, per cent per metre, and per cent over the nearest and farthest distance, as text."""
+    near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
+    columns = [one.percent(), one.percent(near), one.percent(far)]
+    return [
+        [
+            f"{one.ratios.wavelength_nm[k]:g}",
+            f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
+            *(f"{p[k]:.1f} ± {e[k]:.1f} %" for p, e in columns),
+        ]
+        for k in some(len(one.K_per_m), most)
+    ]
+
+
+def table_head(one: Apparent) -> tuple[str, ...]:
+    """Heads of `table_rows`."""
+    near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
+    return ("nm", "K (1/m)", "lost per m", f"lost over {near:g} m", f"lost over {far:g} m")
+
+
+def some(count: int, most: int) -> list[int]:
+    """Indices of at most so many, evenly chosen, the first and the last among them."""
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
+
+def fit_sentence(one: Apparent) -> str:
+    """Do straight lines fit, and what that means."""
+    e = one.estimate
+    if e.dof <= 0:
+        return "Two distances: nothing is left to test the straight line with."
+    text = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g}): straight lines "
+    text += "fit. " if one.misfit_p > POOR_FIT else "do not fit at the stated errors. "
+    return text + "A straight line does not show that Beer-Lambert holds: scattered light keeps it straight."
+
+
+def scattered_sentences(found: Scattered) -> list[str]:
+    """What the receiver sees of scattered light, and what that leaves of a and b."""
+    k = int(np.argmin(found.combined))
+    low, high = (float(f(found.share[:, k])) for f in (np.nanmin, np.nanmax))
+    colour, kappa = f"{found.wavelength_nm[k]:g} nm", float(found.kappa[k])
+    lines = []
+    if found.told[k]:
+        lines.append(
+            f"At {colour} a = {found.a[k]:.4f} ± {found.a_stderr[k]:.4f} per m and b = {found.b[k]:.4f} ± "
+            f"{found.b_stderr[k]:.4f} per m: this layout parts absorption from scattering. "
+            f"{100 * low:.0f} to {100 * high:.0f} % of the light there had been scattered or reflected."
+        )
+    else:
+        lines += [
+            "This layout does not part absorption from scattering. "
+            f"At {colour} it tells a + {kappa:.2f} b = {found.combined[k]:.4f} ± "
+            f"{found.combined_stderr[k]:.4f} per m, with b anywhere up to {found.largest_b:.2g} per m. "
+            f"Without scattering a would be {found.absorption_alone[k]:.4f} per m.",
+            f"If b is {found.b[k]:.3f} per m there, {100 * low:.0f} to {100 * high:.0f} % of the light that "
+            "arrives had been scattered or reflected. A second receiver that sees less of it (a collimator), "
+            "or readings beside the beam, would part the two.",
+        ]
+    if not found.told.all() and found.told.any():
+        lines.append(f"a and b are parted at {int(found.told.sum())} of {len(found.told)} wavelengths.")
+    if found.other_kappa:
+        others = " and ".join(f"{value:.2f} for g = {g:g}" for g, value in found.other_kappa.items())
+        lines.append(f"The factor of b hangs on the phase function: {found.kappa.mean():.2f} here, {others}.")
+    return lines
+
+
+def content_rows(found: Content) -> list[list[str]]:
+    """A row per constituent: each model's amount with its 68 % interval, or its 95 % limit."""
+    models = [m for m in (found.traced, found.loose, found.beer_lambert) if m is not None]
+    names = list(dict.fromkeys(name for m in models for name in m.amounts))
+    rows = []
+    for name in names:
+        first = next(m.amounts[name] for m in models if name in m.amounts)
+        cells = [amount_text(m.amounts[name]) if name in m.amounts else "–" for m in models]
+        rows.append([f"{first.name} ({first.unit})", *cells])
+    rows.append(
+        ["chi-square / degrees of freedom", *(f"{m.chi2:.0f} / {m.dof} (p = {m.p:.2g})" for m in models)]
+    )
+    return rows
+
+
+def content_head(found: Content) -> tuple[str, ...]:
+    """Heads of `content_rows`."""
+    models = ("scattered light traced", "… and grey scattering free", "plain Beer-Lambert, c = a + b")
+    return ("", *(models if found.traced is not None else models[2:]))
+
+
+def amount_text(amount: Amount) -> str:
+    """An amount with its 68 % interval; where 95 % reach to nothing, their upper end."""
+    if not amount.found:
+        return f"not distinguished from none: < {amount.high_95:.2g}"
+    return f"{amount.value:.3g} ({amount.low_68:.3g} to {amount.high_68:.3g})"
+
+
+def content_lines(found: Content) -> list[str]:
+    """`content_rows` for a terminal."""
+    heads, lines = content_head(found)[1:], []
+    for row in content_rows(found):
+        lines.append(row[0])
+        lines += [f"    {head:<32} {cell}" for head, cell in zip(heads, row[1:], strict=True)]
+    return lines
+
+
+def content_sentences(found: Content) -> list[str]:
+    """What Beer-Lambert gets wrong, and what the phase function is worth."""
+    traced, wrong = found.traced, found.beer_lambert
+    if traced is None:
+        return ["Without a trace only Beer-Lambert is left: it takes every scattered photon for lost."]
+    lines = []
+    off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
+    if off:
+        words = [
+            f"{traced.amounts[name].name} {abs(100 * relative):.0f} % {'low' if relative < 0 else 'high'}, "
+            f"{abs(sigma):.1f} of its stated errors"
+            for name, (relative, sigma) in off.items()
+        ]
+        fits = "and it fits the readings" if wrong.p > POOR_FIT else "but it does not fit the readings"
+        lines.append(
+            f"Beer-Lambert finds {'; '.join(words)}; {fits} (chi-square / dof {wrong.chi2 / wrong.dof:.2f})."
+        )
+    for g, amounts in found.other_phases.items():
+        values = ", ".join(
+            f"{traced.amounts[name].name} {round(value, 4):.2g}" for name, value in amounts.items()
+        )
+        lines.append(f"With a phase function of g = {g:g} it would be {values}.")
+    return lines
+
+
+def _apparent_lines(one: Apparent) -> list[str]:
+    r = one.ratios
+    mean, error = one.mean()
+    single, _ = one.one_distance()
+    shift = np.nanmean(single - one.K_per_m, axis=1)
+    return [
+        f"{r.scene.detector.quantity}, {len(r.path_m)} places, {len(one.K_per_m)} wavelengths, against "
+        + ("readings in air" if r.reference == "air" else "the formula in lossless water"),
+        headline(one),
+        "  ".join(f"{head:>17}" for head in table_head(one)),
+        *("  ".join(f"{cell:>17}" for cell in row) for row in table_rows(one)),
+        f"mean of all wavelengths {mean:.4f} ± {error:.4f} per m; of each error up to "
+        f"{one.shared_stderr.max():.4f} per m is common to all wavelengths",
+        fit_sentence(one),
+        "from one distance alone, gain and window uncorrected: K off by "
+        + ", ".join(
+            f"{_signed(float(shift[at]))} per m at {r.path_m[at]:g} m"
+            for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
+        ),
+    ]
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3f}"
+
+
+def _apparent_data(one: Apparent) -> dict[str, Any]:
+    data = one.dataset()
+    return {
+        "quantity": one.ratios.scene.detector.quantity,
+        **{str(name): _list(values.values) for name, values in data.data_vars.items()},
+        **{str(name): _list(values.values) for name, values in data.coords.items()},
+        **data.attrs,
+        "misfit_p": _number(one.misfit_p),
+        "mean_attenuation": list(one.mean()),
+    }
+
+
+def _scattered_data(found: Scattered) -> dict[str, Any]:
+    names = (
+        "wavelength_nm", "a", "a_stderr", "b", "b_stderr", "told", "kappa", "combined", "combined_stderr",
+        "absorption_alone", "expected",
+    )  # fmt: skip
+    return {
+        **{name: getattr(found, name).tolist() for name in names},
+        "largest_b": found.largest_b,
+        "share": _list(found.share),
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.dof,
+        "kappa_of_other_g": {f"{g:g}": value for g, value in found.other_kappa.items()},
+    }
+
+
+def _content_data(found: Content) -> dict[str, Any]:
+    models = {"traced": found.traced, "grey_scattering_free": found.loose, "beer_lambert": found.beer_lambert}
+    return {
+        **{
+            name: {
+                "amounts": {k: asdict(v) | {"distinguished": v.found} for k, v in model.amounts.items()},
+                "chi2": model.chi2,
+                "degrees_of_freedom": model.dof,
+                "p": _number(model.p),
+            }
+            for name, model in models.items()
+            if model is not None
+        },
+        "other_g": {f"{g:g}": amounts for g, amounts in found.other_phases.items()},
+    }
+
+
+def _list(values: Array) -> Any:
+    return np.where(np.isfinite(values), values, np.nan).tolist()
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None

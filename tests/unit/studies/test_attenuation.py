@@ -1,0 +1,211 @@
+"""Apparent attenuation: errors common to all colours, refraction at the window, faint and lonely readings."""
+
+from __future__ import annotations
+
+import json
+
+import campaign
+import numpy as np
+import pytest
+
+from lightfield.errors import MeasurementError
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
+from lightfield.readings.importing.importer import import_index
+from lightfield.scene import Scene
+from lightfield.studies.attenuation.apparent import apparent_attenuation
+from lightfield.studies.attenuation.common_errors import Design, stays
+from lightfield.studies.attenuation.ratios import ratios_of
+from lightfield.studies.attenuation.study import attenuation
+from lightfield.studies.attenuation.text import as_data, as_text
+
+DISTANCES = np.array([4.5, 5.5, 6.5, 7.5, 8.5])
+COLOURS = np.array([450.0, 500.0, 600.0])  # too few to look for constituents
+WATER = {"base": "pure", "cdom_440_per_m": 0.05}
+
+
+def scene(**lamp: float) -> Scene:
+    return Scene.from_dict({"lamp": {"hwhm_deg": 3.81, **lamp}, "water": WATER})
+
+
+def truth_per_m(colours: np.ndarray = COLOURS) -> np.ndarray:
+    """c of that water from the loss of direct light between two places, which no fit takes part in."""
+    near, far = (direct_field(scene(), *np.zeros((2, 3)), np.full(3, z), colours) * z**2 for z in (1.0, 2.0))
+    return np.log(near / far)
+
+
+def table(
+    lamp: Scene, noise: float = 0.0, stay: float = 0.0, x: float = 0.0, seed: int = 0, **given
+) -> Readings:
+    """Direct light alone at all distances, in both media; errors of readings, and of whole stays."""
+    rng = np.random.default_rng(seed)
+    z, colour, air = (v.ravel() for v in np.meshgrid(DISTANCES, COLOURS, [False, True], indexing="ij"))
+    medium = np.where(air, "air", "water")
+    light = direct_field(lamp, x + 0 * z, 0 * z, z, colour, medium)
+    shared = stay * rng.standard_normal((5, 2))[np.searchsorted(DISTANCES, z), air.astype(int)]
+    value = light * np.exp(shared + noise * rng.standard_normal(len(z)))
+    columns = {"x_m": x, "wavelength_nm": colour, "medium": medium, "stderr": max(noise, 1e-4) * value}
+    budget = {"plane_gain_percent": 100 * stay, "position_mm": 0.0}
+    return Readings.from_arrays(z_m=z, value=value, **{**columns, **budget, **given})
+
+
+def test_it_is_the_loss_of_the_direct_light() -> None:
+    found = attenuation(table(scene()), scene()).apparent[0]
+    assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-7)
+
+
+def test_elimination_equals_the_whole_covariance_matrix_inverted() -> None:
+    """Aitken's estimate written out: every colour and place in one vector, one dense covariance."""
+    rng = np.random.default_rng(1)
+    rows, colours, stay = 6, 4, np.array([0, 0, 1, 2, 3, 3])
+    stay_stderr = np.array([0.01, 0.02, 0.005, 0.01])
+    X = rng.standard_normal((rows, colours, 2))
+    y, sigma = rng.standard_normal((rows, colours)), rng.uniform(0.003, 0.02, (rows, colours))
+    y[1, 2] = np.nan
+    sigma[1, 2] = np.nan
+    found = Design(sigma, X, stays(stay, 4), stay_stderr).estimate(y)
+
+    at = [(j, k) for j in range(rows) for k in range(colours) if np.isfinite(y[j, k])]
+    whole = np.zeros((len(at), 2 * colours))
+    C = np.diag([sigma[j, k] ** 2 for j, k in at])
+    for m, (j, k) in enumerate(at):
+        whole[m, 2 * k : 2 * k + 2] = X[j, k]
+        for n, (i, _) in enumerate(at):
+            C[m, n] += stay_stderr[stay[j]] ** 2 * (stay[i] == stay[j])
+    value, inverse = np.array([y[j, k] for j, k in at]), np.linalg.inv(C)
+    covariance = np.linalg.inv(whole.T @ inverse @ whole)
+    theta = covariance @ whole.T @ inverse @ value
+    left = value - whole @ theta
+    assert found.theta.ravel() == pytest.approx(theta, rel=1e-8)
+    assert found.chi2 == pytest.approx(left @ inverse @ left, rel=1e-8)
+    assert found.dof == len(at) - 2 * colours
+    assert found.covariance(1) == pytest.approx(covariance[1::2, 1::2], rel=1e-7)
+
+
+def test_error_of_K_is_the_closed_form() -> None:
+    """sigma_K^2 = (s_eps^2 + s_stay^2) / S, S = sum (z - mean)^2 = 10 m^2; 0.5 and 0.7 %: 0.0027 per m."""
+    readings = table(scene(), noise=0.005 / np.sqrt(2), stay=0.007 / np.sqrt(2))
+    found = attenuation(readings, scene()).apparent[0]
+    assert found.K_stderr == pytest.approx(np.sqrt((0.005**2 + 0.007**2) / 10), rel=1e-3)
+    assert found.shared_stderr == pytest.approx(0.007 / np.sqrt(10), rel=1e-3)
+    covariance = found.estimate.covariance(1)
+    assert covariance[0, 1] == pytest.approx(0.007**2 / 10, rel=1e-3)
+
+
+def test_what_it_says_of_its_errors_is_how_it_errs() -> None:
+    """Over 200 experiments: spread of K and of its mean over colours, and chi-square, as stated."""
+    lamp, truth = scene(), truth_per_m()
+    tables = (table(lamp, 0.005, 0.007, seed=k) for k in range(200))
+    several = [apparent_attenuation(ratios_of(readings, lamp)) for readings in tables]
+    score = np.array([(one.K_per_m - truth) / one.K_stderr for one in several])
+    mean = np.array([(one.mean()[0] - truth.mean()) / one.mean()[1] for one in several])
+    # 200 scores: standard error of their mean 0.07, of their standard deviation 0.05
+    assert np.abs(score.mean(axis=0)).max() < 0.25 and abs(mean.mean()) < 0.25
+    assert np.abs(score.std(axis=0) - 1).max() < 0.2 and abs(mean.std() - 1) < 0.2
+    assert np.mean([one.estimate.chi2 / one.estimate.dof for one in several]) == pytest.approx(1, abs=0.1)
+
+
+def test_a_window_between_media_is_free_and_spoils_one_distance_alone() -> None:
+    """n^2 of a lamp in water and in air: -ln(n^2) / z, -0.128 per m at 4.5 m and -0.068 at 8.5 m."""
+    found = attenuation(table(scene(window_index=1.334)), scene()).apparent[0]
+    assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-6)
+    assert found.estimate.theta[:, 0] == pytest.approx(2 * np.log(1.334), abs=1e-6)
+    off = found.one_distance()[0] - truth_per_m()
+    assert off[0] == pytest.approx(-0.128, abs=5e-4) and off[-1] == pytest.approx(-0.068, abs=5e-4)
+
+
+def test_refraction_off_the_axis_is_taken_from_the_scene() -> None:
+    """Beside the axis air shows another part of the beam; the scene's window undoes that."""
+    lamp = scene(window_index=1.334)
+    found = attenuation(table(lamp, x=0.3), lamp).apparent[0]
+    assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-6)
+    naive = attenuation(table(lamp, x=0.3), scene()).apparent[0]
+    assert np.abs(naive.K_per_m - truth_per_m()).min() > 0.01
+
+
+def test_without_air_the_formula_stands_for_it() -> None:
+    readings = table(scene())
+    found = attenuation(readings, scene(), in_air=False).apparent[0]
+    assert found.ratios.reference == "formula" and found.K_per_m == pytest.approx(truth_per_m(), abs=1e-7)
+    wet = attenuation(readings.subset(readings.medium == "water"), scene()).apparent[0]
+    assert wet.ratios.reference == "formula"
+
+
+def test_per_cent_over_a_distance() -> None:
+    found = attenuation(table(scene(), noise=0.005, stay=0.007), scene()).apparent[0]
+    value, error = found.percent(8.5)
+    left = np.exp(-8.5 * found.K_per_m)
+    assert value == pytest.approx(100 * (1 - left)) and error == pytest.approx(850 * left * found.K_stderr)
+
+
+def test_what_has_no_partner_or_no_light_is_left_out_and_said() -> None:
+    whole = table(scene())
+    lonely = (whole.medium == "air") & (whole.z_m == 6.5) & (whole.wavelength_nm == 500)
+    faint = np.where((whole.z_m == 7.5) & (whole.wavelength_nm == 600), 0.5 * whole.value, whole.stderr)
+    readings = Readings.from_arrays(
+        **{k: getattr(whole, k)[~lonely] for k in ("z_m", "value", "medium", "wavelength_nm")},
+        stderr=faint[~lonely],
+    )
+    found = attenuation(readings, scene())
+    assert any("1 readings in water have none in air" in note for note in found.notes)
+    assert any(note.startswith("1 of 14 pairs are fainter") for note in found.notes)
+    assert any("plane_gain_percent" in note for note in found.notes)
+    assert found.apparent[0].K_per_m == pytest.approx(truth_per_m(), abs=1e-4)
+
+
+def test_repeats_give_the_error_that_the_table_does_not_state() -> None:
+    whole, rng = table(scene()), np.random.default_rng(2)
+    five = {k: np.repeat(getattr(whole, k), 5) for k in ("z_m", "value", "medium", "wavelength_nm")}
+    five["repeat"] = np.tile(np.arange(1.0, 6.0), len(whole))
+    five["value"] = five["value"] * np.exp(0.004 * rng.standard_normal(len(five["value"])))
+    found = ratios_of(Readings.from_arrays(**five), scene())
+    # 120 degrees of freedom: the spread is known to 7 %
+    assert np.mean(found.stderr) == pytest.approx(0.004 * np.sqrt(2 / 5), rel=0.2)
+    assert apparent_attenuation(found).K_per_m == pytest.approx(truth_per_m(), abs=0.005)
+
+
+@pytest.mark.parametrize(
+    "chosen, words",
+    [
+        (lambda r: (r.medium == "air") & (r.z_m > 0), "no readings in water"),
+        (lambda r: r.z_m == 4.5, "several distances"),
+        (lambda r: (r.z_m == 4.5) | (r.medium == "water"), "several distances"),
+    ],
+)
+def test_what_cannot_be_answered_is_one_error(chosen, words) -> None:
+    readings = table(scene())
+    with pytest.raises(MeasurementError, match=words):
+        attenuation(readings.subset(chosen(readings)), scene())
+
+
+def test_several_tables_are_of_the_same_colours_and_have_their_scenes() -> None:
+    readings = table(scene())
+    with pytest.raises(MeasurementError, match="different wavelengths"):
+        attenuation([readings, readings.subset(readings.wavelength_nm > 460)], scene())
+    with pytest.raises(MeasurementError, match="one scene for each"):
+        attenuation([readings, readings, readings], [scene(), scene()])
+
+
+def test_words_and_data_hold_the_same_numbers_with_errors() -> None:
+    found = attenuation(table(scene(), noise=0.005, stay=0.007), scene())
+    data = json.loads(json.dumps(as_data(found)))["apparent"][0]
+    own, modes = np.array(data["attenuation_stderr_own"]), np.array(data["attenuation_stderr_modes"])
+    assert np.diag(own**2) + modes @ modes.T == pytest.approx(found.apparent[0].estimate.covariance(1))
+    assert f"± {found.apparent[0].K_stderr[1]:.4f} per m), the least of 3 wavelengths" in as_text(found)
+
+
+def test_from_instrument_files_to_attenuation(tmp_path) -> None:
+    """Jaz files, each with its own dark spectrum, in air and in water, whose light falls as exp(-0.1 s)."""
+    rows = []
+    for z in (4.5, 6.5, 8.5):
+        for medium, K in (("air", 0.0), ("water", 0.1)):
+            level, name = np.exp(-K * z) * (4.5 / z) ** 2, f"{medium}{z}.jaz"
+            signal = campaign.DARK + 0.05 * campaign.rate(campaign.WAVELENGTH, level)
+            campaign.jaz(tmp_path / name, campaign.DARK, signal)
+            rows.append(f"{name},{z},{medium}")
+    index = campaign.write_index(tmp_path, rows, "file,z_m,medium")
+    bands = [(500.0, 510.0), (520.0, 530.0), (540.0, 550.0)]
+    readings = import_index(index, quantity="irradiance", units="counts", bands_nm=bands)
+    found = attenuation(readings, scene()).apparent[0]
+    assert found.ratios.reference == "air" and found.ratios.wavelength_nm.tolist() == [505, 525, 545]
+    assert found.K_per_m == pytest.approx(0.1, abs=1e-5)
