@@ -15,7 +15,7 @@ from lightfield.diagnosis import ledger
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
-from lightfield.diagnosis.search.pool.search import Data, named
+from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
@@ -243,10 +243,10 @@ def _diagnose(
         problem, untestable = problem_of(forward, readings, chosen, reason)
         rng = np.random.default_rng(seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
-        data = Data(calibration.by_shape(problem), quoted, budget)
+        by_shape = calibration.by_shape(problem)
         # Curves come only where no named effect will do.
-        by_name = replace(data.problem, candidates=tuple(filter(named, data.problem.candidates)))
-        prepared = prepare(by_name, quoted, budget, rng, alpha, known)
+        data = Data(by_shape.with_curves(), quoted, budget)
+        prepared = prepare(by_shape, quoted, budget, rng, alpha, known)
         traces.asked, known = prepared.to_trace_per_m, prepared.known
         if traces.asked is not None and traces.left:
             continue

@@ -59,6 +59,10 @@ class Problem:
         base = (p.held(0.5 * (p.low + p.high)) if p.path in replaced else p for p in self.base)
         return Model(self.forward, (*base, *(p for c in explanation for p in c.parameters)))
 
+    def with_curves(self) -> Problem:
+        """The same, where curves are candidates like any other."""
+        return replace(self, candidates=(*self.candidates, *self.curves), curves=())
+
     def fit(
         self,
         explanation: Explanation,
