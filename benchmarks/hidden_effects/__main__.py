@@ -15,7 +15,7 @@ from benchmarks.hidden_effects.campaign import perform
 from benchmarks.hidden_effects.catalogue import quick_trials, trials
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Half of them without a hidden effect; the whole plan has 2184.
+#: Half of them without a hidden effect; the whole plan has 2368.
 SETS = 1400
 STRATA = ("null", "one", "other physics", "two", "unknown")
 

@@ -106,12 +106,14 @@ ONE = {
     "line": (
         "apparent_source", "beam_offset", "beam_tilt", "beam_shape", "beam_skirt", "lamp_drift", "scattering",
         "water_gradient", "spectral_hardening", "background", "saturation", "acceptance", "detector_tilt",
+        "lamp_size", "water_drift", "settling",
     ),
-    "grid": ("apparent_source", "beam_tilt", "beam_ellipticity", "lamp_drift", "background", "saturation"),
+    "grid": ("apparent_source", "beam_tilt", "beam_ellipticity", "lamp_drift", "background", "saturation",
+             "stratification"),
     "wide": ("wall_reflection",),
     "column": ("surface_reflection",),
-    "air": ("window_refraction",),
-    "colour": ("cdom", "chlorophyll", "sediment"),
+    "air": ("window_refraction", "immersion"),
+    "colour": ("cdom", "chlorophyll", "sediment", "stray_light", "wavelength_shift"),
 }  # fmt: skip
 TWO = (
     ("line", ("apparent_source", "background")), ("line", ("beam_tilt", "saturation")),
@@ -150,7 +152,7 @@ def _other_physics() -> Iterator[Truth]:
         )  # fmt: skip
         yield Truth("other physics", "line", 0, f"layer {width:g} m thick", ("water_gradient",), layer)
     for strength in STRENGTHS[1:]:
-        for name in ("lamp_drift", "saturation", "water_gradient"):
+        for name in ("lamp_drift", "saturation", "water_gradient", "background"):
             yield _one("line", name, strength, form=1)
 
 

@@ -30,7 +30,8 @@ class FitParameter:
     step : float
         Step of finite differences, in the fit's own coordinate.
     coordinate : str
-        "linear", "log", or "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
+        "linear", "log", "square" (the fit moves value^2, as of what counts only by its spread), or
+        "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
     """
 
     path: str
@@ -53,6 +54,8 @@ class FitParameter:
         """Scene value at the fit's coordinate `u`."""
         if self.coordinate == "log":
             return float(np.exp(u))
+        if self.coordinate == "square":
+            return float(np.sqrt(u)) if u > 0 else 0.0
         if self.coordinate == "inverse-square":
             return float(10.0 / np.sqrt(u)) if u > 0 else 0.0
         return float(u)
@@ -65,6 +68,8 @@ class FitParameter:
         """Coordinate of the fit at the scene value."""
         if self.coordinate == "log":
             return float(np.log(value))
+        if self.coordinate == "square":
+            return float(value**2)
         if self.coordinate == "inverse-square":
             return float((10.0 / value) ** 2) if value > 0 else 0.0
         return float(value)
@@ -73,6 +78,8 @@ class FitParameter:
         """Derivative of the scene value with respect to the fit's coordinate."""
         if self.coordinate == "log":
             return float(np.exp(u))
+        if self.coordinate == "square":
+            return float(0.5 * u**-0.5) if u > 0 else 0.0
         if self.coordinate == "inverse-square":
             return float(-5.0 * u**-1.5) if u > 0 else 0.0
         return 1.0

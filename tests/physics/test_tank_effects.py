@@ -33,6 +33,15 @@ def diagnosed(hidden: dict[str, float], **how: Any) -> Verdict:
     return diagnose(table, scene, diffuse=None, advise=False).verdict
 
 
+def noisy(truth: Scene, x_m: np.ndarray, z_m: np.ndarray) -> Readings:
+    """Readings of a scene to 0.3 % and 1e-5 of the largest."""
+    bare = Readings.from_arrays(x_m=x_m, z_m=z_m, value=np.ones(x_m.size))
+    clean = predict(truth, bare)
+    stderr = np.hypot(0.003 * clean, 1e-5 * clean.max())
+    value = clean + stderr * np.random.default_rng(1).standard_normal(x_m.size)
+    return Readings.from_arrays(x_m=x_m, z_m=z_m, value=value, stderr=stderr)
+
+
 def found(verdict: Verdict, hidden: dict[str, float]) -> None:
     """The first explanation has the hidden values within four of its errors."""
     parameters = verdict.explanations[0].parameters
@@ -274,11 +283,34 @@ def test_a_narrow_beam_does_not_show_the_cosine_and_a_known_wide_one_does() -> N
     assert "absorbed" in narrow.untestable["cosine_error"]
     wide = Scene.from_dict({"lamp": {"profile": "isotropic"}, "water": {"absorption_per_m": 0.1}})
     x, z = (v.ravel() for v in np.meshgrid(np.linspace(-3, 3, 25), [0.5, 1.0, 2.0]))
-    bare = Readings.from_arrays(x_m=x, z_m=z, value=np.ones(x.size))
-    clean = predict(wide.with_values(hidden), bare)
-    stderr = np.hypot(0.003 * clean, 1e-5 * clean.max())
-    value = clean + stderr * np.random.default_rng(1).standard_normal(x.size)
-    table = Readings.from_arrays(x_m=x, z_m=z, value=value, stderr=stderr)
-    verdict = diagnose(table, wide, diffuse=None, advise=False).verdict
+    verdict = diagnose(noisy(wide.with_values(hidden), x, z), wide, diffuse=None, advise=False).verdict
     assert "cosine_error" in verdict.effects, verdict.sentence
     found(verdict, hidden)
+
+
+# -- the lamp ------------------------------------------------------------------------------------------
+
+
+def test_a_wide_window_smears_the_beam_by_its_own_spread() -> None:
+    """Points of a disc of radius R have <x^2> = R^2/4, and a Gaussian beam of width s has (s z)^2: the light
+    has the sum."""
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 4.0, "radius_m": 0.05}})
+    x, z, s = np.linspace(-1.5, 1.5, 3001), 3.0, np.radians(4.0) / np.sqrt(2 * np.log(2))
+    light = direct_field(scene, x, 0 * x, np.full_like(x, z))
+    point = direct_field(scene.with_values({"lamp.radius_m": 0.0}), x, 0 * x, np.full_like(x, z))
+    spread = [(x**2 * v).sum() / v.sum() for v in (light, point)]
+    assert spread[0] - spread[1] == pytest.approx(0.05**2 / 4, rel=0.02)
+    assert spread[1] == pytest.approx((s * z) ** 2, rel=0.02)
+
+
+def test_a_wide_window_is_found() -> None:
+    """From 1 to 3 m. From farther away it is like a source behind the window."""
+    hidden = {"lamp.radius_m": 0.06}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.1}})
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-0.3, 0.3, 21), [1.0, 1.5, 2.0, 3.0]))
+    table = noisy(scene.with_values(hidden), x, z)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert (verdict.verdict, verdict.effects) == ("identified", ["lamp_size"])
+    found(verdict, hidden)
+    far = diagnosed({"lamp.radius_m": 0.09}, seed=2, noise=0.003)
+    assert {name for one in far.explanations for name in one.effects} >= {"lamp_size", "apparent_source"}

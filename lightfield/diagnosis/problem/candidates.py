@@ -163,9 +163,9 @@ def _parameter(
 ) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
     now = known[free.path].value
-    coordinate = "inverse-square" if free.inverse_square else "linear"
+    coordinate = "inverse-square" if free.inverse_square else "square" if free.square else "linear"
     low, high = offset + factor * free.low, offset + factor * free.high
-    if not free.inverse_square:
+    if coordinate == "linear":
         declared = known[free.path]
         low = low if declared.low is None else max(low, declared.low)
         high = high if declared.high is None else min(high, declared.high)

@@ -86,8 +86,7 @@ EFFECTS = (
         "A collector under water sends more light back out than in air, so it reads less there: 1.3 to 1.4 "
         "times less for a cosine collector.",
         "All readings in water too dark beside those in air by one factor, wherever they are. On the axis "
-        "alone window refraction (1/n^2) and a wrong distance look the same; the width of the beam in air "
-        "tells.",
+        "alone window refraction (1/n^2) looks the same; the width of the beam in air tells.",
         "Read a steady lamp above the water, lower the water to and fro over the collector, and extrapolate "
         "to no depth; or use the factor of the collector's calibration.",
         needs=("air_and_water",),

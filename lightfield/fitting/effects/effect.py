@@ -59,6 +59,8 @@ class Free:
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool
         The fit moves (10/value)^2, for widths whose neutral value is "infinitely wide", stored as 0.
+    square : bool
+        The fit moves value^2, for what changes the light by its square; the numbers above are squares too.
     needs : tuple of str
         Conditions on the readings without which this parameter stays fixed.
     """
@@ -70,6 +72,7 @@ class Free:
     per: Scale = "one"
     grid: tuple[float, ...] = ()
     inverse_square: bool = False
+    square: bool = False
     needs: tuple[Need, ...] = ()
 
 

@@ -42,6 +42,7 @@ REQUIRED = set(
         "water_drift",
         "settling",
         "stratification",
+        "lamp_size",
         "cosine_error",
         "stray_light",
         "wavelength_shift",

@@ -80,6 +80,13 @@ def test_an_infinite_width_is_zero_in_the_scene() -> None:
     assert width.value(width.coordinate_of(8.0)) == 8.0
 
 
+def test_what_counts_by_its_square_is_moved_by_its_square() -> None:
+    """A radius of 3: 9 in the fit, a change of the radius by 1/6 for each of it."""
+    radius = FitParameter("r", 0.0, 25.0, 0.0, 1e-3, "square")
+    assert (radius.value(0.0), radius.coordinate_of(3.0), radius.value(9.0)) == (0.0, 9.0, 3.0)
+    assert radius.slope(9.0) == pytest.approx((radius.value(9.006) - radius.value(8.994)) / 0.012, rel=1e-6)
+
+
 class Given:
     """Any prediction of u and v."""
 
