@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
-    from lightfield.diagnosis.diagnose import diagnose
+    from lightfield.diagnosis.diagnose import HYPOTHESES, diagnose
     from lightfield.diagnosis.search.cascade import ALPHA
 
     if args.output:
@@ -95,6 +95,8 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
     print(found.as_text())
+    if args.output and found.verdict.verdict == "unexplained":
+        print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")
     if args.json:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
@@ -114,6 +116,8 @@ def as_text(scene: Scene) -> str:
         if effect.is_free_form:
             lines.append(f"    a curve, of which these are special cases: {', '.join(effect.contains)}")
         for form in effect.forms:
-            lines.append(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
+            paths = [f.path for f in (*form.amplitudes, *form.shapes)]
+            said = f"{paths[0]} to {paths[-1]}" if effect.is_free_form else ", ".join(paths)
+            lines.append(f"    {form.name}: {said}")
         lines += [f"    looks like: {effect.signature}", f"    check: {effect.laboratory}"]
     return "\n".join(lines)

@@ -119,6 +119,12 @@ def draw_effect(
         Unknown effect or form, or it cannot act on these readings.
     """
     effect, form = effects.get_form(name)
+    if effect.is_free_form:
+        raise UsageError(
+            "a curve is not hidden by its name",
+            found=name,
+            remedy="give the true lamp's table, or hide one of " + ", ".join(effect.contains),
+        )
     setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])))
     found, untestable = candidates(setting, [effect], ())
     if effect.name in untestable:
