@@ -130,6 +130,7 @@ def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
     assert local_unknowns(still) == ()
 
 
+@pytest.mark.slow
 def test_unexplained_readings_leave_hypotheses_that_explain_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
