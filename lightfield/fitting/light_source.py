@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import Curves, field_of
+from lightfield.fitting.curves import Curves
 from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
@@ -111,12 +111,12 @@ class LightSource:
         again.
     dense_per_m : float, optional, m^-1
         Also trace in this water.
+    curves : Curves, optional
+        What amplitudes of curves among the values stand for.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
     part_of : (LightSource, array of bool), optional
         Whose readings these are some of, and which: what is traced is traced for all of them.
-    curves : Curves, optional
-        What amplitudes of curves among the values stand for.
     """
 
     scene: Scene
@@ -124,10 +124,10 @@ class LightSource:
     trace: DiffuseSource | None
     width_deg: float
     dense_per_m: float | None
+    curves: Curves | None = None
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
-    curves: Curves | None = None
 
     @classmethod
     def of(
@@ -175,13 +175,15 @@ class LightSource:
 
     def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
         """The scene with values of its parameters, and of amplitudes of curves."""
-        return self.scene.with_values(
-            self.curves.stated(values) if self.curves else values, validate=validate
-        )
+        return self.scene.with_values(self._stated(values), validate=validate)
+
+    def _stated(self, values: Mapping[str, float]) -> Mapping[str, Any]:
+        """Values as a scene takes them: nodes of curves in place of amplitudes."""
+        return self.curves.stated(values) if self.curves else values
 
     def light(self, values: Mapping[str, float]) -> Array:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
-        return self._remembered(tuple(sorted(_optical(values).items())))
+        return self._remembered(tuple(sorted(_optical(self._stated(values)).items())))
 
     def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
@@ -230,10 +232,10 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
-        scene = lit(self.with_values(dict(optical)))
+        scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
-            every = self._response.light(scene, self._colours)
+            every = self._response.light(lit(scene), self._colours)
             channel = self.channels[1]
             light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
         return np.asarray(light * self.correction)
@@ -263,4 +265,4 @@ class LightSource:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    return {k: v for k, v in values.items() if not (k.startswith(GAIN) or field_of(k) in _AFTERWARDS)}
+    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
