@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import Curves
+from lightfield.fitting.curves import Curves, Stated
 from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
@@ -177,7 +177,7 @@ class LightSource:
         """The scene with values of its parameters, and of amplitudes of curves."""
         return self.scene.with_values(self._stated(values), validate=validate)
 
-    def _stated(self, values: Mapping[str, float]) -> Mapping[str, Any]:
+    def _stated(self, values: Mapping[str, float]) -> Stated:
         """Values as a scene takes them: nodes of curves in place of amplitudes."""
         return self.curves.stated(values) if self.curves else values
 

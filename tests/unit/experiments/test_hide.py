@@ -9,7 +9,6 @@ import numpy as np
 from lightfield.experiments.hide import Secret, draw_effect, hide, true_scene
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument
-from lightfield.fitting import effects
 from lightfield.scene import Scene
 
 
@@ -31,18 +30,6 @@ def test_a_form_of_an_effect_is_hidden_by_its_name() -> None:
     table = scan(scene, "line", "random", rng)
     assert set(draw_effect(scene, table, "water_gradient", rng)) == {"water.gradient_per_m2"}
     assert "water.layer_absorption_per_m" in draw_effect(scene, table, "water_gradient:layer", rng)
-
-
-def test_an_effect_of_ones_own_is_hidden_by_its_name() -> None:
-    rng = np.random.default_rng(0)
-    mine = {"name": "rope", "stage": "path", "formula": "1 - a*(x > x0)"}
-    numbers = {"a": {"range": [0.0, 0.9], "neutral": 0.0, "typical": 0.05}, "x0": {"range": [-0.2, 0.2]}}
-    scene = Scene.from_dict({"effect": [{**mine, "parameters": numbers}]})
-    effects.all_of(scene)
-    values = draw_effect(scene, scan(scene, "line", "random", rng), "rope", rng)
-    assert set(values) == {"effect.rope.a", "effect.rope.x0"}
-    truth = true_scene(scene, values, rng)
-    assert truth.get("effect.rope.a") == values["effect.rope.a"] > 0
 
 
 def test_any_number_of_effects_and_another_lamp(tmp_path: Path) -> None:
