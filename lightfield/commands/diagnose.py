@@ -11,7 +11,7 @@ from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
-from lightfield.fitting.effects import table
+from lightfield.fitting.effects import all_of, curves
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(json_schema(), indent=2))
         return 0
     if args.list:
-        print(as_text())
+        print(as_text(with_effects(Scene(), args.effects_file)))
         return 0
     if args.data is None or args.scene is None:
         raise UsageError(
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
-    from lightfield.diagnosis.diagnose import diagnose
+    from lightfield.diagnosis.diagnose import HYPOTHESES, diagnose
     from lightfield.diagnosis.search.cascade import ALPHA
 
     if args.output:
@@ -95,6 +95,8 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
     print(found.as_text())
+    if args.output and found.verdict.verdict == "unexplained":
+        print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")
     if args.json:
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
@@ -106,12 +108,16 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     return 0
 
 
-def as_text() -> str:
-    """The table of effects for people."""
+def as_text(scene: Scene) -> str:
+    """The table of effects for people: named ones, those of the user's own, and curves."""
     lines = []
-    for effect in table().values():
+    for effect in (*all_of(scene).values(), *curves().values()):
         lines.append(f"{effect.name} ({effect.family}): {effect.physics}")
+        if effect.is_free_form:
+            lines.append(f"    a curve, of which these are special cases: {', '.join(effect.contains)}")
         for form in effect.forms:
-            lines.append(f"    {form.name}: {', '.join(f.path for f in (*form.amplitudes, *form.shapes))}")
+            paths = [f.path for f in (*form.amplitudes, *form.shapes)]
+            said = f"{paths[0]} to {paths[-1]}" if effect.is_free_form else ", ".join(paths)
+            lines.append(f"    {form.name}: {said}")
         lines += [f"    looks like: {effect.signature}", f"    check: {effect.laboratory}"]
     return "\n".join(lines)

@@ -30,14 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "hidden but what every measurement has: a guess of width and absorption that is 10 to 25 %% wrong, "
         "and a window of 2 cm radius (0.5 %% of the nearest distance, if less) unless the scene has one",
     )
-    add_option(parser, "--effects-file")
-    add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
     add(
         "--lamp",
         type=Path,
         metavar="TABLE",
-        help="the true lamp: a table of intensity (CSV with angle_deg, intensity; .ies; .ldt), no Gaussian",
+        help="intensity of the true lamp against the angle (CSV, IES, EULUMDAT), whatever the scene believes",
     )
+    add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
+    add_option(parser, "--effects-file")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
     add_option(parser, "--seed", 0)
     add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")

@@ -25,6 +25,7 @@ from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
+from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import save_lamp
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
@@ -33,6 +34,8 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
+#: Effects of the user's own to begin with, where those of the table explain nothing.
+HYPOTHESES = "hypotheses.toml"
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
@@ -132,7 +135,8 @@ class Diagnosis:
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
-        A beam profile of the last rung is written as a lamp table too, for other scenes with this lamp.
+        A beam profile of the last rung is written as a lamp table too, for other scenes with this lamp; and
+        where nothing explains the readings, effects of one's own to begin with.
 
         Parameters
         ----------
@@ -158,6 +162,9 @@ class Diagnosis:
                 | {"scene": name}
             )
         save_lamp(self.forward, self.steps[-1].fit, target)
+        if verdict.verdict == "unexplained":
+            with atomic_path(target / HYPOTHESES) as temporary:
+                temporary.write_text(as_file(local_unknowns(self.readings)), encoding="utf-8")
         with atomic_path(target / "verdict.json") as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)

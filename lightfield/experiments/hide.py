@@ -29,6 +29,8 @@ GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
+#: Where a scene says that its lamp is that of a table.
+_PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Secret:
     values : mapping
         Values of parameters that shall not be drawn.
     lamp : path-like, optional
-        Table of the true lamp's intensity, as `lamp.intensity_table` reads it: no Gaussian.
+        Table of the true lamp's intensity against the angle, which the experimenter takes for the scene's.
     """
 
     names: Sequence[str] = ()
@@ -119,6 +121,12 @@ def draw_effect(
         Unknown effect or form, or it cannot act on these readings.
     """
     effect, form = effects.get_form(name)
+    if effect.is_free_form:
+        raise UsageError(
+            "a curve is not hidden by its name",
+            found=name,
+            remedy="give the true lamp's table, or hide one of " + ", ".join(effect.contains),
+        )
     setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])))
     found, untestable = candidates(setting, [effect], ())
     if effect.name in untestable:
@@ -201,10 +209,8 @@ def hide(
         hidden |= draw_effect(scene, table, name, rng, secret.strength)
     _only_hidden(scene, secret.values, known)
     hidden |= secret.values
-    truth = true_scene(scene, hidden, rng)
-    if secret.lamp is not None:
-        beam = {"lamp.profile": "table", "lamp.intensity_table": str(Path(secret.lamp).resolve())}
-        truth = truth.with_values(beam)
+    lamp = {} if secret.lamp is None else {_PROFILE: "table", _TABLE: str(Path(secret.lamp).resolve())}
+    truth = true_scene(scene, {**hidden, **lamp}, rng)
     factor: Array | float = 1.0
     drawn: dict[str, Any] = {}
     for name in secret.names:
@@ -215,10 +221,10 @@ def hide(
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     told = {
         "hidden": list(secret.names),
+        "lamp": None if secret.lamp is None else Path(secret.lamp).name,
         "parameters": hidden,
         "unknown": drawn,
-        "lamp.hwhm_deg": truth.lamp.hwhm_deg if secret.lamp is None else None,
-        "lamp.intensity_table": None if secret.lamp is None else Path(secret.lamp).name,
+        "lamp.hwhm_deg": truth.lamp.hwhm_deg,
         "lamp.radius_m": truth.lamp.radius_m,
         "water.absorption_per_m": truth.water.absorption_per_m,
         "layout": layout,

@@ -56,6 +56,10 @@ _SAME = 1e-6
 _ROUNDING = 1e-10
 
 
+#: Values by path as a scene takes them: numbers, and nodes of curves.
+Stated = Mapping[str, Any]
+
+
 @dataclass(frozen=True)
 class Basis:
     """Functions of a curve, on its nodes.
@@ -133,7 +137,7 @@ class Curves:
             for k, path in enumerate(basis.paths, 1)
         }
 
-    def stated(self, values: Mapping[str, float]) -> dict[str, Any]:
+    def stated(self, values: Mapping[str, float]) -> Stated:
         """Values as a scene takes them: nodes of curves in place of their amplitudes."""
         if not any(is_amplitude(path) for path in values):
             return dict(values)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import Curves, field_of
+from lightfield.fitting.curves import Curves, Stated
 from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
@@ -116,12 +116,12 @@ class LightSource:
         again.
     dense_per_m : float, optional, m^-1
         Also trace in this water.
+    curves : Curves, optional
+        What amplitudes of curves among the values stand for.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
     part_of : (LightSource, array of bool), optional
         Whose readings these are some of, and which: what is traced is traced for all of them.
-    curves : Curves, optional
-        What amplitudes of curves among the values stand for.
     held : (LightSource, array, mapping), optional
         Whose scattered and reflected light, shape (n,), stays as it is while the parameters that make it
         have these values.
@@ -132,10 +132,10 @@ class LightSource:
     trace: DiffuseSource | None
     width_deg: float
     dense_per_m: float | None
+    curves: Curves | None = None
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
-    curves: Curves | None = None
     held: tuple[LightSource, Array, Mapping[str, float]] | None = None
 
     @classmethod
@@ -190,13 +190,15 @@ class LightSource:
 
     def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
         """The scene with values of its parameters, and of amplitudes of curves."""
-        return self.scene.with_values(
-            self.curves.stated(values) if self.curves else values, validate=validate
-        )
+        return self.scene.with_values(self._stated(values), validate=validate)
+
+    def _stated(self, values: Mapping[str, float]) -> Stated:
+        """Values as a scene takes them: nodes of curves in place of amplitudes."""
+        return self.curves.stated(values) if self.curves else values
 
     def light(self, values: Mapping[str, float]) -> Array:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
-        return self._remembered(tuple(sorted(_optical(values).items())))
+        return self._remembered(tuple(sorted(_optical(self._stated(values)).items())))
 
     def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
@@ -251,12 +253,12 @@ class LightSource:
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
         if self.held is not None and self.held[2] != _diffuse(dict(optical)):
             return self.held[0].light(dict(optical))
-        scene = lit(self.with_values(dict(optical)))
+        scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.held is not None:
             return np.asarray(light * self.correction + self.held[1])
         if self.trace is not None and has_diffuse_light(scene):
-            light = light + np.where(self._wet, self._diffuse(scene), 0.0)
+            light = light + np.where(self._wet, self._diffuse(lit(scene)), 0.0)
         return np.asarray(light * self.correction)
 
     def _diffuse(self, scene: Scene) -> Array:
@@ -302,12 +304,12 @@ class LightSource:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    return {k: v for k, v in values.items() if not (k.startswith(GAIN) or field_of(k) in _AFTERWARDS)}
+    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
 
 
 def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make scattered and reflected light what it is."""
-    return {k: v for k, v in values.items() if _makes_diffuse(field_of(k))}
+    return {k: v for k, v in values.items() if _makes_diffuse(k)}
 
 
 @cache

@@ -196,6 +196,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("hide scene.toml --strength 0 -o out", ["--strength", "above 0"]),
     ("hide scene.toml --max-photons 0 -o out", ["photon"]),
     ("hide scene.toml -o taken", ["taken", "cannot write here"]),
+    ("hide scene.toml --effect beam_profile -o out", ["beam_profile", "true lamp's table"]),
     ("hide scene.toml --lamp no.csv -o out", ["no.csv", "no such file"]),
     ("hide scene.toml --effects-file own.toml -o out", ["own.toml", "a formula holds something else"]),
     # effects of one's own

@@ -6,12 +6,13 @@ They are effects of the user's own, ready to be tested, renamed and made better.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import Readings
+from lightfield.scene import Scene
 from lightfield.scene.own.effect import OwnEffect, OwnParameter
 
 FAMILY = "local unknown"
@@ -19,6 +20,8 @@ FAMILY = "local unknown"
 #: to the whole range of angles. Chosen.
 _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
 _SIZE, _TYPICAL = 0.9, 0.05
+#: What takes so little of the time between two readings is sudden: shorter times are all alike.
+_SUDDEN = 0.02
 
 
 def local_unknowns(readings: Readings) -> tuple[OwnEffect, ...]:
@@ -45,6 +48,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             )
     time = np.asarray(readings.time_s, float)
     if np.isfinite(time).all() and (span := float(np.ptp(time))) > 0:
+        least = _SUDDEN * span / len(time)
         yield OwnEffect(
             name="step_in_time",
             family=FAMILY,
@@ -53,7 +57,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             parameters={
                 "size": _size(),
                 "time0": _within("s", time, "when"),
-                "duration": _between("s", 0.002 * span, _WIDEST_PART * span, "how long it takes"),
+                "duration": _between("s", least, _WIDEST_PART * span, "how long it takes"),
             },
             physics="All light changes from one level to another while the scan runs.",
             laboratory="Repeat a reference position every few minutes; ask what was switched then.",
@@ -85,3 +89,8 @@ def _within(unit: str, at: Array, meaning: str) -> OwnParameter:
 
 def _between(unit: str, low: float, high: float, meaning: str) -> OwnParameter:
     return OwnParameter(unit=unit, range=(low, high), meaning=meaning)
+
+
+def as_file(unknowns: Iterable[OwnEffect]) -> str:
+    """Effects of the user's own as the text of a file of effects."""
+    return Scene(effect=tuple(unknowns)).to_toml()

@@ -167,15 +167,18 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) 
                 "this form of the effect cannot be fitted here", where=name,
                 remedy="leave the form out, or measure what it needs",
             )  # fmt: skip
+        # Of a curve that which can follow most; else the usual form.
+        one = forms[-1] if effect.is_free_form else forms[0]
         for other in out:
-            if not forms[0].effect.combines_with(other.effect):
+            if not one.effect.combines_with(other.effect):
                 raise UsageError(
                     "these effects cannot be fitted together",
                     found=f"{other.name}, {effect.name}",
-                    rule="each effect once, and what is known for direct light alone not with diffuse light",
+                    rule="each effect once, no curve with what it contains, and what is known for direct "
+                    "light alone not with diffuse light",
                     remedy="leave one of them out",
                 )
-        out.append(forms[0])
+        out.append(one)
     return tuple(out)
 
 

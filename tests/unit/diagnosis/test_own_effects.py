@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
+from lightfield.cli import main
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem.setup import problem_of
@@ -43,8 +44,6 @@ def test_the_example_of_the_page_is_found(
     own_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """By the command that the page names; its sentence is what the page says."""
-    from lightfield.cli import main
-
     table, believed = readings(factor=shade, seed=3, layout="fine")
     write_table(table, tmp_path / "readings.csv")
     believed.save(tmp_path / "scene.toml")
@@ -129,3 +128,20 @@ def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
     assert [e.name for e in local_unknowns(table)] == ["dip_in_x", "step_in_time", "ripple_over_angle"]
     still = replace(table, x_m=0 * table.x_m, time_s=np.full(len(table.value), np.nan))
     assert local_unknowns(still) == ()
+
+
+@pytest.mark.slow
+def test_unexplained_readings_leave_hypotheses_that_explain_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rings of the lamp, 4 %: no effect of the table, and one of those that are proposed."""
+    table, believed = readings(factor=rings, seed=2, layout="fine")
+    write_table(table, tmp_path / "readings.csv")
+    believed.save(tmp_path / "scene.toml")
+    out, command = tmp_path / "out", ["diagnose", str(tmp_path / "readings.csv"), "--no-trace"]
+    command += ["--scene", str(tmp_path / "scene.toml"), "-o", str(out)]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert f"for --effects-file: {out / 'hypotheses.toml'}" in said
+    assert main([*command, "--effects-file", str(out / "hypotheses.toml")]) == 0
+    assert "Ripple over angle is missing in the model" in capsys.readouterr().out

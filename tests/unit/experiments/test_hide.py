@@ -9,7 +9,6 @@ import numpy as np
 from lightfield.experiments.hide import Secret, draw_effect, hide, true_scene
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument
-from lightfield.fitting import effects
 from lightfield.scene import Scene
 
 
@@ -33,29 +32,21 @@ def test_a_form_of_an_effect_is_hidden_by_its_name() -> None:
     assert "water.layer_absorption_per_m" in draw_effect(scene, table, "water_gradient:layer", rng)
 
 
-def test_a_true_lamp_is_one_of_a_table(tmp_path: Path) -> None:
-    """The experimenter believes in a Gaussian; the readings have a flat top and nothing beyond 6 degrees."""
-    table = tmp_path / "lamp.csv"
-    table.write_text("angle_deg,intensity\n0,1\n5,1\n6,0\n90,0\n")
-    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}, "detector": {"planes_m": [4.5, 6.0]}})
-    secret = Secret(lamp=table)
-    hidden = hide(scene, secret, 1, Instrument(0.002), max_photons=1e4)
-    found = hidden.readings
-    angle = np.degrees(np.arctan2(np.abs(found.x_m), found.z_m))
-    spread = found.value * (found.x_m**2 + found.z_m**2) ** 1.5 / found.z_m
-    flat, dark = (angle < 4.5) & (found.z_m < 5), angle > 6.5
-    assert np.ptp(spread[flat]) < 0.05 * spread[flat].max() and flat.sum() > 5
-    assert np.abs(found.value[dark]).max() < 0.01 * found.value.max() and dark.any()
-    assert hidden.truth["lamp.intensity_table"] == "lamp.csv" and hidden.believed.lamp.profile == "gaussian"
-
-
-def test_an_effect_of_ones_own_is_hidden_by_its_name() -> None:
-    rng = np.random.default_rng(0)
-    mine = {"name": "rope", "stage": "path", "formula": "1 - a*(x > x0)"}
-    numbers = {"a": {"range": [0.0, 0.9], "neutral": 0.0, "typical": 0.05}, "x0": {"range": [-0.2, 0.2]}}
-    scene = Scene.from_dict({"effect": [{**mine, "parameters": numbers}]})
-    effects.all_of(scene)
-    values = draw_effect(scene, scan(scene, "line", "random", rng), "rope", rng)
-    assert set(values) == {"effect.rope.a", "effect.rope.x0"}
-    truth = true_scene(scene, values, rng)
-    assert truth.get("effect.rope.a") == values["effect.rope.a"] > 0
+def test_any_number_of_effects_and_another_lamp(tmp_path: Path) -> None:
+    """Five at once, and a lamp whose beam is a flat top of 4 degrees: dark beyond it but for the background,
+    as no Gaussian is that is bright at 3.5 degrees. The scene that is told knows of none of them."""
+    table = tmp_path / "flat.csv"
+    rows = [(0, 1), (3.9, 1), (4.1, 0), (90, 0)]
+    table.write_text("angle_deg,intensity\n" + "".join(f"{a},{i}\n" for a, i in rows))
+    names = ("beam_offset", "lamp_drift", "saturation", "water_gradient", "background")
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.1}})
+    secret = Secret(names, values={"lamp.offset_x_m": 0.0, "detector.background": 0.01}, lamp=table)
+    made = hide(scene, secret, 1, Instrument(0.005), layout="line", max_photons=1e4)
+    assert made.truth["hidden"] == list(names) and made.truth["lamp"] == "flat.csv"
+    assert made.believed == scene
+    far = made.readings
+    angle = np.degrees(np.arctan2(np.abs(far.x_m), far.z_m))
+    for z in np.unique(far.z_m):
+        plane = far.z_m == z
+        bright = made.noise_free[plane & (angle < 3.5)]
+        assert bright.min() > 5 * made.noise_free[plane & (angle > 4.5)].max()
