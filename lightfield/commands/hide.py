@@ -29,6 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "hidden but what every measurement has: a guess of width and absorption that is 10 to 25 %% wrong, "
         "and a window of 2 cm radius (0.5 %% of the nearest distance, if less) unless the scene has one",
     )
+    add(
+        "--lamp",
+        type=Path,
+        metavar="TABLE",
+        help="intensity of the true lamp against the angle (CSV, IES, EULUMDAT), whatever the scene believes",
+    )
     add("--size", action="append", default=[], metavar="PATH=VALUE", help="fix a size that would be drawn")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
     add_option(parser, "--seed", 0)
@@ -81,7 +87,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     output_file(args.output / "scene.toml", args.scene)
     made = hide(
         scene,
-        Secret(args.effect, args.strength, values),
+        Secret(args.effect, args.strength, values, args.lamp),
         args.seed or 0,
         Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
         layout=args.layout,

@@ -29,6 +29,8 @@ GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
+#: Where a scene says that its lamp is that of a table.
+_PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,14 @@ class Secret:
         Size of each effect over its typical size; drawn when absent.
     values : mapping
         Values of parameters that shall not be drawn.
+    lamp : path-like, optional
+        Table of the true lamp's intensity against the angle, which the experimenter takes for the scene's.
     """
 
     names: Sequence[str] = ()
     strength: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
+    lamp: str | Path | None = None
 
 
 @dataclass(frozen=True)
@@ -197,7 +202,8 @@ def hide(
         hidden |= draw_effect(scene, table, name, rng, secret.strength)
     _only_hidden(secret.values, known)
     hidden |= secret.values
-    truth = true_scene(scene, hidden, rng)
+    lamp = {} if secret.lamp is None else {_PROFILE: "table", _TABLE: str(Path(secret.lamp).resolve())}
+    truth = true_scene(scene, {**hidden, **lamp}, rng)
     factor: Array | float = 1.0
     drawn: dict[str, Any] = {}
     for name in secret.names:
@@ -208,6 +214,7 @@ def hide(
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     told = {
         "hidden": list(secret.names),
+        "lamp": None if secret.lamp is None else Path(secret.lamp).name,
         "parameters": hidden,
         "unknown": drawn,
         "lamp.hwhm_deg": truth.lamp.hwhm_deg,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from lightfield.experiments.hide import draw_effect, true_scene
+from lightfield.experiments.hide import Secret, draw_effect, hide, true_scene
 from lightfield.experiments.layouts import scan
+from lightfield.experiments.measure import Instrument
 from lightfield.scene import Scene
 
 
@@ -27,3 +30,23 @@ def test_a_form_of_an_effect_is_hidden_by_its_name() -> None:
     table = scan(scene, "line", "random", rng)
     assert set(draw_effect(scene, table, "water_gradient", rng)) == {"water.gradient_per_m2"}
     assert "water.layer_absorption_per_m" in draw_effect(scene, table, "water_gradient:layer", rng)
+
+
+def test_any_number_of_effects_and_another_lamp(tmp_path: Path) -> None:
+    """Five at once, and a lamp whose beam is a flat top of 4 degrees: dark beyond it but for the background,
+    as no Gaussian is that is bright at 3.5 degrees. The scene that is told knows of none of them."""
+    table = tmp_path / "flat.csv"
+    rows = [(0, 1), (3.9, 1), (4.1, 0), (90, 0)]
+    table.write_text("angle_deg,intensity\n" + "".join(f"{a},{i}\n" for a, i in rows))
+    names = ("beam_offset", "lamp_drift", "saturation", "water_gradient", "background")
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.1}})
+    secret = Secret(names, values={"lamp.offset_x_m": 0.0, "detector.background": 0.01}, lamp=table)
+    made = hide(scene, secret, 1, Instrument(0.005), layout="line", max_photons=1e4)
+    assert made.truth["hidden"] == list(names) and made.truth["lamp"] == "flat.csv"
+    assert made.believed == scene
+    far = made.readings
+    angle = np.degrees(np.arctan2(np.abs(far.x_m), far.z_m))
+    for z in np.unique(far.z_m):
+        plane = far.z_m == z
+        bright = made.noise_free[plane & (angle < 3.5)]
+        assert bright.min() > 5 * made.noise_free[plane & (angle > 4.5)].max()
