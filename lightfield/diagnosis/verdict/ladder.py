@@ -97,7 +97,7 @@ def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
     """
     base, last = steps[0].fit, steps[-1].fit
     spare = max(len(base.residual) - len(last.u), 1)
-    whole = base.chi2 - max(last.chi2, scale * spare)
+    whole = base.chi2 - min(last.chi2, scale * spare)
     out: list[float | None] = [None]
     for before, after in pairwise(steps):
         out.append(100 * (before.fit.chi2 - after.fit.chi2) / whole if whole > 0 else None)
