@@ -97,7 +97,7 @@ def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
     """
     base, last = steps[0].fit, steps[-1].fit
     spare = max(len(base.residual) - len(last.u), 1)
-    whole = base.chi2 - max(last.chi2, scale * spare)
+    whole = base.chi2 - min(last.chi2, scale * spare)
     out: list[float | None] = [None]
     for before, after in pairwise(steps):
         out.append(100 * (before.fit.chi2 - after.fit.chi2) / whole if whole > 0 else None)
@@ -107,9 +107,14 @@ def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
 def _order(
     problem: Problem, explanation: Explanation, whiten: Whiten, base: Fit, full: Fit
 ) -> list[Candidate]:
-    """The effects in the order in which each lowers the misfit most beside those before it."""
+    """The effects in the order in which each lowers the misfit most beside those before it.
+
+    Of several effects, those first beside which the error in per cent falls too: where the model is nearly
+    dark, per cent of it can grow while chi-square falls.
+    """
     known, order, fit = dict(zip(full.paths, full.u, strict=True)), list[Candidate](), base
-    few = len(explanation) <= _FEW
+    few, counted = len(explanation) <= _FEW, bright(problem)
+    error = percent(problem, base.prediction, counted)
     while len(left := [c for c in explanation if c not in order]) > 1:
         fits = []
         for candidate in left:
@@ -119,9 +124,11 @@ def _order(
                 fits.append(problem.fit(part, whiten, [start, problem.default_start(base.u, part)]))
             else:
                 fits.append(_nearby(problem, part, whiten, start, full))
-        first = int(np.argmin([f.chi2 for f in fits]))
+        rise = [not few and percent(problem, f.prediction, counted) > error for f in fits]
+        first = min(range(len(fits)), key=lambda k: (rise[k], fits[k].chi2))
         order.append(left[first])
         fit = fits[first]
+        error = percent(problem, fit.prediction, counted)
     return [*order, *left]
 
 

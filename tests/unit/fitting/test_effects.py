@@ -173,3 +173,13 @@ def test_what_makes_scattered_or_reflected_light_says_so() -> None:
             assert has_diffuse_light(WITH_TANK.with_values(lit, validate=False)) == effect.diffuse, (
                 effect.name
             )
+
+
+def test_a_curve_is_never_beside_what_it_contains() -> None:
+    """Either way round; named effects contain none."""
+    form = (Form("terms", (Free("lamp.shape_exponent", 1.0, 8.0, 0.1),)),)
+    curve = Effect("curve", "beam shape", form, "", "", "", contains=("beam_shape", "beam_skirt"))
+    shape, tilt = effects.get("beam_shape"), effects.get("beam_tilt")
+    assert curve.is_free_form and not shape.is_free_form
+    assert not curve.combines_with(shape) and not shape.combines_with(curve)
+    assert curve.combines_with(tilt) and tilt.combines_with(curve)

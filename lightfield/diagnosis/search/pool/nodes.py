@@ -30,6 +30,8 @@ _STEPS, _LEFT = 20, 0.05
 #: Steps from each of several shapes before the best is fitted to the end; so many shapes are tried. Chosen:
 #: from one alone the width of a halo is lost.
 _FEW, _SHAPES = 4, 2
+#: Sets that cost no more than this above the best are fitted to the end at once.
+_NEAR = 50.0
 #: Part of its range within which a score may start an amplitude.
 _PART = 0.4
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each.
@@ -173,7 +175,10 @@ class Pool:
         fit = min(fits, key=lambda f: f.chi2)
         if len(begins) > 1:
             fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
-        return self._remember(Node(whole, fit))
+        self.fits += 1
+        node = self._remember(Node(whole, fit))
+        near = self.cost(node) < self.cost(self.best()) + _NEAR
+        return self.settled(node) if near or not node.is_diffuse else node
 
     def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
         fit = quick_fit(self.problem, explanation, self.ground.test.whiten, begin, steps, _LEFT)
@@ -185,7 +190,6 @@ class Pool:
             self.diffuse += fit.evaluations
 
     def _remember(self, node: Node) -> Node:
-        self.fits += 1
         self.nodes[node.key] = node
         self.progress(self.fits, node)
         return node

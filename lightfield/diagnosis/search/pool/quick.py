@@ -18,9 +18,9 @@ from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Damping to begin with, at least, and by how much it falls and rises; steps that fail before the slopes are
-#: taken anew, and after that before it ends.
-_DAMPING, _LEAST, _FALL, _RISE, _FAILURES = 1e-3, 1e-9, 10.0, 10.0, 3
+#: Damping to begin with, at least, and by how much it falls and rises; steps that fail one after the other
+#: before the slopes are taken anew, and with new ones before it ends.
+_DAMPING, _LEAST, _FALL, _RISE, _FAILURES, _GIVEN_UP = 1e-3, 1e-9, 10.0, 10.0, 3, 8
 #: How often slopes are taken anew before a fit counts as ended.
 _RENEWALS = 6
 #: A parameter this near to a bound that it is drawn to, as part of its range, is held there.
@@ -122,18 +122,18 @@ class _Quick:
                 return
             prediction, residual = self._at(self.u + step)
             chi2 = float(residual @ residual)
-            self._learn(step, self.residual - residual)
             if np.isfinite(chi2) and chi2 < self.chi2:
+                self._learn(step, self.residual - residual)
                 self.u, self.prediction, self.residual, self.chi2 = self.u + step, prediction, residual, chi2
                 self.damping, failed = max(self.damping / _FALL, _LEAST), 0
                 continue
             failed += 1
             self.damping *= _RISE
-            if failed >= _FAILURES:
-                if self.fresh:
-                    return
+            if failed >= _FAILURES and not self.fresh:
                 self.renew()
                 failed = 0
+            elif failed >= _GIVEN_UP:
+                return
 
     def _learn(self, step: Array, change: Array) -> None:
         """Slopes that give the change that a step has made."""

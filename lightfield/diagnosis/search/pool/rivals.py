@@ -35,7 +35,7 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
 
     rest = [c for c in best.explanation if c is not candidate]
     if pool.affordable(rest):
-        dropped = pool.drop(best, candidate)
+        dropped = pool.settled(pool.drop(best, candidate))
         forward(pool, dropped, _BEAM, _FITS, without, most=1)
         if _far(pool, best, without) < _FAR:
             forward(pool, dropped, _BEAM, _FITS, without, _LEVELS, _PATIENCE)
