@@ -14,11 +14,11 @@ from numpy.polynomial import chebyshev
 from lightfield.arrays import Array
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.formula.field import direct_field
-from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.ratios import Ratios
+from lightfield.studies.light_at import response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to 1e-4
 #: (tests/physics/test_attenuation.py).
@@ -90,9 +90,7 @@ def excess_light(
     """
     x, y, z = ratios.x_m, ratios.y_m, ratios.z_m
     first = grey(ratios.scene, typical[0], typical[1])
-    response = trace(first, x, y, z)
-    if dense_water(np.array([largest_b])) is not None:
-        response = response.with_denser(trace(first, x, y, z, dense_per_m=trace_for(largest_b)))
+    response = response_at(trace, first, (x, y, z), largest_b)
     nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))
     values = np.zeros((NODES_A, NODES_B, len(x)))
     for i, a in enumerate(nodes_a * largest_a):
