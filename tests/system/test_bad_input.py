@@ -221,6 +221,13 @@ WRONG: list[tuple[str, list[str]]] = [
     ("range open.toml --no-trace --array 1", ["impossible array"]),
     ("range open.toml --no-trace --to 3", ["no distances to compare", "4.5 to 3 m"]),
     ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
+    # band
+    ("band no.toml", ["no.toml", "No such file"]),
+    ("band open.toml --no-trace --between 500", ["--between", "LOW:HIGH"]),
+    ("band open.toml --no-trace --distances far", ["--distances", "'far'"]),
+    ("band open.toml --no-trace --width 1000", ["impossible bands"]),
+    ("band open.toml --no-trace --response readings.csv", ["readings.csv", "wavelength_nm, response"]),
+    ("band open.toml --no-trace --response no.csv", ["no.csv", "No such file"]),
     # attenuation
     ("attenuation readings.csv", ["required: --scene"]),
     ("attenuation no.csv --scene scene.toml", ["no.csv", "No such file"]),
