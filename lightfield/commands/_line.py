@@ -27,6 +27,8 @@ COMMANDS = {
     "hide": "make readings with an effect hidden in them, to test a diagnosis",
     "diagnose": "find the physical effect that readings show and the model lacks",
     "attenuation": "what readings in water against air tell of the water",
+    "range": "how far the lamp can be used, and how wide its spot is",
+    "band": "which band of wavelengths serves best",
     "plan": "what a measurement layout can detect and tell apart, before measuring",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",

@@ -25,6 +25,8 @@ COMMANDS = (
     "compare data.csv --scene scene.toml",
     "compare data.csv --scene scene.toml --with background,lamp_drift",
     "plan data.csv --scene scene.toml --no-trace",
+    "range scene.toml --no-trace --readings data.csv",
+    "band scene.toml --no-trace",
     "attenuation data.csv --scene scene.toml --no-air --no-trace",
     "sweep scene.toml --plan plan.toml --dry-run",
     "sweep scene.toml --vary water.absorption_per_m=0:0.5:5 --dry-run",

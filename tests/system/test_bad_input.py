@@ -226,6 +226,19 @@ WRONG: list[tuple[str, list[str]]] = [
     ("plan unplaced.csv --scene scene.toml", ["lightfield: unplaced.csv: ", "line 1", "z_m is missing"]),
     ("plan far.csv --scene scene.toml --no-trace", ["line 2", "positions in metres"]),
     ("plan readings.csv --scene scene.toml --json folder", ["folder", "a file"]),
+    # range
+    ("range no.toml", ["no.toml", "No such file"]),
+    ("range open.toml --no-trace --share 2", ["impossible share", "found 2.0"]),
+    ("range open.toml --no-trace --array 1", ["impossible array"]),
+    ("range open.toml --no-trace --to 3", ["no distances to compare", "4.5 to 3 m"]),
+    ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
+    # band
+    ("band no.toml", ["no.toml", "No such file"]),
+    ("band open.toml --no-trace --between 500", ["--between", "LOW:HIGH"]),
+    ("band open.toml --no-trace --distances far", ["--distances", "'far'"]),
+    ("band open.toml --no-trace --width 1000", ["impossible bands"]),
+    ("band open.toml --no-trace --response readings.csv", ["readings.csv", "wavelength_nm, response"]),
+    ("band open.toml --no-trace --response no.csv", ["no.csv", "No such file"]),
     # attenuation
     ("attenuation readings.csv", ["required: --scene"]),
     ("attenuation no.csv --scene scene.toml", ["no.csv", "No such file"]),

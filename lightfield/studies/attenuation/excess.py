@@ -12,17 +12,19 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
+from lightfield.errors import RenderError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.formula.field import direct_field
-from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without
-from lightfield.studies.attenuation.ratios import Ratios
+from lightfield.studies.light_at import Places, response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to 1e-4
 #: (tests/physics/test_attenuation.py).
 NODES_A, NODES_B = 4, 9
+#: Light that is known worse than this is not followed: chosen, a fit would only follow the noise.
+MOST_ERROR = 0.2
 #: Modes of the trace's error smaller than this part of the largest are left out.
 _SMALL_MODE = 1e-3
 
@@ -74,39 +76,50 @@ def grey(scene: Scene, a: float, b: float) -> Scene:
 
 
 def excess_light(
-    ratios: Ratios, trace: DiffuseSource, largest_a: float, largest_b: float, typical: tuple[float, float]
+    scene: Scene,
+    places: Places,
+    trace: DiffuseSource,
+    largest_a: float,
+    largest_b: float,
+    typical: tuple[float, float],
 ) -> Excess:
     """Ask the response at the nodes.
 
     Parameters
     ----------
-    ratios : Ratios
-        Places, and the scene with lamp, tank, receiver and phase function.
+    scene : Scene
+        Lamp, tank, receiver and phase function; its water counts nowhere.
+    places : (x_m, y_m, z_m)
     trace : callable
         `lightfield.render.diffuse.source.response_for` or the like.
     largest_a, largest_b : float, 1/m
     typical : (a, b), 1/m
         Water whose errors are taken for those of all.
     """
-    x, y, z = ratios.x_m, ratios.y_m, ratios.z_m
-    first = grey(ratios.scene, typical[0], typical[1])
-    response = trace(first, x, y, z)
-    if dense_water(np.array([largest_b])) is not None:
-        response = response.with_denser(trace(first, x, y, z, dense_per_m=trace_for(largest_b)))
+    first, count = grey(scene, *typical), len(places[2])
+    response = response_at(trace, first, places, largest_b)
     nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))
-    values = np.zeros((NODES_A, NODES_B, len(x)))
+    values = np.zeros((NODES_A, NODES_B, count))
     for i, a in enumerate(nodes_a * largest_a):
         for k, b in enumerate(nodes_b * largest_b):
-            water = grey(ratios.scene, float(a), float(b))
-            values[i, k] = np.log1p(response.light(water, [None])[0] / direct_field(water, x, y, z))
+            water = grey(scene, float(a), float(b))
+            values[i, k] = response.light(water, [None])[0] / direct_field(water, *places)
+    light = response.light(first, [None])[0] + direct_field(first, *places)
+    noise, smooth = response.errors(first, [None], np.zeros(count, int))
+    modes = _modes(np.column_stack([noise, smooth]) / light[:, None])
+    if not (values > -1).all() or np.linalg.norm(modes, axis=1).max(initial=0.0) > MOST_ERROR:
+        raise RenderError(
+            "the water is too dense for its scattered light to be followed so far",
+            found=f"scattering up to {largest_b:.2g} per m, places up to {max(places[2]):g} m away",
+            rule=f"light known to {100 * MOST_ERROR:g} %",
+            remedy="ask for nearer places, or leave scattered light out",
+        )
+    values = np.log1p(values)
     for axis, n in ((0, NODES_A), (1, NODES_B)):
         at = np.cos(np.pi * (np.arange(n) + 0.5) / n)
-        values = np.moveaxis(
-            np.tensordot(np.linalg.inv(chebyshev.chebvander(at, n - 1)), values, (1, axis)), 0, axis
-        )
-    light = response.light(first, [None])[0] + direct_field(first, x, y, z)
-    noise, smooth = response.errors(first, [None], np.zeros(len(x), int))
-    return Excess(largest_a, largest_b, values, _modes(np.column_stack([noise, smooth]) / light[:, None]))
+        turned = np.tensordot(np.linalg.inv(chebyshev.chebvander(at, n - 1)), values, (1, axis))
+        values = np.moveaxis(turned, 0, axis)
+    return Excess(largest_a, largest_b, values, modes)
 
 
 def _grid(coefficients: Array, s: Array, t: Array) -> Array:

@@ -168,7 +168,8 @@ def traced_stack(apparent: Sequence[Apparent], trace: DiffuseSource, g: float | 
         if g is not None:
             other = ratios.scene.with_values({"water.phase.g": g}, validate=False)
             ratios = replace(ratios, scene=other)
-        excess.append(excess_light(ratios, trace, largest_a, largest_b, typical))
+        places = (ratios.x_m, ratios.y_m, ratios.z_m)
+        excess.append(excess_light(ratios.scene, places, trace, largest_a, largest_b, typical))
     return Stack([one.ratios for one in apparent], excess)
 
 

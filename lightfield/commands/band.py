@@ -1,0 +1,82 @@
+"""`lightfield band`: which band of wavelengths serves best."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.commands._options import add_option
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "--distances", metavar="A,B,...", help="in m (default: the scene's first and last plane)"
+    )
+    parser.add_argument("--width", type=float, default=50.0, metavar="NM", help="of the bands (default 50)")
+    parser.add_argument("--between", default="400:700", metavar="LOW:HIGH", help="in nm (default 400:700)")
+    parser.add_argument(
+        "--response", type=Path, metavar="CSV",
+        help="detector: columns wavelength_nm, response (default: a typical silicon photodiode)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--electrons", type=float, default=1e6, metavar="N",
+        help="of the brightest band at the nearest distance (default 1e6)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--read-noise", type=float, default=100.0, metavar="N", help="electrons (default 100)"
+    )
+    parser.add_argument(
+        "--mismatch", type=float, default=0.008, metavar="P", help="spread of gains (default 0.008)"
+    )
+    add_option(parser, "--no-trace")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Study, print, write."""
+    scene = Scene.load(args.scene)
+    distances = None if args.distances is None else _numbers(args.distances, ",", "--distances")
+    between = _numbers(args.between, ":", "--between")
+    if len(between) != 2:
+        raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
+    inputs = [path for path in (args.scene, args.response) if path]
+    outputs = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, *inputs, *outputs[:k])
+    from lightfield.studies.band import as_data, as_text, best_band
+
+    trace = None
+    if not args.no_trace:
+        from lightfield.render.diffuse.source import response_for
+
+        trace = response_for
+    found = best_band(
+        scene, trace, distances_m=distances, width_nm=args.width, low_nm=between[0], high_nm=between[1],
+        response=None if args.response is None else str(args.response), electrons=args.electrons,
+        read_noise=args.read_noise, mismatch=args.mismatch,
+    )  # fmt: skip
+    print(as_text(found))
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+    if args.report:
+        from lightfield.report.band import write_band
+
+        print(f"report: {write_band(found, args.report).resolve()}")
+    return 0
+
+
+def _numbers(text: str, separator: str, where: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        raise UsageError(
+            "not numbers", where=where, found=text, rule=f"numbers between {separator!r}"
+        ) from None

@@ -1,0 +1,65 @@
+"""`lightfield range`: how far the lamp can be used, and how wide its spot is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.commands._options import add_option
+from lightfield.readings import read_table
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument("--readings", type=Path, metavar="DATA", help="reading table to show beside it")
+    parser.add_argument(
+        "--share", type=float, default=0.2, metavar="P",
+        help="part of the light at the first plane that must be left (default 0.2, the paper's rule)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--noise", type=float, default=0.01, metavar="P",
+        help="noise of one reading over the reading at the first plane (default 0.01)",
+    )  # fmt: skip
+    parser.add_argument("--snr", type=float, default=10.0, metavar="K", help="signal over noise (default 10)")
+    parser.add_argument(
+        "--to", type=float, metavar="M", help="farthest distance, m (default: twice the last plane)"
+    )
+    parser.add_argument("--array", type=int, default=5, metavar="N", help="receivers on a side (default 5)")
+    parser.add_argument("--array-side", type=float, default=0.6, metavar="M", help="in m (default 0.6)")
+    add_option(parser, "--no-trace")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Study, print, write."""
+    scene = Scene.load(args.scene)
+    readings = read_table(args.readings, scene) if args.readings else None
+    inputs = [path for path in (args.scene, args.readings) if path]
+    outputs = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, *inputs, *outputs[:k])
+    from lightfield.studies.working_range import as_data, as_text, working_range
+
+    trace = None
+    if not args.no_trace:
+        from lightfield.render.diffuse.source import response_for
+
+        trace = response_for
+    found = working_range(
+        scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
+        count=args.array, side_m=args.array_side,
+    )  # fmt: skip
+    print(as_text(found))
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+    if args.report:
+        from lightfield.report.working_range import write_range
+
+        print(f"report: {write_range(found, args.report).resolve()}")
+    return 0

@@ -1,0 +1,80 @@
+"""Which band serves best, as a page: signal and attenuation over wavelength, and what each band is worth."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, percent_axis
+from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows
+
+
+def band_figure(found: Bands) -> Figure:
+    """Left: what is left of the lamp's light and K. Right: what a band of that width is worth, far away."""
+    at, z = found.spectrum.wavelength_nm.values, found.spectrum.z_m.values
+    with figure(WIDTH, 4.2) as fig:
+        left, right = fig.subplots(1, 2)
+        left.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
+        for k, far in enumerate(z):
+            left.plot(
+                at,
+                found.spectrum.signal.values[k],
+                color=SERIES[k % len(SERIES)],
+                label=f"signal at {far:g} m",
+            )
+        K = found.spectrum.attenuation.values[-1]
+        left.plot(at, K.min() / K, color=MUTED, linestyle=(0, (2, 2)), label="least K over K")
+        left.set_ylim(0, 1.05)
+        percent_axis(left.yaxis)
+        left.legend(loc="lower left")
+        label(left, "wavelength (nm)", "of the largest", "What the detector sees of the lamp")
+        row = found.bands.isel(z_m=-1)
+        middle = 0.5 * (row.low_nm.values + row.high_nm.values)
+        right.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
+        for values, shade, words in (
+            (row.attenuation.values.min() / row.attenuation.values, FORMULA, "least attenuation"),
+            (row.signal.values, RENDER, "signal"),
+            (row.information.values / row.information.values.max(), GOOD, "information about range"),
+        ):
+            right.plot(middle, values, color=shade, label=words)
+            best = int(values.argmax())
+            right.plot(middle[best], values[best], "o", color=shade)
+        right.set_ylim(0, 1.08)
+        percent_axis(right.yaxis)
+        right.legend(loc="lower left")
+        title = f"What a band of {found.width_nm:g} nm is worth at {z[-1]:g} m"
+        label(right, "middle of the band (nm)", "of the best", title)
+    return fig
+
+
+def band_page(found: Bands) -> str:
+    """The page."""
+    drawing = page_figure(
+        band_figure(found), "band", "Grey: 500 to 550 nm, the paper's band. Dots: the best by each rule.",
+        "Signal and attenuation over wavelength, and the worth of bands",
+    )  # fmt: skip
+    low, high = found.flat_nm()
+    paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())
+    wrong = found.bands.range_error_m.values[-1, paper]
+    text = (
+        f"Attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm.",
+        f"With an attenuation {100 * WRONG:.0f} % wrong, a distance of {found.bands.z_m.values[-1]:g} m "
+        f"read from the size of a signal near 500 nm is {wrong:.2f} m off.",
+    )
+    table = Table(
+        "The paper's band against the best (for attenuation: the least over its own).",
+        ("at", "rule", "best band", "500–550 nm has"), rows(found),
+    )  # fmt: skip
+    title = f"{found.scene.name or 'Water'}: bands of {found.width_nm:g} nm"
+    return study_page(
+        title, headline(found), (), [Section("Bands", (drawing,), text, (table,))], found.scene.to_toml()
+    )
+
+
+def write_band(found: Bands, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_study(band_page(found), path)

@@ -1,0 +1,152 @@
+"""How far a lamp can be used, as a page: light, spot and accuracy of a pose against distance."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.style import (
+    BAD,
+    DATA,
+    FORMULA,
+    MUTED,
+    RENDER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    percent_axis,
+    plain_log_axis,
+)
+from lightfield.studies.working_range import (
+    ACROSS_M,
+    ALONG_M,
+    BLIND,
+    WorkingRange,
+    distance,
+    headline,
+    metres,
+    rows,
+)
+
+#: Errors are drawn this many times as wide as one standard error.
+SIGMAS = 3.0
+DASH = (0, (5, 2))
+
+
+def light_figure(found: WorkingRange, extra: tuple[float, float, str] | None = None) -> Figure:
+    """Normalised intensity against distance (left) and the radius of half intensity (right).
+
+    Parameters
+    ----------
+    extra : (z_m, share, words), optional
+        A number from elsewhere to mark.
+    """
+    data, z = found.dataset, found.dataset.z_m.values
+    with figure(WIDTH, 4.2) as fig:
+        left, right = fig.subplots(1, 2)
+        light, error = data.light.values, SIGMAS * data.light_stderr.values
+        left.fill_between(z, light - error, light + error, color=RENDER, alpha=0.3, linewidth=0)
+        left.plot(z, light, color=RENDER, label="with scattered light")
+        left.plot(z, data.formula.values, color=FORMULA, linestyle=DASH, label="formula, exp(−cz)")
+        if found.readings is not None:
+            r = found.readings
+            left.errorbar(
+                r.z_m.values,
+                r.value.values,
+                r.stderr.values,
+                color=DATA,
+                fmt="o",
+                capsize=3,
+                label="readings",
+            )
+        if extra is not None:
+            left.plot(extra[0], extra[1], "*", color=BAD, markersize=12, label=extra[2])
+        rule = found.reaches[0]
+        left.axhline(found.share, color=MUTED, linewidth=0.9)
+        for at, shade, words, side in (
+            (rule.z_m, RENDER, distance(rule), 8),
+            (rule.formula_m, FORMULA, metres(rule.formula_m), -8),
+        ):
+            if np.isfinite(at):
+                left.plot([at, at], [0, found.share], color=shade, linewidth=1)
+                left.annotate(
+                    words, (at, 0.02), (side, 0), textcoords="offset points", color=shade, fontsize=9,
+                    ha="left" if side > 0 else "right",
+                )  # fmt: skip
+        left.set_ylim(bottom=0)
+        percent_axis(left.yaxis)
+        left.legend(loc="upper right")
+        label(left, "z (m)", f"light over that at {found.reference_m:g} m", "On the axis")
+        half, half_error = data.half_radius_m.values, SIGMAS * data.half_radius_stderr_m.values
+        right.fill_between(z, half - half_error, half + half_error, color=RENDER, alpha=0.3, linewidth=0)
+        right.plot(z, half, color=RENDER, label="with scattered light")
+        right.plot(z, data.half_radius_formula_m.values, color=FORMULA, linestyle=DASH, label="formula")
+        right.set_ylim(bottom=0)
+        right.legend(loc="upper left")
+        label(right, "z (m)", "radius of half intensity (m)", "Across the beam")
+    return fig
+
+
+def pose_figure(found: WorkingRange) -> Figure:
+    """Least standard errors of a position against distance, with what docking asks."""
+    data, z = found.dataset, found.dataset.z_m.values
+    with figure(WIDTH, 3.6) as fig:
+        axes = fig.subplots(1, 2, sharey=True)
+        for axis, name, limit, title in (
+            (axes[0], "across", ACROSS_M, "Across the beam"),
+            (axes[1], "along", ALONG_M, "Along the beam"),
+        ):
+            for suffix, shade, words in (
+                ("", RENDER, "lamp power known"),
+                ("_relative", SERIES[2], "relative readings only"),
+            ):
+                axis.plot(z, data[f"sigma_{name}{suffix}_m"].values, color=shade, label=words)
+                by_formula = data[f"sigma_{name}{suffix}_formula_m"].values
+                axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)
+            axis.axhline(limit, color=BAD, linewidth=1)
+            axis.annotate(
+                f"asked: {limit:g} m",
+                (z[0], limit),
+                (2, 3),
+                textcoords="offset points",
+                color=BAD,
+                fontsize=9,
+            )
+            axis.set_yscale("log")
+            plain_log_axis(axis.yaxis)
+            label(axis, "z (m)", "standard error (m)" if name == "across" else "", title)
+        axes[0].legend(loc="lower right")
+    return fig
+
+
+def range_page(found: WorkingRange) -> str:
+    """The page."""
+    light = page_figure(
+        light_figure(found), "light",
+        f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
+        "Light on the axis and radius of half intensity against distance",
+    )  # fmt: skip
+    pose = page_figure(
+        pose_figure(found), "pose", "Dashed: the same by the formula. Red: what docking asks.",
+        "Least standard errors of a position against distance",
+    )  # fmt: skip
+    table = Table(
+        "± is one standard error of the render.", ("up to", "with scattered light", "formula"), rows(found)
+    )
+    sections = [
+        Section("How far", (light,), (), (table,)),
+        Section("What an array of receivers tells of its position", (pose,), (BLIND,)),
+    ]
+    title = f"{found.scene.name or 'Lamp'}: working range"
+    return study_page(title, headline(found), (), sections, found.scene.to_toml())
+
+
+def write_range(found: WorkingRange, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_study(range_page(found), path)

@@ -1,0 +1,320 @@
+"""Which band of wavelengths serves best, for a lamp, a water and a detector.
+
+    signal       S(band, z) = sum over the band of  L(lambda) R(lambda) exp(-c z) (1 + f)
+    noise        SNR^2 = N^2 / (N + r^2 + (m N)^2),  N electrons, r read noise, m gain mismatch
+    information  J = SNR^2 (2 / z + K)^2            about the distance z from the size of a signal
+
+The paper chooses the band of least attenuation. It is not that of most signal, for the lamp and the detector
+have a say, nor that of most information about distance, for which attenuation is of use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError, UsageError
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.scene import Scene
+from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.storage.tables import read_columns
+from lightfield.studies.attenuation.excess import Excess, excess_light
+
+#: The paper's band, nm.
+PAPER_BAND = (500.0, 550.0)
+#: Responsivity of a typical silicon photodiode, A/W (chosen; give the detector's own where it is known).
+SILICON = (
+    (400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0, 750.0),
+    (0.12, 0.20, 0.26, 0.31, 0.35, 0.39, 0.43, 0.46),
+)
+CRITERIA = {
+    "attenuation": "least attenuation (the paper's rule)",
+    "signal": "most signal",
+    "information": "most information about range",
+}
+#: Wavelengths at which spectra are summed, nm.
+STEP_NM = 5.0
+#: Attenuation is the slope over this part of a distance to either side.
+_SLOPE = 0.1
+#: Clearest water's attenuation times this is "flat".
+FLAT = 1.25
+#: Attenuation of the water taken wrong by this part, for what that does to a distance.
+WRONG = 0.10
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best band at one distance by one criterion.
+
+    Parameters
+    ----------
+    z_m : float
+    criterion : str
+        One of `CRITERIA`.
+    low_nm, high_nm : float
+    paper_share : float
+        What the paper's band has of the best value (for attenuation: the best over the paper's).
+    paper_share_stderr : float
+        By the traced light.
+    """
+
+    z_m: float
+    criterion: str
+    low_nm: float
+    high_nm: float
+    paper_share: float
+    paper_share_stderr: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """The answer.
+
+    Parameters
+    ----------
+    spectrum : xarray.Dataset
+        Over (z_m, wavelength_nm): `attenuation`, `attenuation_stderr`, `signal` per nm over its largest.
+    bands : xarray.Dataset
+        Over (z_m, low_nm): `attenuation`, `signal`, `snr`, `information`, `range_error_m`.
+    best : tuple of Best
+    width_nm : float
+    scene : Scene
+    """
+
+    spectrum: xr.Dataset
+    bands: xr.Dataset
+    best: tuple[Best, ...]
+    width_nm: float
+    scene: Scene
+
+    def flat_nm(self) -> tuple[float, float]:
+        """Wavelengths next to the clearest between which attenuation is within a quarter of the least, nm."""
+        K, at = self.spectrum.attenuation.values[0], self.spectrum.wavelength_nm.values
+        low = high = int(np.argmin(K))
+        while low > 0 and K[low - 1] < FLAT * K.min():
+            low -= 1
+        while high < len(K) - 1 and K[high + 1] < FLAT * K.min():
+            high += 1
+        return float(at[low]), float(at[high])
+
+
+def best_band(
+    scene: Scene,
+    trace: DiffuseSource | None,
+    *,
+    distances_m: Sequence[float] | None = None,
+    width_nm: float = 50.0,
+    low_nm: float = 400.0,
+    high_nm: float = 700.0,
+    response: str | None = None,
+    electrons: float = 1e6,
+    read_noise: float = 100.0,
+    mismatch: float = 0.008,
+) -> Bands:
+    """Compare all bands of a width.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp spectrum, water, receiver.
+    trace : callable, optional
+        `lightfield.render.diffuse.source.response_for`; None: direct light alone, K = c.
+    distances_m : sequence of float, optional, m
+        Default: the scene's first and last plane.
+    width_nm, low_nm, high_nm : float, nm
+        Width of the bands, and where they may lie.
+    response : str, optional
+        CSV (wavelength_nm, response) of the detector; default: a typical silicon photodiode.
+    electrons : float
+        That the brightest band gives at the nearest distance in one reading.
+    read_noise : float
+        Electrons.
+    mismatch : float
+        Relative standard deviation of gains.
+
+    Raises
+    ------
+    UsageError
+        Numbers that make no sense.
+    SceneError
+        A water, lamp or detector that is not known at these wavelengths.
+    """
+    z = np.unique(np.asarray(distances_m or (scene.detector.planes_m[0], scene.detector.planes_m[-1]), float))
+    if not ((z > 0).all() and np.isfinite(z).all()):
+        raise UsageError("impossible distances", found=z.tolist(), rule="above 0 m")
+    if not (0 < low_nm < high_nm < np.inf and STEP_NM <= width_nm <= high_nm - low_nm):
+        raise UsageError(
+            "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
+            rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
+        )  # fmt: skip
+    if not (
+        electrons > 0 and read_noise >= 0 and mismatch >= 0 and np.isfinite(electrons + read_noise + mismatch)
+    ):
+        raise UsageError("impossible noise", rule="electrons above 0, read noise and mismatch not below 0")
+    at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
+    a, b = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+    ln, K, K_stderr = _transmitted(scene, trace, z, a, b)
+    source = axial_intensity(scene.lamp, at) * _responsivity(response, at)
+    per_nm = source * np.exp(ln - 2 * np.log(z[:, None]))  # [distances, wavelengths]
+    if not (source > 0).any():
+        raise SceneError(
+            "the lamp gives no light that the detector sees", found=f"{low_nm:g} to {high_nm:g} nm"
+        )
+    spectrum = xr.Dataset(
+        {
+            "attenuation": (("z_m", "wavelength_nm"), K, {"units": "m-1"}),
+            "attenuation_stderr": (("z_m", "wavelength_nm"), K_stderr, {"units": "m-1"}),
+            "signal": (("z_m", "wavelength_nm"), per_nm / per_nm.max(axis=1, keepdims=True)),
+        },
+        coords={"z_m": z, "wavelength_nm": at},
+    )
+    lows = np.arange(low_nm, high_nm - width_nm + 0.5 * STEP_NM, STEP_NM)
+    bands = _bands(
+        spectrum, per_nm, np.append(lows, PAPER_BAND[0]), width_nm, electrons, read_noise, mismatch
+    )
+    return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
+
+
+def _transmitted(
+    scene: Scene, trace: DiffuseSource | None, z: Array, a: Array, b: Array
+) -> tuple[Array, Array, Array]:
+    """ln of what the water lets through at each distance, its slope K and the error of K, (n_z, n)."""
+    c = a + b
+    if trace is None:
+        return -np.outer(z, c), np.tile(c, (len(z), 1)), np.zeros((len(z), len(c)))
+    places = np.concatenate([z * (1 - _SLOPE), z, z * (1 + _SLOPE)])
+    middle = np.zeros(len(places))
+    typical = (float(np.median(a)), float(np.median(b)))
+    most = (max(1.05 * float(a.max()), 0.01), max(1.05 * float(b.max()), 0.01))
+    excess: Excess = excess_light(scene, (middle, middle, places), trace, *most, typical)
+    ln = excess.value(a, b) - np.outer(places, c)
+    near, here, far = np.split(ln, 3)
+    K = (near - far) / (2 * _SLOPE * z[:, None])
+    first, _, last = np.split(excess.modes, 3)
+    error = np.linalg.norm(first - last, axis=1) / (2 * _SLOPE * z)
+    return here, K, np.repeat(error[:, None], len(c), axis=1)
+
+
+def _responsivity(path: str | None, at: Array) -> Array:
+    """Response of the detector at wavelengths, in any unit; nothing beyond a table of its own."""
+    if path is None:
+        return np.interp(at, *SILICON)
+    try:
+        known, response = read_columns(path, ("wavelength_nm", "response"))
+    except OSError as error:
+        raise SceneError(
+            error.strerror or "cannot be read", where=path, rule="a CSV file", remedy="correct the path"
+        ) from error
+    return np.interp(at, known, response, left=0.0, right=0.0)
+
+
+def _bands(
+    spectrum: xr.Dataset,
+    per_nm: Array,
+    lows: Array,
+    width: float,
+    electrons: float,
+    read: float,
+    mismatch: float,
+) -> xr.Dataset:
+    """What every band gives at every distance; the last is the paper's."""
+    at, z = spectrum.wavelength_nm.values, spectrum.z_m.values
+    highs = lows + width
+    highs[-1] = PAPER_BAND[1]
+    inside = (at >= lows[:, None]) & (at < highs[:, None])  # [bands, wavelengths]
+    signal = per_nm @ inside.T * STEP_NM  # [distances, bands]
+    weight = per_nm[:, None, :] * inside
+    weight = np.where(weight.any(axis=2, keepdims=True), weight, inside)  # no light: all alike
+    total = weight.sum(axis=2)
+    K, error = (
+        (weight * spectrum[name].values[:, None, :]).sum(axis=2) / total
+        for name in ("attenuation", "attenuation_stderr")
+    )
+    count = electrons * signal / signal[0].max()
+    snr = count / np.sqrt(count + read**2 + (mismatch * count) ** 2)
+    slope = 2 / z[:, None] + K
+    dims = ("z_m", "low_nm")
+    return xr.Dataset(
+        {
+            "attenuation": (dims, K, {"units": "m-1"}),
+            "attenuation_stderr": (dims, error, {"units": "m-1"}),
+            "signal": (dims, signal / signal.max(axis=1, keepdims=True)),
+            "snr": (dims, snr),
+            "information": (dims, (snr * slope) ** 2, {"units": "m-2"}),
+            "range_error_m": (dims, WRONG * K * z[:, None] / slope, {"units": "m"}),
+        },
+        coords={"z_m": z, "low_nm": lows, "high_nm": ("low_nm", highs)},
+    )
+
+
+def _best(bands: xr.Dataset, width: float) -> list[Best]:
+    """The best of every criterion at every distance, the paper's band (the last) aside."""
+    found = []
+    for k, z in enumerate(bands.z_m.values):
+        row = bands.isel(z_m=k)
+        for name in CRITERIA:
+            values, K, error = (row[n].values for n in (name, "attenuation", "attenuation_stderr"))
+            own, paper = values[:-1], values[-1]
+            best = int(np.argmin(own) if name == "attenuation" else np.argmax(own))
+            share = float(own[best] / paper if name == "attenuation" else paper / own[best])
+            # Traced light errs alike in all bands: the difference is left of it.
+            if name == "attenuation":
+                stderr = share * abs(float(error[best] / K[best] - error[-1] / K[-1]))
+            else:
+                stderr = share * abs(float(K[best] - K[-1])) * float(z * error[best] / K[best])
+            low = float(row.low_nm.values[best])
+            found.append(Best(float(z), name, low, low + width, share, stderr))
+    return found
+
+
+def as_text(found: Bands) -> str:
+    """The answer for people."""
+    low, high = found.flat_nm()
+    lines = [headline(found), ""]
+    for row in rows(found):
+        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} the paper's band: {row[3]}")
+    lines.append(f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm")
+    return "\n".join(lines)
+
+
+def headline(found: Bands) -> str:
+    """One sentence: where the paper's band stands."""
+    far = [b for b in found.best if b.z_m == found.best[-1].z_m]
+    signal = next(b for b in far if b.criterion == "signal")
+    return (
+        f"500 to 550 nm has {100 * signal.paper_share:.0f} % of the best signal of any band "
+        f"{found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
+        f"{signal.high_nm:g} nm."
+    )
+
+
+def rows(found: Bands) -> list[list[str]]:
+    """Distance, criterion, best band, what the paper's band has of the best, as text."""
+    return [
+        [
+            f"{b.z_m:g} m",
+            CRITERIA[b.criterion],
+            f"{b.low_nm:g}–{b.high_nm:g} nm",
+            f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %",
+        ]
+        for b in found.best
+    ]
+
+
+def as_data(found: Bands) -> dict[str, Any]:
+    """The answer for programs."""
+    return {
+        "best": [vars(b) for b in found.best],
+        "width_nm": found.width_nm,
+        "flat_nm": list(found.flat_nm()),
+        **{
+            part: {str(k): v.values.tolist() for k, v in {**data.coords, **data.data_vars}.items()}
+            for part, data in (("spectrum", found.spectrum), ("bands", found.bands))
+        },
+    }

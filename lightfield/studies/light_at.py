@@ -1,0 +1,91 @@
+"""Light of a scene at places, mean over its band: direct, scattered and reflected, with errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.formula.field import direct_field
+from lightfield.render.diffuse.dense_water import dense_water, trace_for
+from lightfield.scene import Scene
+from lightfield.scene.bands import over_band
+from lightfield.scene.water.coefficients import scattering_per_m
+
+Places = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class LightAt:
+    """Light at n places for unit on-axis intensity.
+
+    Parameters
+    ----------
+    direct, diffuse : array, shape (n,), 1/m^2 (1/m^2/sr for radiance)
+    modes : array, shape (n, k)
+        Errors of the diffuse light as independent contributions; the last is the smooth one.
+    """
+
+    direct: Array
+    diffuse: Array
+    modes: Array
+
+    @property
+    def total(self) -> Array:
+        """All light, shape (n,)."""
+        return self.direct + self.diffuse
+
+    @property
+    def relative_modes(self) -> Array:
+        """Errors of ln(all light), shape (n, k)."""
+        return np.asarray(self.modes / self.total[:, None])
+
+
+def response_at(
+    trace: DiffuseSource, scene: Scene, places: tuple[Array, Array, Array], largest_b: float
+) -> Any:
+    """The response of the diffuse light at places, in water that scatters up to so much.
+
+    Parameters
+    ----------
+    trace : callable
+        `lightfield.render.diffuse.source.response_for` or the like.
+    largest_b : float, 1/m
+    """
+    response: Any = trace(scene, *places)
+    if dense_water(np.array([largest_b])) is not None:
+        response = response.with_denser(trace(scene, *places, dense_per_m=trace_for(largest_b)))
+    return response
+
+
+def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSource | None) -> LightAt:
+    """Light at places, mean over the scene's first band with the lamp's spectrum as weight.
+
+    Parameters
+    ----------
+    scene : Scene
+    x_m, y_m, z_m : array, shape (n,), m
+    trace : callable, optional
+        None: direct light alone.
+    """
+    at, power = over_band(scene.lamp, *scene.detector.bands_nm[0])
+    share = power / power.sum() if power.sum() > 0 else np.full(len(power), 1.0 / len(power))
+    places = (x_m, y_m, z_m)
+    direct = sum(
+        (
+            part * direct_field(scene, *places, np.full(len(z_m), w))
+            for part, w in zip(share, at, strict=True)
+        ),
+        np.zeros(len(z_m)),
+    )
+    if trace is None:
+        return LightAt(direct, np.zeros(len(z_m)), np.zeros((len(z_m), 1)))
+    colours = [float(w) for w in at]
+    response = response_at(trace, scene, places, float(scattering_per_m(scene.water, at).max()))
+    diffuse = share @ response.light(scene, colours)
+    middle = np.full(len(z_m), len(colours) // 2)
+    noise, smooth = response.errors(scene, colours, middle)
+    return LightAt(direct, diffuse, np.column_stack([noise, smooth]))

@@ -1,0 +1,463 @@
+"""How far a lamp can be used: by the paper's 20 % rule, by signal to noise, and by the accuracy of a pose.
+
+    light      E(z) / E(z0) > 20 % of that at the nearest plane (the paper's rule)
+    signal     E(z) > k sigma, sigma the noise of one reading
+    pose       standard errors of a position that a flat array of n x n receivers tells, by its Fisher matrix
+
+F = J^T J / sigma^2 with J the derivatives of the array's readings by x, y, z and, where only relative ones
+are used, a gain; the bound is the root of the diagonal of its inverse (Rao 1945; Cramer 1946). Light and its
+derivatives are those of the render, scattered light included, or those of the formula.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.polynomial import chebyshev
+from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.optimize import brentq
+
+from lightfield.arrays import Array
+from lightfield.errors import MeasurementError, SceneError, UsageError
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.light_at import LightAt, light_at
+
+#: The paper's rule, and what docking asks of a position across and along the beam, in metres.
+PAPER_SHARE, ACROSS_M, ALONG_M = 0.20, 0.1, 0.3
+#: Receivers of the array along a side, and its side in metres: the array of the paper.
+ARRAY_COUNT, ARRAY_SIDE_M = 5, 0.6
+#: Distances that light is asked at, and how far beyond the last plane; radii in half widths of the beam.
+_DISTANCES, _BEYOND = 13, 2.0
+_RADII = np.array([0.0, 0.35, 0.7, 1.05, 1.5, 2.0])
+#: Readings so close to the axis, as a part of the distance, are on it.
+_ON_AXIS = 0.005
+#: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
+#: by (that of the response's interpolation), so that near light does not outweigh all other.
+_DEGREES, _LEAST_ERROR = (4, 3), 1e-3
+#: Distances that are answered at.
+_SHOWN = 61
+#: Step of derivatives, m.
+_STEP_M = 1e-3
+#: No light, for logarithms.
+_DARK = 1e-300
+#: Kept free before the end of a tank, m.
+_BEFORE_WALL_M = 0.05
+#: Ranges are looked for on so many steps.
+_SCAN = 600
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A distance up to which something holds.
+
+    Parameters
+    ----------
+    name, rule : str
+    z_m, stderr_m : float
+        With scattered and reflected light; infinite where it still holds at the farthest distance asked.
+    formula_m : float
+        By direct light alone.
+    """
+
+    name: str
+    rule: str
+    z_m: float
+    stderr_m: float
+    formula_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingRange:
+    """The answer.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Over `z_m`: `light`, `formula` (both over those at the reference), `half_radius_m` of both, and
+        `sigma_...` of poses, with `..._stderr`.
+    reaches : tuple of Reach
+    readings : xarray.Dataset, optional
+        Over `z_m`: `value` and `stderr` of readings on the axis over that at the reference.
+    scene : Scene
+    share, noise, snr : float
+        Part of the light that must be left; noise of a reading over the reading at the reference; signal over
+        noise that is asked for.
+    """
+
+    dataset: xr.Dataset
+    reaches: tuple[Reach, ...]
+    readings: xr.Dataset | None
+    scene: Scene
+    share: float
+    noise: float
+    snr: float
+
+    @property
+    def reference_m(self) -> float:
+        """Distance that everything is normalised at, m."""
+        return float(self.dataset.attrs["reference_m"])
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Light around the axis as a smooth function of distance and radius, round about the axis.
+
+    Parameters
+    ----------
+    z_m : array, shape (n_z,), m
+    width : float
+        Tangent of the beam's half width.
+    log : array, shape (n_z, n_radii)
+        ln(E z^2) at the radii `_RADII` width z.
+    """
+
+    z_m: Array
+    width: float
+    log: Array
+
+    def __post_init__(self) -> None:
+        spline = RectBivariateSpline(self.z_m, _RADII**2, self.log, kx=3, ky=3)
+        object.__setattr__(self, "_spline", spline)
+
+    def at(self, rho2_m2: Array, z_m: Array) -> Array:
+        """Light at squared radii and distances, 1/m^2."""
+        u2 = rho2_m2 / (self.width * z_m) ** 2
+        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)  # type: ignore[attr-defined]
+
+    def half_radius(self, z_m: float) -> float:
+        """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
+        there = np.linspace(0, _RADII[-1] ** 2, _SCAN)
+        log = self._spline(z_m, there)[0]  # type: ignore[attr-defined]
+        below = np.flatnonzero(log < log[0] - np.log(2))
+        if not below.size:
+            return float("nan")
+        k = int(below[0])
+        u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
+        return float(np.sqrt(u2) * self.width * z_m)
+
+
+def working_range(
+    scene: Scene,
+    trace: DiffuseSource | None,
+    readings: Readings | None = None,
+    *,
+    share: float = PAPER_SHARE,
+    noise: float = 0.01,
+    snr: float = 10.0,
+    to_m: float | None = None,
+    count: int = ARRAY_COUNT,
+    side_m: float = ARRAY_SIDE_M,
+) -> WorkingRange:
+    """Light, spot and accuracy of a pose against distance, and how far each of them suffices.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its first plane is the reference; light is the mean over its first band.
+    trace : callable, optional
+        `lightfield.render.diffuse.source.response_for`; None: direct light alone.
+    readings : Readings, optional
+        Those in water on the axis are shown beside it.
+    share : float
+        Part of the light at the reference that must be left.
+    noise : float
+        Of one reading, over the reading at the reference.
+    snr : float
+        Signal over noise that must be left.
+    to_m : float, optional, m
+        Farthest distance; default: twice that of the last plane, or the end of the tank.
+    count : int
+        Receivers along a side of the array.
+    side_m : float, m
+
+    Raises
+    ------
+    UsageError
+        Numbers that make no sense.
+    SceneError
+        No room in the tank.
+    """
+    _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9), side_m=(side_m, 0.0, 100.0))
+    if not 2 <= count <= 101:
+        raise UsageError("impossible array", found=count, rule="2 to 101 receivers along a side")
+    first, last = _ends(scene, to_m)
+    nodes = np.linspace(first, last, _DISTANCES)
+    z = np.unique(np.concatenate([np.linspace(first, last, _SHOWN), _planes(scene, last)]))
+    field, light = _field(scene, trace, nodes, side_m)
+    plain, _ = _field(scene, None, nodes, side_m)
+    fine = np.linspace(first, last, _SCAN)
+    array = _array(count, side_m)
+    axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
+    poses = {
+        name: np.array([_pose(f, at, array, noise * there[0], free) for at in z])
+        for name, f, there, free in (
+            ("", field, axis[0], False), ("_relative", field, axis[0], True),
+            ("_formula", plain, axis[1], False), ("_relative_formula", plain, axis[1], True),
+        )
+    }  # fmt: skip
+    modes = light.relative_modes[:: len(_RADII)]
+    relative = np.interp(z, nodes, np.linalg.norm(modes - modes[:1], axis=1))
+    ratio, formula = (there / there[0] for there in axis)
+    half = np.array([[f.half_radius(at) for at in z] for f in (field, plain)])
+    half_error = np.interp(z, nodes, _half_error(light, field, nodes))
+    dataset = xr.Dataset(
+        {
+            "light": ("z_m", ratio, {"long_name": "light on the axis over that at the reference"}),
+            "light_stderr": ("z_m", ratio * relative, {"long_name": "its standard error"}),
+            "formula": ("z_m", formula, {"long_name": "the same by direct light alone"}),
+            "half_radius_m": ("z_m", half[0], {"units": "m", "long_name": "radius of half intensity"}),
+            "half_radius_stderr_m": ("z_m", half_error, {"units": "m"}),
+            "half_radius_formula_m": ("z_m", half[1], {"units": "m"}),
+            **{
+                f"sigma_{axis}{name}_m": ("z_m", found[:, k], {"units": "m"})
+                for name, found in poses.items()
+                for k, axis in enumerate(("across", "along"))
+            },
+        },
+        coords={"z_m": ("z_m", z, {"units": "m"})},
+        attrs={"reference_m": first, "array_count": count, "array_side_m": side_m, "noise": noise},
+    )
+    reaches = _reaches(dataset, fine, share, noise, snr)
+    return WorkingRange(dataset, reaches, _measured(readings, first), scene, share, noise, snr)
+
+
+def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: float) -> tuple[Reach, ...]:
+    """Every rule's distance, with scattered light and by the formula."""
+    z = data.z_m.values
+
+    def curve(name: str) -> CubicSpline:
+        return CubicSpline(z, np.log(data[name].values))
+
+    error = CubicSpline(z, data.light_stderr.values / data.light.values)
+    light, formula = curve("light"), curve("formula")
+    rules: list[Reach] = []
+    for name, level, words in (
+        ("light", share, f"at least {100 * share:g} % of the light at {z[0]:g} m"),
+        ("signal", snr * noise, f"signal at least {snr:g} times a noise of {100 * noise:g} %"),
+    ):
+        at = _last(light, np.log(level), fine, falling=True)
+        stderr = _error(error, light, at)
+        rules.append(Reach(name, words, at, stderr, _last(formula, np.log(level), fine, falling=True)))
+    for suffix, known in (("", "lamp power known"), ("_relative", "relative readings only")):
+        for axis, limit in (("across", ACROSS_M), ("along", ALONG_M)):
+            curves = [curve(f"sigma_{axis}{suffix}{which}_m") for which in ("", "_formula")]
+            at, by_formula = (_last(c, np.log(limit), fine, falling=False) for c in curves)
+            words = f"position {axis} the beam to {limit:g} m, {known}"
+            rules.append(Reach(f"pose_{axis}{suffix}", words, at, _error(error, curves[0], at), by_formula))
+    return tuple(rules)
+
+
+def _error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:
+    """Error of the distance where a curve meets a level: that of ln(light) by the slope."""
+    return float(error(z_m)) / abs(float(curve(z_m, 1))) if np.isfinite(z_m) else float("nan")
+
+
+def _last(curve: CubicSpline, level: float, fine: Array, falling: bool) -> float:
+    """Where a curve first leaves the good side of a level; infinite if never, NaN if it never was there."""
+    beyond = curve(fine) < level if falling else curve(fine) > level
+    if not beyond.any():
+        return float("inf")
+    k = int(np.argmax(beyond))
+    if k == 0:
+        return float("nan")
+    return float(brentq(lambda z: float(curve(np.array(z))) - level, fine[k - 1], fine[k]))
+
+
+def _field(scene: Scene, trace: DiffuseSource | None, z: Array, side_m: float) -> tuple[Field, LightAt]:
+    """Light around the axis, and at the places it was asked at (radii within distances)."""
+    beam = float(np.tan(np.radians(scene.lamp.hwhm_deg)))
+    needed = np.sqrt(0.5) * side_m / (beam * z[0])
+    most = max(_RADII[-1], 1.1 * needed)
+    if scene.tank is not None:
+        most = min(most, (scene.tank.box_m[0][1] - _BEFORE_WALL_M) / (beam * z[-1]))
+    width = beam * most / _RADII[-1]
+    along, radius = (v.ravel() for v in np.meshgrid(z, _RADII, indexing="ij"))
+    x = scene.lamp.offset_x_m + radius * width * along
+    light = light_at(scene, x, np.full(len(x), scene.lamp.offset_y_m), along, trace)
+    log = np.log(np.maximum(light.direct, _DARK) * along**2) + _smooth(light, along, radius)
+    return Field(z, width, log.reshape(len(z), -1)), light
+
+
+def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
+    """ln(all light / direct light) without photon noise, shape (n,): a polynomial in z and radius squared.
+
+    Derivatives of the noise would pass for information about the range.
+    """
+    if not light.diffuse.any():
+        return np.zeros(len(z))
+    terms = chebyshev.chebvander2d(
+        2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / _RADII[-1]) ** 2 - 1, _DEGREES
+    )
+    weight = 1.0 / np.maximum(np.linalg.norm(light.relative_modes, axis=1), _LEAST_ERROR)
+    excess = np.log(np.maximum(light.total, _DARK) / np.maximum(light.direct, _DARK))
+    coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
+    return np.asarray(terms @ coefficients)
+
+
+def _array(count: int, side_m: float) -> tuple[Array, Array]:
+    """x and y of the receivers of a flat square array, shape (count^2,), m."""
+    at = np.linspace(-0.5, 0.5, count) * side_m
+    x, y = np.meshgrid(at, at)
+    return x.ravel(), y.ravel()
+
+
+def _pose(field: Field, z_m: float, array: tuple[Array, Array], sigma: float, gain_free: bool) -> Array:
+    """Least standard errors of x or y and of z on the axis, m, of a flat array that faces the lamp."""
+    px, py = array
+    near, far = field.z_m[0], field.z_m[-1]
+
+    def read(x: float, y: float, z: float) -> Array:
+        return field.at((px + x) ** 2 + (py + y) ** 2, np.full(len(px), z))
+
+    h = _STEP_M
+    low, high = max(z_m - h, near), min(z_m + h, far)
+    columns = [
+        (read(h, 0, z_m) - read(-h, 0, z_m)) / (2 * h),
+        (read(0, h, z_m) - read(0, -h, z_m)) / (2 * h),
+        (read(0, 0, high) - read(0, 0, low)) / (high - low),
+    ]
+    if gain_free:
+        columns.append(read(0, 0, z_m))
+    J = np.stack(columns, 1) / sigma
+    bound = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    return np.array([max(bound[0], bound[1]), bound[2]])
+
+
+def _half_error(light: LightAt, field: Field, z: Array) -> Array:
+    """Standard error of the radius of half intensity: the light's at the nearest radius over its slope."""
+    modes = light.relative_modes.reshape(len(z), len(_RADII), -1)
+    found, half = np.full(len(z), np.nan), np.array([field.half_radius(at) for at in z])
+    for k in np.flatnonzero(np.isfinite(half)):
+        nearest = int(np.argmin(np.abs(_RADII * field.width * z[k] - half[k])))
+        error = float(np.linalg.norm(modes[k, nearest] - modes[k, 0]))
+        r = half[k] + np.array([-_STEP_M, _STEP_M])
+        low, high = np.log(field.at(r**2, np.full(2, z[k])))
+        found[k] = error * 2 * _STEP_M / abs(high - low)
+    return found
+
+
+def _measured(readings: Readings | None, reference_m: float) -> xr.Dataset | None:
+    """Readings in water on the axis over that at the reference; None where there are none."""
+    if readings is None:
+        return None
+    r = readings.usable()
+    on_axis = (r.medium == "water") & (np.hypot(r.x_m, r.y_m) <= _ON_AXIS * r.z_m)
+    z = np.unique(np.round(r.z_m[on_axis], 4))
+    near = np.isclose(z, reference_m, atol=1e-3)
+    if not near.any() or len(z) < 2:
+        raise MeasurementError(
+            "no readings to show", where=readings.source or None,
+            found=f"on the axis in water at {z.tolist()} m",
+            rule=f"some on the axis, among them at the reference, {reference_m:g} m",
+            remedy="read there, or let the scene's first plane be a distance that was read",
+        )  # fmt: skip
+    value, error = np.zeros(len(z)), np.zeros(len(z))
+    for k, at in enumerate(z):
+        mine = on_axis & np.isclose(r.z_m, at, atol=1e-4)
+        value[k] = r.value[mine].mean()
+        error[k] = np.sqrt((np.nan_to_num(r.stderr[mine]) ** 2).sum()) / mine.sum() / value[k]
+    first = int(np.argmax(near))
+    stderr = value / value[first] * np.where(near, 0.0, np.hypot(error, error[first]))
+    return xr.Dataset({"value": ("z_m", value / value[first]), "stderr": ("z_m", stderr)}, coords={"z_m": z})
+
+
+def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
+    """Nearest and farthest distance, m."""
+    first = scene.detector.planes_m[0]
+    last = _BEYOND * scene.detector.planes_m[-1] if to_m is None else to_m
+    if scene.tank is not None:
+        last = min(last, scene.tank.box_m[2][1] - _BEFORE_WALL_M)
+    if not (np.isfinite(last) and last > 1.1 * first):
+        raise SceneError(
+            "no distances to compare", found=f"{first:g} to {last:g} m",
+            rule="farther than the first plane by a tenth at least",
+            remedy="move the first plane nearer, or ask for a farther distance",
+        )  # fmt: skip
+    return first, last
+
+
+def _planes(scene: Scene, last: float) -> Array:
+    planes = np.asarray(scene.detector.planes_m, float)
+    return planes[planes <= last]
+
+
+def _check(**numbers: tuple[float, float, float]) -> None:
+    for name, (value, low, high) in numbers.items():
+        if not low < value < high:
+            raise UsageError(f"impossible {name}", found=value, rule=f"above {low:g}, below {high:g}")
+
+
+def as_text(found: WorkingRange) -> str:
+    """The answer for people."""
+    lines = [headline(found), "", f"{'':<58}{'with scattered light':>22}{'formula':>10}"]
+    lines += [f"{rule:<58}{own:>22}{formula:>10}" for rule, own, formula in rows(found)]
+    lines.append(
+        f"An array of {found.dataset.attrs['array_count']} x {found.dataset.attrs['array_count']} flat "
+    )
+    lines[-1] += (
+        f"receivers, {found.dataset.attrs['array_side_m']:g} m wide, noise of each {100 * found.noise:g} % "
+    )
+    lines[-1] += f"of the reading at {found.reference_m:g} m. {BLIND}"
+    return "\n".join(lines)
+
+
+def headline(found: WorkingRange) -> str:
+    """One sentence: the paper's rule, with and without scattered light."""
+    light, share = found.reaches[0], 100 * found.share
+    return (
+        f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
+        f"the formula says {metres(light.formula_m)}."
+    )
+
+
+#: What a flat array cannot tell.
+BLIND = "A flat array that faces the lamp trades yaw against a step aside: it does not tell yaw."
+
+
+def rows(found: WorkingRange) -> list[list[str]]:
+    """Rule, distance with its error, and that of the formula, as text."""
+    return [[reach.rule, distance(reach), metres(reach.formula_m)] for reach in found.reaches]
+
+
+def distance(reach: Reach) -> str:
+    """A distance with its error."""
+    error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
+    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
+
+
+def metres(value: float) -> str:
+    """A distance that may lie beyond what was asked."""
+    return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
+
+
+def as_data(found: WorkingRange) -> dict[str, Any]:
+    """The answer for programs."""
+
+    def plain(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    data = found.dataset
+    return {
+        "reaches": [
+            {
+                "name": r.name,
+                "rule": r.rule,
+                "z_m": plain(r.z_m),
+                "stderr_m": plain(r.stderr_m),
+                "formula_m": plain(r.formula_m),
+                "beyond_all_asked": bool(np.isinf(r.z_m)),
+            }
+            for r in found.reaches
+        ],
+        **{str(k): [plain(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
+        **{str(k): v for k, v in data.attrs.items()},
+        "snr": found.snr,
+        "readings": None
+        if found.readings is None
+        else {str(k): v.values.tolist() for k, v in found.readings.variables.items()},
+    }
