@@ -43,7 +43,8 @@ def wrong_with(words: list[str], folder: Path) -> str:
         faulthandler.cancel_dump_traceback_later()
     if code in (cli.EXIT_INTERRUPTED, cli.EXIT_TERMINATED):
         sys.exit(code)  # somebody stopped us
-    message = err.getvalue()
+    # Of a scene that will do all the same, one word.
+    message = "".join(x for x in err.getvalue().splitlines(True) if not x.startswith("warning: "))
     if code not in (0, 2):
         return f"exit code {code}: {message}"
     if code == 2 and not (message.startswith("lightfield: ") and message.endswith("\n")):
