@@ -123,7 +123,7 @@ def residual_map(view: DiagnosisView) -> Figure:
                 linewidths=0.4,
             )
             rms = float(np.sqrt(np.nanmean(view.residual_sigma(step)[~readings.left_out] ** 2)))
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{_plain(name)}: rms {rms:.1f} σ")
+            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{_short(name)}: rms {rms:.1f} σ")
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
@@ -158,7 +158,7 @@ def _grid_map(view: DiagnosisView) -> Figure:
                     linewidths=0.4,
                 )
                 axis.margins(0.12)
-            row[0].set_ylabel(f"{_plain(view.predictions[step].label)}\ny (m)")
+            row[0].set_ylabel(f"{_short(view.predictions[step].label)}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
@@ -348,3 +348,9 @@ def _wrapped(text: str) -> str:
 
 def _plain(text: str) -> str:
     return text.replace("_", " ")
+
+
+def _short(text: str) -> str:
+    """A name that fits beside a panel: of many effects their number."""
+    effects = text.count(" + ")
+    return _plain(text) if effects < 2 else f"with {effects} effects"
