@@ -111,7 +111,7 @@ def test_functions_are_orthonormal_and_leave_out_what_the_base_model_has(field: 
     """By differences of predicted readings: in their logarithm, weighed as the readings are."""
     table = readings(layout="fine")
     forward = SceneForward(believed(), table)
-    weight = (np.clip(table.value, 0.02 * table.value.max(), None) / table.stderr) ** 2
+    weight = (np.clip(table.value, 0.005 * table.value.max(), None) / table.stderr) ** 2
     weight /= weight.sum()
     step = 1e-4
 
