@@ -45,7 +45,7 @@ NODES = 61
 BEYOND = 1.3
 #: A curve that a fit tries is clipped here, a factor of 1100: no lamp has more, and no number overflows.
 LARGEST = 7.0
-#: Unknown errors are 1 % of the reading and 0.1 % of the brightest (as a diagnosis assumes them). Readings are
+#: Unknown errors are 1 % of the reading and 0.1 % of the brightest, as a diagnosis assumes. Readings are
 #: taken for this part of the brightest at least: with 0.02 dim angles outweigh the beam, whose width is then
 #: hardly told from the curve; with none, functions are stiff where it is dim, and a background that is fitted
 #: beside them takes the blame, by one sigma. Chosen between.
