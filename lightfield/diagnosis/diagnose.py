@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,7 +27,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.effects.local import as_file, local_unknowns
-from lightfield.fitting.fitted_curves import save_lamp
+from lightfield.fitting.fitted_curves import fitted_curves, save_lamp
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
@@ -36,6 +37,8 @@ from lightfield.storage.files import atomic_path
 
 #: Effects of the user's own to begin with, where those of the table explain nothing.
 HYPOTHESES = "hypotheses.toml"
+#: Fitted curves with their errors.
+CURVES = "curves.json"
 #: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
 FRESH_PHOTONS = 1.5e6
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
@@ -135,8 +138,8 @@ class Diagnosis:
     def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
-        A beam profile of the last rung is written as a lamp table too, for other scenes with this lamp; and
-        where nothing explains the readings, effects of one's own to begin with.
+        Curves of the last rung are written with their errors, a beam profile as a lamp table too, for other
+        scenes with this lamp; and where nothing explains the readings, effects of one's own to begin with.
 
         Parameters
         ----------
@@ -161,7 +164,12 @@ class Diagnosis:
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}
             )
-        save_lamp(self.forward, self.steps[-1].fit, target)
+        last = self.steps[-1].fit
+        save_lamp(self.forward, last, target)
+        if curves := fitted_curves(self.forward, last, self.finding.level.phi):
+            with atomic_path(target / CURVES) as temporary:
+                data = [curve.as_data() for curve in curves]
+                temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
         if verdict.verdict == "unexplained":
             with atomic_path(target / HYPOTHESES) as temporary:
                 temporary.write_text(as_file(local_unknowns(self.readings)), encoding="utf-8")

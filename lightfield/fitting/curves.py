@@ -45,9 +45,11 @@ NODES = 61
 BEYOND = 1.3
 #: A curve that a fit tries is clipped here, a factor of 1100: no lamp has more, and no number overflows.
 LARGEST = 7.0
-#: Dim readings are taken for this part of the brightest, and unknown errors for 1 % of the reading and 0.1 %
-#: of the brightest (as a diagnosis assumes them): weights only decide what is smooth. Chosen.
-_DIM, _RELATIVE, _FLOOR = 0.02, 0.01, 0.001
+#: Unknown errors are 1 % of the reading and 0.1 % of the brightest, as a diagnosis assumes. Readings are
+#: taken for this part of the brightest at least: with 0.02 dim angles outweigh the beam, whose width is then
+#: hardly told from the curve; with none, functions are stiff where it is dim, and a background that is fitted
+#: beside them takes the blame, by one sigma. Chosen between.
+_RELATIVE, _FLOOR, _DIM = 0.01, 0.001, 0.005
 #: Roughness counts by the area of its ring, and on the axis by this part of the outermost ring's. Chosen.
 _ON_AXIS = 0.1
 #: Coordinates that differ by less are one, as a part of their range.
@@ -162,10 +164,10 @@ class Curves:
         value, stderr = np.asarray(self.readings.value, float), np.asarray(self.readings.stderr, float)
         used = ~np.asarray(self.readings.saturated, bool)
         top = float(np.abs(value[used]).max(initial=0.0)) or 1.0
-        level = np.clip(value, _DIM * top, None)
+        light = np.maximum(value, _DIM * top)
         known = np.isfinite(stderr) & (stderr > 0)
-        sigma = np.where(known, stderr, _RELATIVE * level + _FLOOR * top)
-        return np.where(used, (level / sigma) ** 2, 0.0)
+        sigma = np.where(known, stderr, _RELATIVE * np.abs(value) + _FLOOR * top)
+        return np.where(used, (light / sigma) ** 2, 0.0)
 
     def _profile(self) -> Basis | None:
         lamp, r = self.scene.lamp, self.readings

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from lightfield.formula.own import lit
 from lightfield.render.backend import use_backend
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
@@ -151,7 +152,7 @@ def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
 
 def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
     """The beam as an image thrown by a projector, and a small dark housing behind it."""
-    lamp = scene.lamp
+    lamp = lit(scene).lamp
     skirt = lamp.skirt_hwhm_deg if lamp.skirt_fraction > 0 else 0.0
     half_deg = min(max(3.2 * lamp.hwhm_deg * max(1.0, lamp.ellipticity), 2.5 * skirt, 4.0), 70.0)
     reach = tan(radians(half_deg))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.formula.own import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
@@ -41,6 +42,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
     from lightfield.render.plugins.lamp import CURVES, PROPERTIES
     from lightfield.render.tracer.build import phase_dict, shapes
 
+    scene = lit(scene)
     at = np.array([middles_nm(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     c = a + b

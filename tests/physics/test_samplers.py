@@ -126,11 +126,12 @@ def lamps(folder: Path) -> dict[str, Lamp]:
         "flat-top": Lamp(profile="super-gaussian", hwhm_deg=8, shape_exponent=8),
         "two-component": Lamp(profile="two-component", skirt_fraction=0.1, skirt_hwhm_deg=20),
         "table": Lamp(profile="table", intensity_table=str(folder / "lamp.csv")),
+        "departing": Lamp(hwhm_deg=5, profile_departure=((0.0, 0.3), (3.0, -0.5), (6.0, 0.4), (12.0, 1.0))),
         "isotropic": Lamp(profile="isotropic"),
     }
 
 
-@pytest.mark.parametrize("name", ["gaussian", "flat-top", "two-component", "table", "isotropic"])
+@pytest.mark.parametrize("name", ["gaussian", "flat-top", "two-component", "table", "departing", "isotropic"])
 def test_lamp_sampler(name: str, tmp_path: Path) -> None:
     """Directions of a round beam follow its relative intensity."""
     lamp = lamps(tmp_path)[name]

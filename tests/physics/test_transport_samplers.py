@@ -116,6 +116,7 @@ LAMPS: dict[str, dict[str, Any]] = {
     "narrow": {"hwhm_deg": 0.5},
     "wide": {"hwhm_deg": 40.0},
     "flat top": {"profile": "super-gaussian", "shape_exponent": 8.0},
+    "departing": {"profile_departure": [[0, 0.3], [2, -0.5], [5, 0.4], [12, 1.0]]},
     "skirt": {"profile": "two-component", "skirt_fraction": 0.1},
     "elliptic": {"ellipticity": 2.0},
     "isotropic": {"profile": "isotropic"},

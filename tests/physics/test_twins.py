@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from lightfield.formula.own import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
@@ -229,5 +230,10 @@ def test_plugins_take_every_parameter_of_lamp_and_receiver() -> None:
     loaded = mi.load_dict(mitsuba_dict(Scene(lamp=lamp, detector=detector)))
     (made,) = loaded.emitters()
     assert made.lamp.model_dump(include=set(PROPERTIES)) == lamp.model_dump(include=set(PROPERTIES))
+    beam = {"name": "rings", "stage": "source", "formula": "1 + a*sin(theta)**2"}
+    numbers = {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.5}}
+    own = Scene.from_dict({"effect": [{**beam, "parameters": numbers}]})
+    (made,) = mi.load_dict(mitsuba_dict(own)).emitters()
+    assert made.lamp.profile_departure == lit(own).lamp.profile_departure != ()
     for sensor in loaded.sensors():
         assert sensor.receiver.model_dump(include=set(RECEIVER)) == detector.model_dump(include=set(RECEIVER))

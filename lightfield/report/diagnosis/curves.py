@@ -33,6 +33,7 @@ def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
             upper.plot(curve.at, curve.without, color=FORMULA, linestyle=DASHED, label="without the curve")
             upper.plot(curve.at, curve.value, color=RENDER, label="fitted curve")
             upper.set_ylabel(curve.quantity)
+            upper.set_title(f"changes readings by {100 * curve.rms:.2g} % rms")
             lower.fill_between(
                 curve.at, -wide, wide, color=RENDER, alpha=0.25, linewidth=0, label="two standard errors"
             )

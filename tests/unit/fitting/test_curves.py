@@ -5,6 +5,7 @@ Readings come from closed forms written here, not from the curves of the fit.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from analytic_readings import scene as believed
 from scipy.stats import chi2
 
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.errors import UsageError
@@ -111,7 +113,7 @@ def test_functions_are_orthonormal_and_leave_out_what_the_base_model_has(field: 
     """By differences of predicted readings: in their logarithm, weighed as the readings are."""
     table = readings(layout="fine")
     forward = SceneForward(believed(), table)
-    weight = (np.clip(table.value, 0.02 * table.value.max(), None) / table.stderr) ** 2
+    weight = (np.clip(table.value, 0.005 * table.value.max(), None) / table.stderr) ** 2
     weight /= weight.sum()
     step = 1e-4
 
@@ -310,3 +312,22 @@ def test_compare_fits_a_curve_by_its_name_and_leaves_a_lamp(tmp_path: Path) -> N
     np.testing.assert_allclose(seen, flood(np.degrees(theta) / HWHM), atol=0.02)
     with pytest.raises(UsageError, match="no curve with what it contains"):
         fit_readings(table, believed(), ["beam_profile", "beam_shape"])
+
+
+def test_a_diagnosis_leaves_its_curves_and_its_lamp(tmp_path: Path) -> None:
+    """Beside the scenes of its rungs, where the last of them has a curve."""
+    table = readings(ringed, noise=0.01)
+    made = diagnose(table, believed(), diffuse=None, only=["background"], advise=False)
+    found = problem(table, "beam_profile")
+    last = replace(made.steps[-1], fit=fitted(found, table.stderr))
+    steps = [*made.steps[:-1], last]
+    replace(made, found=replace(made.found, steps=steps, forward=found.forward)).save(tmp_path / "with")
+    made.save(tmp_path / "without")
+    assert {"lamp.csv", "curves.json"} <= {path.name for path in (tmp_path / "with").iterdir()}
+    assert not {"lamp.csv", "curves.json"} & {path.name for path in (tmp_path / "without").iterdir()}
+    (curve,) = json.loads((tmp_path / "with" / "curves.json").read_text())
+    at, value, stderr = (np.array(curve[name]) for name in ("at", "value", "stderr"))
+    near = at < 1.5 * HWHM
+    assert np.abs(value - ringed(at / HWHM))[near].max() < 0.03 and stderr[near].max() < 0.03
+    fitted_scene = Scene.load(tmp_path / "with" / f"rung{len(steps) - 1}.toml")
+    assert fitted_scene.lamp.profile_departure and curve["rms"] > 0.1

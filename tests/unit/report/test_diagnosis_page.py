@@ -210,8 +210,9 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
 
 def test_fitted_curves_are_drawn_with_their_errors():
     at = np.linspace(0, 12, 40)
+    one = at**0
     beam = FittedCurve(
-        "lamp.profile_departure", "angle (deg)", "intensity", at, at**0, 0.01 * at, 0.9 * at**0
+        "lamp.profile_departure", "angle (deg)", "intensity", at, one, 0.01 * at, 0.9 * one, 0.1
     )
     html = diagnosis_page(dataclasses.replace(example(), curves=(beam, beam)))
     assert "Fitted curves with their errors" in html
@@ -219,5 +220,6 @@ def test_fitted_curves_are_drawn_with_their_errors():
     figure = curve_figure((beam,))
     upper, lower = figure.axes
     assert (upper.get_xlabel(), lower.get_xlabel(), upper.get_ylabel()) == ("", "angle (deg)", "intensity")
+    assert upper.get_title("left") + upper.get_title() == "changes readings by 10 % rms"
     (band,) = (patch.get_paths()[0].get_extents() for patch in lower.collections)
     assert (band.ymin, band.ymax) == pytest.approx((-0.24, 0.24))
