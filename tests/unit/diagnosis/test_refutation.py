@@ -13,6 +13,7 @@ from analytic_readings import readings, scene
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.verdict.parts import StatedEffect
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting import effects
 from lightfield.fitting.least_squares import least_squares
 from lightfield.fitting.parameter import Model
 from lightfield.report.diagnosis.drawn import view_of
@@ -117,7 +118,10 @@ def test_what_is_too_small_to_be_seen_is_left_open() -> None:
     assert "cannot be told from none" in found.as_text()
 
 
-def test_what_cannot_be_tested_is_listed_as_held() -> None:
+def test_what_cannot_be_tested_is_listed_as_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a table that knows nothing of the lamp's size."""
+    known = {name: effect for name, effect in effects.table().items() if name != "lamp_size"}
+    monkeypatch.setattr(effects, "table", lambda: known)
     found = believing({"lamp.radius_m": 0.02, "lamp.tilt_x_deg": 0.25}, {"lamp.tilt_x_deg": 0.25},
                       only=["background"])  # fmt: skip
     held = {path: e.reason for e in found.verdict.stated for path in e.stated if e.judgement == "held"}
@@ -148,7 +152,7 @@ def test_the_limit_is_where_the_readings_are_worse_by_a_95_per_cent_quantile(
     best = finding.accepted[0]
     assert entry.judgement == "absent" and entry.limit is not None and best.adequacy is not None
     phi = best.adequacy.phi
-    (mine,) = (p for c in problem.candidates for p in c.amplitudes if p.path == path)
+    mine, *_ = (p for c in problem.candidates for p in c.amplitudes if p.path == path)
 
     def chi2(at: float) -> float:
         model = Model(problem.forward, (*problem.base, mine.held(at)))

@@ -57,7 +57,7 @@ def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
     """And names another effect where scattering and background are not asked for."""
     table, scene = readings(seed=1, noise=0.01)
     sentence = verdict_on(table, scene).sentence
-    assert "At a noise of 1.2 % of a bright reading (as stated), background above" in sentence
+    assert "At a noise of 1.1 % of a bright reading (as stated), background above" in sentence
     tilt = verdict_on(unstated(table), scene, only=["beam_tilt"]).sentence
     assert "(estimated from the scatter), beam tilt above" in tilt
     nothing = verdict_on(table, scene, only=["beam_ellipticity"]).sentence
