@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
@@ -159,6 +160,23 @@ def test_a_curve_is_found_where_no_name_will_do() -> None:
     (form,) = [c.form.name for c in found.best.explanation if c.name == "profile"]
     assert form == "4 terms"
     assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
+
+
+def test_a_curve_is_made_longer_from_where_it_lies() -> None:
+    """A form of four terms beside one of two, once the latter is the best set."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0)
+    pool = pool_of(made, problem)
+    short = next(c for c in problem.candidates if c.form.name == "2 terms")
+    pool.fit((short,), [Begin({})])
+    polish(pool, lambda c: c.name == "profile", rounds=1)
+    assert pool.best().key == {("profile", "4 terms")}
+    assert pool.best().fit.chi2 == pytest.approx(expected_of_curve(made, problem), abs=0.05)
+
+
+def expected_of_curve(made: Toy, problem) -> float:
+    """Chi-square of base and all four terms, by regression."""
+    return made.regression(problem, *(f"profile{k}" for k in range(4)))[2]
 
 
 def pool_of(made: Toy, problem) -> Pool:
