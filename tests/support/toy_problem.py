@@ -62,6 +62,9 @@ class Linear:
             np.zeros(self.size),
         )
 
+    def subset(self, rows: np.ndarray) -> Linear:
+        return Linear({path: column[rows] for path, column in self.columns.items()})
+
     def holding(self, values: Mapping[str, float]) -> Linear:
         return self
 

@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.search import Tried, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
-_ACCEPTED, _NEAR = 8, 30
+_ACCEPTED, _NEAR = 8, 12
 
 
 def beyond_two(

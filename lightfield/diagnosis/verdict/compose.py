@@ -18,7 +18,7 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
-from lightfield.diagnosis.verdict.found import found_effects
+from lightfield.diagnosis.verdict.found.records import found_effects
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
@@ -235,9 +235,12 @@ def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, N
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
     scale = error_scale(prepared, finding)
     plain = Whitener(noise, 0.0, 1.0, 0.0)
-    known = finding.closest
-    start = known.fit.u if known else finding.level.base.u
-    base = problem.fit(known.explanation if known else (), plain, [start])
+    # Beside what is certain all the same; the rest of the best set may only imitate what is unknown.
+    known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
+    like = finding.closest.fit if known and finding.closest else finding.level.base
+    place = dict(zip(like.paths, like.u, strict=True))
+    start = np.array([place[p.path] for p in problem.model(known).parameters])
+    base = problem.fit(known, plain, [start])
     ranked = coordinates(problem, plain, base, scale)
     best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
     z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)

@@ -78,17 +78,23 @@ class FoundEffect(Part):
         "rest allows"
     )
     parameters: dict[str, Estimate] = Field(description="its size, by dotted path")
-    sigma_to_remove: float | None = Field(description="by which the others, refitted, are worse without it")
-    gap: float | None = Field(description="cost of the best set without it above that of the best")
-    gap_named: float | None = Field(description="the same, without curves that it is a special case of")
-    gap_plus: float | None = Field(
-        description="the same among sets with at most one effect more, all parameters counted alike"
+    sigma_to_remove: float | None = Field(
+        None, description="by which the others, refitted, are worse without it"
     )
-    rival: list[str] = Field(description="the best set without it")
-    alternatives: list[list[str]] = Field(description="what replaces it in sets that are accepted too")
-    weight: float = Field(description="share of exp(-cost/2) of all sets with it; decides nothing")
+    gap: float | None = Field(
+        None, description="cost of the best set without it above that of the best; null: none is known"
+    )
+    gap_named: float | None = Field(None, description="the same, without curves that it is a special case of")
+    gap_plus: float | None = Field(
+        None, description="the same among sets with at most one effect more, all parameters counted alike"
+    )
+    rival: list[str] = Field(default_factory=list, description="the best set without it")
+    alternatives: list[list[str]] = Field(
+        default_factory=list, description="what replaces it in sets that are accepted too"
+    )
+    weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
     with_it: WaterAndBeam
-    without_it: WaterAndBeam | None = Field(description="refitted without this effect")
+    without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 
 
 class NearestRival(Part):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lightfield.diagnosis.verdict import aside_words, found_words, stated, words
+from lightfield.diagnosis.verdict import aside_words, stated, words
+from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lightfield.diagnosis.verdict.found_words import instead, size
+from lightfield.diagnosis.verdict.found.words import instead, size
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,

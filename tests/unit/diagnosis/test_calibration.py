@@ -102,7 +102,7 @@ def test_a_better_calibration_says_more() -> None:
     table, scene = absolute(1.2)
     stated = replace(table, budget=ErrorBudget(calibration_percent=3.0))
     verdict = diagnose(stated, scene, diffuse=None, advise=False).verdict
-    assert verdict.effects == ["lamp_power"]
+    assert verdict.effects == verdict.best_set == verdict.simplest == ["lamp_power"]
     assert not any("calibration" in a for a in verdict.assumed)
 
 

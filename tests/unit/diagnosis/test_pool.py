@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -10,13 +11,16 @@ import pytest
 from scipy import stats
 from toy_problem import Toy, candidate, curve, layout, waves
 
+from lightfield.diagnosis.problem import problem as problems
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
-from lightfield.diagnosis.search.pool.search import Data, Many, everything, named, search_many
+from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
+from lightfield.fitting.effects import Effect, Form, Free
 
 
 @pytest.fixture(autouse=True)
@@ -158,10 +162,21 @@ def test_a_curve_is_found_where_no_name_will_do() -> None:
     assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
 
 
-def test_named_and_everything() -> None:
+def test_a_curve_is_made_longer_from_where_it_lies() -> None:
+    """A form of four terms beside one of two, once the latter is the best set."""
     made = with_curve()
-    assert [c.name for c in made.problem.candidates if not named(c)] == ["profile", "profile"]
-    assert all(map(everything, made.problem.candidates))
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0)
+    pool = pool_of(made, problem)
+    short = next(c for c in problem.candidates if c.form.name == "2 terms")
+    pool.fit((short,), [Begin({})])
+    polish(pool, lambda c: c.name == "profile", rounds=1)
+    assert pool.best().key == {("profile", "4 terms")}
+    assert pool.best().fit.chi2 == pytest.approx(expected_of_curve(made, problem), abs=0.05)
+
+
+def expected_of_curve(made: Toy, problem) -> float:
+    """Chi-square of base and all four terms, by regression."""
+    return made.regression(problem, *(f"profile{k}" for k in range(4)))[2]
 
 
 def pool_of(made: Toy, problem) -> Pool:
@@ -207,12 +222,34 @@ def test_bounds_hold() -> None:
 
 
 def test_scattered_light_is_not_asked_for_without_end() -> None:
-    """What has been spent on it is counted; sets without it are always fitted."""
+    """What has been spent on it is counted; sets without it are fitted all the same, as long as there are
+    readings for their parameters."""
     made = toy()
     pool = pool_of(made, made.drawn(np.random.default_rng(1)))
+    direct = made.problem.candidates[:2]
+    free = (Free("water.scattering_per_m", 0.0, 2.0, 0.02),)
+    effect = Effect("scatter", "toy", (Form("linear", free),), "", "", "")
+    diffuse = replace(candidate("scatter"), effect=effect)
+    assert effect.diffuse and pool.affordable([*direct, diffuse])
     pool.diffuse = pool.most_diffuse
-    assert pool.affordable(made.problem.candidates[:2])
-    assert not pool.affordable([candidate(f"n{k}") for k in range(60)]), "more parameters than readings"
+    assert pool.affordable(direct) and not pool.affordable([*direct, diffuse])
+    assert not pool.affordable([candidate(f"n{k}") for k in range(60)])
+
+
+def test_of_many_readings_a_sample_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what it finds is fitted to all of them: sizes are those of the regression on all."""
+    monkeypatch.setattr(problems, "MANY", 200)
+    monkeypatch.setattr(problems, "SAMPLE", 120)
+    lay = layout(planes=5, across=60)
+    columns = more_waves(lay)
+    made = Toy.of([candidate(name) for name in columns], columns, lay)
+    problem = made.drawn(np.random.default_rng(1), odd=2.0, dusk=-2.0, fan=1.0)
+    assert problem.sample is not None
+    found = many(made, problem)
+    assert found.best.names == {"odd", "dusk", "fan"} and found.adequate
+    assert len(found.best.fit.residual) == lay.size == 300
+    sizes, _ = regression(found, [c.name for c in found.best.explanation])
+    assert found.best.fit.u == pytest.approx(sizes, rel=1e-2)
 
 
 def test_the_search_is_the_same_twice() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Promise
+from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Promise, begin_at
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold.
 _MOST = 9
@@ -80,6 +80,7 @@ def polish(
         if best.key in done:
             break
         done.add(best.key)
+        _other_forms(pool, best, allowed)
         around = [pool.drop(best, c) for c in best.explanation if _without(pool, best, c)]
         found = _additions(pool, [*around, best], allowed)
         new = sorted((p for key, p in found.items() if key not in pool.nodes), key=lambda p: p.cost)
@@ -88,6 +89,17 @@ def polish(
             if promise.cost < limit and _affordable(pool, promise):
                 pool.add(promise)
     return best_of(pool, allowed)
+
+
+def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
+    """Fit nested forms of the effects of a set, longer and shorter curves, from where it lies."""
+    for candidate in best.explanation:
+        paths = {p.path for p in candidate.parameters}
+        for other in pool.problem.candidates:
+            nested = other.name == candidate.name and not paths.isdisjoint(p.path for p in other.parameters)
+            whole = [other if c is candidate else c for c in best.explanation]
+            if nested and other is not candidate and allowed(other) and pool.affordable(whole):
+                pool.fit(whole, [begin_at(best)])
 
 
 def _without(pool: Pool, node: Node, candidate: object) -> bool:

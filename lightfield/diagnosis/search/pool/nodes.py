@@ -140,6 +140,8 @@ class Pool:
         By what they hold.
     fits, diffuse : int
         Fits so far, and predictions of scattered or reflected light that they took.
+    progress : callable
+        Told of every new best set, and how many were fitted.
     """
 
     ground: Ground
@@ -150,6 +152,7 @@ class Pool:
     _scores: dict[Key, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
     _promises: dict[Key, list[Promise]] = field(default_factory=dict)
     _settled: set[Key] = field(default_factory=set)
+    _lowest: float = float("inf")
     progress: Callable[[int, Node], None] = lambda fits, best: None
 
     @property
@@ -177,7 +180,7 @@ class Pool:
             fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
         self.fits += 1
         node = self._remember(Node(whole, fit))
-        near = self.cost(node) < self.cost(self.best()) + _NEAR
+        near = self.cost(node) < self._lowest + _NEAR
         return self.settled(node) if near or not node.is_diffuse else node
 
     def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
@@ -191,7 +194,9 @@ class Pool:
 
     def _remember(self, node: Node) -> Node:
         self.nodes[node.key] = node
-        self.progress(self.fits, node)
+        if (cost := self.cost(node)) < self._lowest:
+            self._lowest = cost
+            self.progress(self.fits, node)
         return node
 
     def settled(self, node: Node) -> Node:

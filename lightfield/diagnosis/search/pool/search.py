@@ -97,7 +97,9 @@ def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit:
 
 def _pool(ground: Ground, best: Node | None, progress: Callable[[str], None]) -> Pool:
     def told(fits: int, node: Node) -> None:
-        progress(f"sets of any number of effects: {fits} tried, {len(node.explanation)} effects")
+        spare = max(int(ground.problem.keep.sum()) - len(node.fit.u), 1)
+        left = node.fit.chi2 / ground.phi / spare
+        progress(f"sets of effects: {fits} tried, the best has {len(node.explanation)}, chi2/dof {left:.3g}")
 
     pool = Pool(ground, progress=told)
     start = Begin(coordinates(best) if best is not None else {})

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isfinite
 
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
@@ -25,39 +26,50 @@ def found_effects(
     values : mapping
         Parameters of the best set by path.
     """
-    many, closest = finding.many, finding.closest
-    if many is None or closest is None or finding.withheld:
+    closest = finding.closest
+    if closest is None or finding.withheld:
         return []
-    there = {c.key for c in closest.explanation}
+    known = {e.candidate.key: e for e in (finding.many.evidence if finding.many else ())}
     records = [
-        _record(forward, one, closest.fit, values, finding.identified)
-        for one in many.evidence
-        if one.candidate.key in there
+        _record(forward, c, known.get(c.key), closest.fit, values, finding.identified)
+        for c in closest.explanation
     ]
     return sorted(records, key=lambda r: -(r.sigma_to_remove or 0.0))
 
 
 def _record(
-    forward: SceneForward, one: Evidence, fit: Fit, values: Mapping[str, Estimate], identified: bool
+    forward: SceneForward,
+    candidate: Candidate,
+    one: Evidence | None,
+    fit: Fit,
+    values: Mapping[str, Estimate],
+    identified: bool,
 ) -> FoundEffect:
-    candidate = one.candidate
-    # Where one or two effects were sought, all sets of them were: what they identify is no slot.
-    level = "simplest" if identified and one.level == "one of" else one.level
-    return FoundEffect(
+    known = FoundEffect(
         effect=candidate.name,
         family=candidate.effect.family,
         form=candidate.form.name,
-        level=level,
+        # What was not sought by its shape, the lamp's power, rests on the calibration alone.
+        level="simplest",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
-        sigma_to_remove=_finite(one.sigma_to_remove),
-        gap=_finite(one.gap),
-        gap_named=_finite(one.gap_named),
-        gap_plus=_finite(one.gap_plus),
-        rival=sorted(one.rival.names) if one.rival is not None else [],
-        alternatives=[list(names) for names in one.alternatives],
-        weight=one.weight,
         with_it=_water_and_beam(forward, fit),
-        without_it=None if one.without is None else _water_and_beam(forward, one.without.fit),
+    )
+    if one is None:
+        return known
+    # Where one or two effects were sought, all sets of them were: what they identify is no slot.
+    level = "simplest" if identified and one.level == "one of" else one.level
+    return known.model_copy(
+        update={
+            "level": level,
+            "sigma_to_remove": _finite(one.sigma_to_remove),
+            "gap": _finite(one.gap),
+            "gap_named": _finite(one.gap_named),
+            "gap_plus": _finite(one.gap_plus),
+            "rival": sorted(one.rival.names) if one.rival is not None else [],
+            "alternatives": [list(names) for names in one.alternatives],
+            "weight": one.weight,
+            "without_it": None if one.without is None else _water_and_beam(forward, one.without.fit),
+        }
     )
 
 

@@ -1,0 +1,1 @@
+"""Every effect of the best set: how sure it is, as data and in words."""
