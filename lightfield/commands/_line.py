@@ -29,6 +29,7 @@ COMMANDS = {
     "attenuation": "what readings in water against air tell of the water",
     "range": "how far the lamp can be used, and how wide its spot is",
     "band": "which band of wavelengths serves best",
+    "link": "how far the lamp carries data, and is seen, in clear and turbid water",
     "plan": "what a measurement layout can detect and tell apart, before measuring",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",

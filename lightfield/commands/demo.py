@@ -17,6 +17,8 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
     "unh_tow_tank": (
         "render {scene}/scene.toml --rel-error 0.05 -o {out}",
         "compare {scene}/scene.toml --rel-error 0.05 -o {out}",
+        "attenuation {scene}/spectra.csv --scene {scene}/spectra.toml --report {out}/attenuation.html",
+        "range {scene}/scene.toml --readings {scene}/measured.csv --report {out}/range.html",
     ),
     "hidden_effect": (
         "compare {scene}/data.csv --scene {scene}/scene.toml -o {out}",

@@ -39,14 +39,8 @@ SIGMAS = 3.0
 DASH = (0, (5, 2))
 
 
-def light_figure(found: WorkingRange, extra: tuple[float, float, str] | None = None) -> Figure:
-    """Normalised intensity against distance (left) and the radius of half intensity (right).
-
-    Parameters
-    ----------
-    extra : (z_m, share, words), optional
-        A number from elsewhere to mark.
-    """
+def light_figure(found: WorkingRange) -> Figure:
+    """Normalised intensity against distance (left) and the radius of half intensity (right)."""
     data, z = found.dataset, found.dataset.z_m.values
     with figure(WIDTH, 4.2) as fig:
         left, right = fig.subplots(1, 2)
@@ -65,8 +59,6 @@ def light_figure(found: WorkingRange, extra: tuple[float, float, str] | None = N
                 capsize=3,
                 label="readings",
             )
-        if extra is not None:
-            left.plot(extra[0], extra[1], "*", color=BAD, markersize=12, label=extra[2])
         rule = found.reaches[0]
         left.axhline(found.share, color=MUTED, linewidth=0.9)
         for at, shade, words, side in (
@@ -87,6 +79,9 @@ def light_figure(found: WorkingRange, extra: tuple[float, float, str] | None = N
         right.fill_between(z, half - half_error, half + half_error, color=RENDER, alpha=0.3, linewidth=0)
         right.plot(z, half, color=RENDER, label="with scattered light")
         right.plot(z, data.half_radius_formula_m.values, color=FORMULA, linestyle=DASH, label="formula")
+        if found.readings is not None and np.isfinite(found.readings.half_radius_m.values).any():
+            r = found.readings
+            right.plot(r.z_m.values, r.half_radius_m.values, "o", color=DATA, label="readings")
         right.set_ylim(bottom=0)
         right.legend(loc="upper left")
         label(right, "z (m)", "radius of half intensity (m)", "Across the beam")

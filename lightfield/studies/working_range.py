@@ -82,7 +82,8 @@ class WorkingRange:
         `sigma_...` of poses, with `..._stderr`.
     reaches : tuple of Reach
     readings : xarray.Dataset, optional
-        Over `z_m`: `value` and `stderr` of readings on the axis over that at the reference.
+        Over `z_m`: `value` and `stderr` of readings on the axis over that at the reference, and
+        `half_radius_m` where there are some beside it.
     scene : Scene
     share, noise, snr : float
         Part of the light that must be left; noise of a reading over the reading at the reference; signal over
@@ -356,14 +357,26 @@ def _measured(readings: Readings | None, reference_m: float) -> xr.Dataset | Non
             rule=f"some on the axis, among them at the reference, {reference_m:g} m",
             remedy="read there, or let the scene's first plane be a distance that was read",
         )  # fmt: skip
-    value, error = np.zeros(len(z)), np.zeros(len(z))
+    value, error, half = np.zeros(len(z)), np.zeros(len(z)), np.full(len(z), np.nan)
     for k, at in enumerate(z):
         mine = on_axis & np.isclose(r.z_m, at, atol=1e-4)
         value[k] = r.value[mine].mean()
         error[k] = np.sqrt((np.nan_to_num(r.stderr[mine]) ** 2).sum()) / mine.sum() / value[k]
+        half[k] = _half_radius_read(r, at)
     first = int(np.argmax(near))
     stderr = value / value[first] * np.where(near, 0.0, np.hypot(error, error[first]))
-    return xr.Dataset({"value": ("z_m", value / value[first]), "stderr": ("z_m", stderr)}, coords={"z_m": z})
+    columns = {"value": value / value[first], "stderr": stderr, "half_radius_m": half}
+    return xr.Dataset({name: ("z_m", v) for name, v in columns.items()}, coords={"z_m": z})
+
+
+def _half_radius_read(r: Readings, z_m: float) -> float:
+    """Radius of half intensity by a line through ln(value) over radius squared; NaN from one radius."""
+    mine = (r.medium == "water") & np.isclose(r.z_m, z_m, atol=1e-4) & (r.value > 0)
+    rho2 = np.hypot(r.x_m, r.y_m)[mine] ** 2
+    if not np.ptp(rho2) > 0:
+        return float("nan")
+    slope = -np.polyfit(rho2, np.log(r.value[mine]), 1)[0]
+    return float(np.sqrt(np.log(2) / slope)) if slope > 0 else float("nan")
 
 
 def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:

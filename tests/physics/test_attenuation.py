@@ -7,6 +7,7 @@ Henyey-Greenstein with g = 0.92, Gaussian beam of 3.81 degrees half width, cosin
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
+from lightfield.report.attenuation.page import attenuation_page
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import apparent_attenuation
@@ -29,7 +31,7 @@ from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.scattered import traced_stack
 from lightfield.studies.attenuation.study import Attenuation, attenuation, beer_lambert_is_off
-from lightfield.studies.attenuation.text import amount_text, as_text
+from lightfield.studies.attenuation.text import amount_text, as_data, as_text
 
 DISTANCES = np.array([4.5, 5.5, 6.5, 7.5, 8.5])
 COLOURS = np.arange(420.0, 681.0, 20.0)
@@ -206,6 +208,11 @@ def test_the_whole_study_names_what_the_formula_gets_wrong(study) -> None:
         assert relative < -0.2 and sigma < -2
     assert set(study.content.other_phases) == {0.87, 0.97}
     assert "plain Beer-Lambert" in as_text(study)
+    page = attenuation_page(study)
+    assert page.count("<svg") == 4 and "<script" not in page and "What K hides" in page
+    data = json.loads(json.dumps(as_data(study)))
+    assert data["constituents"]["traced"]["amounts"]["sediment_g_per_m3"]["distinguished"] in (True, False)
+    assert len(data["scattered_light"]["kappa"]) == len(COLOURS)
 
 
 def test_without_a_trace_only_the_formula_answers(axis) -> None:

@@ -12,7 +12,13 @@ from scipy.optimize import brentq
 
 from lightfield.formula.field import direct_field, paper_model
 from lightfield.readings import read_table
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.attenuation.apparent import apparent_attenuation
+from lightfield.studies.attenuation.ratios import ratios_of
+from lightfield.studies.attenuation.study import attenuation
+from lightfield.studies.working_range import working_range
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenes" / "unh_tow_tank"
 PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")
@@ -89,3 +95,51 @@ def test_both_scenes_differ_in_the_receiver_only(scene):
     assert (collimated.lamp, collimated.water, collimated.tank) == (scene.lamp, scene.water, scene.tank)
     assert (collimated.detector.quantity, collimated.detector.full_angle_deg) == ("radiance", 2.0)
     assert scene.water.absorption_per_m + scene.water.scattering_per_m == pytest.approx(0.1)
+
+
+def test_figure_3_is_what_the_spectra_say():
+    scene, table = Scene.load(FOLDER / "spectra.toml"), read_table(FOLDER / "spectra.csv")
+    found = apparent_attenuation(ratios_of(table, scene))
+    mean, error = found.over(500, 550)
+    assert (round(mean, 4), round(error, 4)) == (0.0974, 0.0023) and "0.0974 ± 0.0023 per m" in PAGE
+    colour, ratio = found.ratios.wavelength_nm, found.K_per_m / found.K_per_m.min()
+    assert colour[ratio == 1] == 490 and "least at 490 nm" in PAGE
+    flat = colour[ratio < 1.25]
+    assert (flat.min(), flat.max()) == (450, 540) and "from 450 to 540 nm" in PAGE
+    assert found.ratios.published == ((500.0, 550.0, 0.1),)
+
+
+def test_the_water_behind_a_K_of_a_tenth_attenuates_more():
+    """What `spectra.csv` was made of, as its head says."""
+    truth = {"chlorophyll_mg_per_m3": 0.1, "cdom_440_per_m": 0.04, "sediment_g_per_m3": 0.05}
+    water = Scene.load(FOLDER / "spectra.toml").with_values({f"water.{k}": v for k, v in truth.items()}).water
+    c = float(absorption_per_m(water, 520.0) + scattering_per_m(water, 520.0))
+    assert c == pytest.approx(0.158, abs=5e-4) and "c = 0.158 per m" in PAGE
+    source = read_table(FOLDER / "spectra.csv").metadata["source"]
+    assert all(f"{amount:g}" in source for amount in truth.values()) and "measured by nobody" in source
+
+
+@pytest.mark.slow
+def test_figures_4_and_5_and_what_figure_3_hides(scene):
+    found = working_range(scene, response_for)
+    light, row = found.reaches[0], found.dataset.sel(z_m=8.5)
+    for value, stderr, shown, digits in (
+        (light.z_m, light.stderr_m, "8.69 ± 0.01 m", 2),
+        (100 * row.light, 100 * row.light_stderr, "21.2 ± 0.1 %", 1),
+        (row.half_radius_m, row.half_radius_stderr_m, "0.585 ± 0.003 m", 3),
+        (
+            *(found.dataset.sel(z_m=4.5)[n] for n in ("half_radius_m", "half_radius_stderr_m")),
+            "0.304 ± 0.001 m",
+            3,
+        ),
+    ):
+        stated = float(shown.split()[0])
+        assert abs(float(value) - stated) < 3 * float(stderr) + 0.5 * 10.0**-digits and shown in PAGE
+    assert light.formula_m == pytest.approx(8.31, abs=0.005)
+    spectra = attenuation(
+        read_table(FOLDER / "spectra.csv"), Scene.load(FOLDER / "spectra.toml"), response_for
+    ).content
+    traced, plain = (m.amounts["sediment_g_per_m3"] for m in (spectra.traced, spectra.beer_lambert))
+    assert traced.found and traced.low_95 <= 0.05 <= traced.high_95
+    assert not plain.found and plain.high_95 == pytest.approx(0.048, abs=0.002)
+    assert spectra.beer_lambert.chi2 / spectra.beer_lambert.dof == pytest.approx(0.83, abs=0.02)

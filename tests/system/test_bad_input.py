@@ -232,6 +232,13 @@ WRONG: list[tuple[str, list[str]]] = [
     ("range open.toml --no-trace --array 1", ["impossible array"]),
     ("range open.toml --no-trace --to 3", ["no distances to compare", "4.5 to 3 m"]),
     ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
+    # link
+    ("link no.toml", ["no.toml", "No such file"]),
+    ("link open.toml --ber 2", ["impossible ber", "found 2.0"]),
+    ("link open.toml --area 0", ["impossible area_mm2"]),
+    ("link open.toml --water ice", ["--water", "'ice'", "NAME=A,B"]),
+    ("link open.toml --to 1", ["impossible distances", "4 to 1 m"]),
+    ("link open.toml --json open.toml", ["open.toml"]),
     # band
     ("band no.toml", ["no.toml", "No such file"]),
     ("band open.toml --no-trace --between 500", ["--between", "LOW:HIGH"]),

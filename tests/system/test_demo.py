@@ -15,6 +15,7 @@ from lightfield.commands import demo
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHORTER = {"render": " --max-photons 1e5", "compare": " --max-photons 1e5", "diagnose": " --no-trace"}
+SHORTER |= dict.fromkeys(("attenuation", "range"), " --no-trace")
 
 
 def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):

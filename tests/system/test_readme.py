@@ -25,6 +25,10 @@ SHORT = {
     "regime": "--max-photons 2e3",
     "hide": "--max-photons 2e4",
     "plan": "--no-trace",
+    "attenuation": "--no-trace",
+    "band": "--no-trace",
+    "range": "--no-trace",
+    "link": "--max-photons 1e4 --to 20",
     "picture": "--samples 2 --size 64x36",
 }
 

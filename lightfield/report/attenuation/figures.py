@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.report.style import (
+    BAD,
+    DATA,
+    FORMULA,
+    MUTED,
+    RENDER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    plain_log_axis,
+)
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
@@ -35,6 +46,17 @@ def percent_figure(one: Apparent) -> Figure:
         low, high = left.get_ylim()
         left.set_ylim(min(low, value[least] - 0.25 * (high - low)), high)
         left.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
+        for first, last, K in one.ratios.published:
+            level = -100 * np.expm1(-K)
+            left.plot([first, last], [level, level], color=BAD, linewidth=3)
+            left.annotate(
+                f"published: {level:.1f} %",
+                (0.5 * (first + last), level),
+                (0, 26),
+                color=BAD,
+                textcoords="offset points",
+                ha="center",
+            )
         label(left, "wavelength (nm)", "% lost per metre", "What the receiver loses per metre")
         for k, d in enumerate(distances[some(len(distances), LINES)]):
             value, error = one.percent(float(d))

@@ -16,6 +16,7 @@ from lightfield.studies.attenuation.text import (
     content_sentences,
     fit_sentence,
     headline,
+    published_sentences,
     scattered_sentences,
     table_head,
     table_rows,
@@ -91,6 +92,6 @@ def _apparent(one: Apparent, number: int) -> Section:
                 "Logarithm of water over air against distance, and residuals",
             ),
         ),
-        (fit_sentence(one),),
+        (fit_sentence(one), *published_sentences(one)),
         (Table("± is one standard error.", table_head(one), table_rows(one, ROWS)),),
     )

@@ -54,6 +54,14 @@ class Apparent:
         n = len(self.K_per_m)
         return float(self.K_per_m.mean()), float(np.sqrt(self.estimate.covariance(1).sum())) / n
 
+    def over(self, low_nm: float, high_nm: float) -> tuple[float, float]:
+        """Mean over the colours of a band and its standard error, 1/m; NaN where there are none."""
+        mine = (self.ratios.wavelength_nm >= low_nm) & (self.ratios.wavelength_nm <= high_nm)
+        if not mine.any():
+            return float("nan"), float("nan")
+        covariance = self.estimate.covariance(1)[np.ix_(mine, mine)]
+        return float(self.K_per_m[mine].mean()), float(np.sqrt(covariance.sum()) / mine.sum())
+
     def percent(self, distance_m: float = METRE) -> tuple[Array, Array]:
         """Part of the light lost over a distance and its standard error, shape (n_colours,), %."""
         left = np.exp(-self.K_per_m * distance_m)

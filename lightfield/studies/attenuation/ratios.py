@@ -28,6 +28,8 @@ from lightfield.scene.all_parameters import without
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
 _FAINT_SIGMA = 12.0
+#: Entry of a table's head.
+PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
 FEWEST_DISTANCES = 2
 #: Repeats from which an error that the table does not state is taken.
@@ -57,6 +59,8 @@ class Ratios:
         What the readings in water are divided by.
     notes : tuple of str
         What was assumed or left out.
+    published : tuple of (low_nm, high_nm, K in 1/m)
+        What the table's head says was published of this water (`published_attenuation`), to compare with.
     """
 
     scene: Scene
@@ -72,6 +76,7 @@ class Ratios:
     geometry: Array
     reference: str
     notes: tuple[str, ...] = ()
+    published: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def on_axis(self) -> bool:
@@ -152,9 +157,26 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
     found = Ratios(
         scene, x, y, z, path, stay, np.sqrt(variance), colours[:, 0], ln, error,
-        geometry, "air" if in_air else "formula", tuple(notes),
+        geometry, "air" if in_air else "formula", tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
+
+
+def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:
+    """Bands and their attenuation in the table's head."""
+    found = []
+    for row in readings.metadata.get(PUBLISHED, []):
+        try:
+            low, high, K = (float(v) for v in row)
+        except (TypeError, ValueError):
+            low = high = K = np.nan
+        if not 0 < low < high < np.inf or not np.isfinite(K):
+            raise MeasurementError(
+                "an attenuation that was published makes no sense", where=readings.source or None,
+                found=f"{PUBLISHED}: {row}", rule="[from nm, to nm, 1/m]", remedy="correct the head",
+            )  # fmt: skip
+        found.append((low, high, K))
+    return tuple(found)
 
 
 def covering(scene: Scene, wavelength_nm: Array) -> Scene:

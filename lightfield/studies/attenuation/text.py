@@ -182,6 +182,20 @@ def content_sentences(found: Content) -> list[str]:
     return lines
 
 
+def published_sentences(one: Apparent) -> list[str]:
+    """What was published beside what is read here."""
+    lines = []
+    for low, high, K in one.ratios.published:
+        mean, error = one.over(low, high)
+        if np.isfinite(mean):
+            lines.append(
+                f"Published between {low:g} and {high:g} nm: K = {K:g} per m, "
+                f"{100 * -np.expm1(-K):.1f} % per metre; here {mean:.4f} ± {error:.4f} per m, "
+                f"{(mean - K) / error:+.1f} standard errors away."
+            )
+    return lines
+
+
 def _apparent_lines(one: Apparent) -> list[str]:
     r = one.ratios
     mean, error = one.mean()
@@ -196,6 +210,7 @@ def _apparent_lines(one: Apparent) -> list[str]:
         f"mean of all wavelengths {mean:.4f} ± {error:.4f} per m; of each error up to "
         f"{one.shared_stderr.max():.4f} per m is common to all wavelengths",
         fit_sentence(one),
+        *published_sentences(one),
         "from one distance alone, gain and window uncorrected: K off by "
         + ", ".join(
             f"{_signed(float(shift[at]))} per m at {r.path_m[at]:g} m"

@@ -119,6 +119,7 @@ def test_readings_stand_beside_it_with_the_error_of_the_reference(formula) -> No
     shown = working_range(scene(), None, readings).readings
     assert shown.value.values.tolist() == pytest.approx([1.0, 0.23])
     assert shown.stderr.values.tolist() == pytest.approx([0.0, 0.23 * np.hypot(0.01, 0.01 / 0.46)])
+    assert shown.half_radius_m.values[1] == pytest.approx(0.3 * np.sqrt(np.log(2) / np.log(2.3)))
     with pytest.raises(MeasurementError, match=r"among them at the reference, 4\.5 m"):
         working_range(scene(), None, readings.subset(readings.z_m > 5))
 

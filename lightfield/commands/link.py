@@ -1,0 +1,86 @@
+"""`lightfield link`: how far the lamp carries data, and is seen, in clear and turbid water."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from lightfield.commands._options import add_tracing, given
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
+#: Options of the receiver: name, field, help.
+RECEIVER = (
+    ("--area", "area_mm2", "MM2", "of the photodiode, mm² (default {:g})"),
+    ("--responsivity", "responsivity_a_per_w", "A/W", "of the photodiode (default {:g})"),
+    ("--amplifier-noise", "noise_a_per_sqrt_hz", "A", "A per root Hz at the input (default {:g})"),
+    ("--background", "background_a", "A", "photocurrent of ambient light and dark current (default {:g})"),
+    ("--bit-rate", "bit_rate_per_s", "N", "bits per second (default {:g})"),
+    ("--ber", "ber", "P", "errors per bit that are accepted (default {:g})"),
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML); a tank is left out")
+    defaults = {
+        "area_mm2": 13.0, "responsivity_a_per_w": 0.25, "noise_a_per_sqrt_hz": 5e-12, "background_a": 0.0,
+        "bit_rate_per_s": 1e6, "ber": 1e-6,
+    }  # fmt: skip
+    group = parser.add_argument_group("receiver")
+    for option, field, metavar, text in RECEIVER:
+        group.add_argument(
+            option, dest=field, type=float, default=defaults[field], metavar=metavar,
+            help=text.format(defaults[field]),
+        )  # fmt: skip
+    parser.add_argument(
+        "--water", action="append", default=[], metavar="NAME=A,B",
+        help="absorption and scattering in 1/m to compare with; may be given again (default: clear=0.05,0.05 "
+        "and turbid=0.05,0.3)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--to", type=float, default=60.0, metavar="M", help="farthest distance, m (default 60)"
+    )
+    add_tracing(parser, **DEFAULTS)
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Study, print, write."""
+    scene = Scene.load(args.scene)
+    waters = dict(_water(text) for text in args.water) or None
+    outputs = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, args.scene, *outputs[:k])
+    from lightfield.studies.link import Receiver, as_data, as_text, link
+
+    receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
+    found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
+    print(as_text(found))
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+    if args.report:
+        from lightfield.report.link import write_link
+
+        print(f"report: {write_link(found, args.report).resolve()}")
+    return 0
+
+
+def _water(text: str) -> tuple[str, tuple[float, float]]:
+    name, _, values = text.partition("=")
+    try:
+        a, b = (float(part) for part in values.split(","))
+    except ValueError:
+        raise UsageError(
+            "not a water",
+            where="--water",
+            found=text,
+            rule="NAME=A,B in 1/m",
+            remedy="for example clear=0.05,0.05",
+        ) from None
+    return name, (a, b)

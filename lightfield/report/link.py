@@ -1,0 +1,123 @@
+"""How far a lamp carries data, as a page: errors per bit, power and bandwidth against distance."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.style import BAD, MUTED, SERIES, WIDTH, figure, label
+from lightfield.studies.link import (
+    HEAD,
+    REPORTED_DOCKING_M,
+    Link,
+    bandwidth_sentence,
+    headline,
+    rows,
+)
+
+DASH = (0, (5, 2))
+#: Below this many errors per bit a figure shows none.
+LEAST_BER = 1e-12
+#: Bands of so many standard errors.
+SIGMAS = 3.0
+
+
+def reach_figure(found: Link) -> Figure:
+    """Left: errors per bit against distance. Right: how far each water lets data go, and docking reports."""
+    data, z = found.dataset, found.dataset.z_m.values
+    names = [str(name) for name in data.water.values]
+    with figure(WIDTH, 4.2) as fig:
+        left, right = fig.subplots(1, 2)
+        for k, name in enumerate(names):
+            shade = SERIES[k % len(SERIES)]
+            left.plot(z, np.maximum(data.ber.values[k], LEAST_BER), color=shade, label=name)
+            left.plot(z, np.maximum(data.ber_formula.values[k], LEAST_BER), color=shade, linestyle=DASH)
+        left.axhline(found.receiver.ber, color=BAD, linewidth=1)
+        left.set_yscale("log")
+        left.set_ylim(LEAST_BER, 0.6)
+        left.legend(title="dashed: exp(−cz)", loc="lower right")
+        label(
+            left, "z (m)", "errors per bit", f"{found.receiver.bit_rate_per_s / 1e6:g} Mbit/s, on-off keying"
+        )
+        far = float(z[-1])
+        for k, name in enumerate(names):
+            reach, y = found.reaches[name], len(names) - k
+            for at, above, alpha, words in (
+                (reach.data_m, 0.16, 0.9, "with scattered light"),
+                (reach.data_formula_m, -0.16, 0.4, "exp(−cz)"),
+            ):
+                length = far if np.isinf(at) else 0.0 if np.isnan(at) else at
+                right.barh(y + above, length, height=0.3, color=SERIES[k % len(SERIES)], alpha=alpha)
+                shown = f"{words}, > {far:g} m" if np.isinf(at) else f"{words}, {length:.1f} m"
+                right.annotate(
+                    shown, (0, y + above), (5, 0), textcoords="offset points", va="center", fontsize=8.5
+                )
+        for low, high in REPORTED_DOCKING_M:
+            right.axvspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
+        right.set_yticks(range(len(names), 0, -1), names)
+        right.grid(False, axis="y")
+        label(right, "range for data (m)", "", "Grey: docking by light, as reported")
+    return fig
+
+
+def light_figure(found: Link) -> Figure:
+    """Left: received power. Right: bandwidth that the lengths of the paths leave."""
+    data, z = found.dataset, found.dataset.z_m.values
+    with figure(WIDTH, 3.6) as fig:
+        left, right = fig.subplots(1, 2)
+        for k, name in enumerate(str(n) for n in data.water.values):
+            shade, power = SERIES[k % len(SERIES)], data.power_w.values[k]
+            error = SIGMAS * data.power_stderr_w.values[k]
+            left.fill_between(
+                z,
+                np.maximum(power - error, 1e-3 * power),
+                power + error,
+                color=shade,
+                alpha=0.25,
+                linewidth=0,
+            )
+            left.plot(z, power, color=shade, label=name)
+            left.plot(z, data.power_formula_w.values[k], color=shade, linestyle=DASH)
+            width = data.bandwidth_hz.values[k] / 1e6
+            if np.isfinite(width).any():
+                right.plot(z, np.where(np.isfinite(width), width, np.nan), color=shade, label=name)
+        left.set_yscale("log")
+        top = float(data.power_w.max())
+        left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)
+        left.legend(title="dashed: exp(−cz)", loc="upper right")
+        label(left, "z (m)", "W", "Received power")
+        right.set_yscale("log")
+        label(right, "z (m)", "MHz", "Bandwidth by the traced paths")
+    return fig
+
+
+def link_page(found: Link) -> str:
+    """The page."""
+    reach = page_figure(
+        reach_figure(found), "reach", "Red: the errors that are accepted. Scattered light carries data too.",
+        "Errors per bit against distance, and ranges for data",
+    )  # fmt: skip
+    light = page_figure(
+        light_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
+        "Received power and bandwidth against distance",
+    )  # fmt: skip
+    table = Table(
+        "Echoes: scattered light that comes late falls into the next bits. Seen: ten slow readings a second.",
+        HEAD, rows(found),
+    )  # fmt: skip
+    sections = [
+        Section("How far", (reach,), (), (table,)),
+        Section("What arrives", (light,), (bandwidth_sentence(found),)),
+    ]
+    title = f"{found.scene.name or 'Lamp'}: optical link"
+    return study_page(title, headline(found), (), sections, found.scene.to_toml())
+
+
+def write_link(found: Link, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_study(link_page(found), path)

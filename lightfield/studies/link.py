@@ -1,0 +1,421 @@
+"""How far a lamp carries data, and how far it is seen: power, errors per bit, bandwidth by the traced paths.
+
+    P(z) = I0 E(z) A                            received power, I0 = lamp power / solid angle of the beam
+    i1 = 2 R P, i0 = 0                          photocurrent of a mark and of a space (on-off keying)
+    sigma^2 = 2 q (i + i_b) B + i_n^2 B         shot noise, background, amplifier; B = bit rate / 2
+    Q = (i1 - i0) / (sigma1 + sigma0),  BER = erfc(Q / sqrt(2)) / 2
+    h(t) = sum R(e) at t = e n / c_0            impulse response: e is the path in excess of the straight line
+
+(Agrawal 2010, Fiber-Optic Communication Systems, 4th ed., eq. 4.6.8 to 4.6.11.) The trace keeps e of every
+history, so h(t) costs no second one. The formula knows only exp(-cz), and loses every scattered photon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
+from scipy.special import erfc, erfcinv
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError, UsageError
+from lightfield.formula.field import direct_field
+from lightfield.render.maps import render_scene
+from lightfield.render.response.grid import positions_grid
+from lightfield.render.response.response import Reference
+from lightfield.scene import Scene
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.attenuation.excess import grey
+
+#: Charge of the electron in C, speed of light in m/s (exact in the SI), refractive index of water.
+ELECTRON_C, LIGHT_M_PER_S, WATER_INDEX = 1.602176634e-19, 299792458.0, 1.334
+#: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
+WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
+#: Distances in m at which vehicles are reported to have docked or homed by light.
+REPORTED_DOCKING_M = ((10.0, 15.0), (20.0, 28.0))
+#: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
+DOCKING_SNR, DOCKING_HZ = 10.0, 10.0
+#: Width of the cells on the axis that average scattered light, which varies over metres at such ranges.
+_CELL_M = 0.35
+#: Distances asked at, and on which ranges are looked for.
+_DISTANCES, _SCAN = 14, 800
+#: Electrical bandwidth: where the impulse response has lost half of its electrical power.
+_HALF_POWER = np.sqrt(0.5)
+#: Independent parts of a trace from which the error of the bandwidth is taken.
+_PARTS = 5
+#: Frequencies at which that is looked for, Hz.
+_FREQUENCIES = np.geomspace(1e4, 1e12, 1200)
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """What turns light into bits.
+
+    Parameters
+    ----------
+    area_mm2 : float
+        Of the photodiode.
+    responsivity_a_per_w : float
+    noise_a_per_sqrt_hz : float
+        Of the amplifier, referred to its input.
+    background_a : float
+        Photocurrent of ambient light, and dark current.
+    bit_rate_per_s : float
+    ber : float
+        Errors per bit that are accepted.
+    """
+
+    area_mm2: float = 13.0
+    responsivity_a_per_w: float = 0.25
+    noise_a_per_sqrt_hz: float = 5e-12
+    background_a: float = 0.0
+    bit_rate_per_s: float = 1e6
+    ber: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name in ("area_mm2", "responsivity_a_per_w", "noise_a_per_sqrt_hz", "bit_rate_per_s"):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise UsageError(f"impossible {name}", found=value, rule="above 0")
+        if not 0 <= self.background_a < np.inf:
+            raise UsageError("impossible background_a", found=self.background_a, rule="0 or more")
+        if not 0 < self.ber < 0.5:
+            raise UsageError("impossible ber", found=self.ber, rule="above 0, below 0.5")
+
+    def q(self, power_w: Array, eye: Array | float = 1.0) -> Array:
+        """Q of received power, W; `eye` is the part of the swing that neighbouring bits leave."""
+        B = self.bit_rate_per_s / 2
+        mark = 2 * self.responsivity_a_per_w * power_w
+        one, zero = (np.sqrt(self._variance(i, B)) for i in (mark, 0.0 * mark))
+        return np.asarray(mark * eye / (one + zero))
+
+    def error_rate(self, power_w: Array, eye: Array | float = 1.0) -> Array:
+        """Errors per bit."""
+        return np.asarray(0.5 * erfc(self.q(power_w, eye) / np.sqrt(2)))
+
+    @property
+    def needed_q(self) -> float:
+        """Q that the accepted error rate asks for."""
+        return float(np.sqrt(2) * erfcinv(2 * self.ber))
+
+    def docking_snr(self, power_w: Array) -> Array:
+        """Signal over noise of a slow reading."""
+        current = self.responsivity_a_per_w * power_w
+        return np.asarray(current / np.sqrt(self._variance(current, DOCKING_HZ)))
+
+    def _variance(self, current: Array, bandwidth: float) -> Array:
+        shot = 2 * ELECTRON_C * (current + self.background_a)
+        return np.asarray((shot + self.noise_a_per_sqrt_hz**2) * bandwidth)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Ranges in one water, m; infinite where they end beyond the farthest distance asked.
+
+    Parameters
+    ----------
+    data_m, data_stderr_m : float
+        For data, with scattered light.
+    data_formula_m : float
+        By exp(-cz).
+    data_with_echoes_m : float
+        With scattered light that comes late into the next bits.
+    docking_m, docking_stderr_m, docking_formula_m : float
+        For seeing the lamp.
+    """
+
+    data_m: float
+    data_stderr_m: float
+    data_formula_m: float
+    data_with_echoes_m: float
+    docking_m: float
+    docking_stderr_m: float
+    docking_formula_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """The answer.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Over (water, z_m): `power_w` with `power_stderr_w`, `power_formula_w`, `ber`, `ber_formula`,
+        `scattered_over_direct`, `bandwidth_hz` with `bandwidth_stderr_hz`, `eye`.
+    reaches : dict of Reach, by water
+    receiver : Receiver
+    scene : Scene
+    """
+
+    dataset: xr.Dataset
+    reaches: dict[str, Reach]
+    receiver: Receiver
+    scene: Scene
+
+
+def link(
+    scene: Scene,
+    receiver: Receiver | None = None,
+    *,
+    waters: Mapping[str, tuple[float, float]] | None = None,
+    from_m: float = 4.0,
+    to_m: float = 60.0,
+    **tracing: Any,
+) -> Link:
+    """Received power, errors and bandwidth along the axis in unbounded water.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp (all of its power counts), phase function, receiver; a tank is left out. Its water at the middle
+        of the first band is the first to be asked.
+    receiver : Receiver, optional
+    waters : mapping of (a, b), optional, 1/m
+        To compare with; default `WATERS`.
+    from_m, to_m : float, m
+    **tracing
+        Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache, progress.
+
+    Raises
+    ------
+    UsageError
+        Numbers that make no sense.
+    RenderError
+        A lamp that is no beam.
+    """
+    receiver = receiver or Receiver()
+    if not 0 < from_m < to_m < np.inf:
+        raise UsageError("impossible distances", found=f"{from_m:g} to {to_m:g} m", rule="rising, above 0")
+    if scene.lamp.profile == "pencil":
+        raise RenderError(
+            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="a beam of finite width"
+        )
+    at = np.array([np.mean(scene.detector.bands_nm[0])])
+    own = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
+    every = {"scene": own, **(WATERS if waters is None else waters)}
+    for name, pair in every.items():
+        if not all(0 <= v < np.inf for v in pair):
+            raise UsageError("impossible water", where=name, found=pair, rule="a and b of 0 or more, 1/m")
+    nodes, fine = np.geomspace(from_m, to_m, _DISTANCES), np.linspace(from_m, to_m, _SCAN)
+    parts, reaches = [], {}
+    for name, (a, b) in every.items():
+        parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
+        reaches[name] = _reach(parts[-1], receiver)
+    pairs = list(every.values())
+    waters_read = xr.Dataset(
+        {name: ("water", [pair[k] for pair in pairs]) for k, name in enumerate(("absorption", "scattering"))}
+    )
+    dataset = xr.concat(parts, xr.DataArray(list(every), dims="water", name="water")).merge(waters_read)
+    return Link(dataset, reaches, receiver, scene)
+
+
+def _along(
+    scene: Scene,
+    receiver: Receiver,
+    a: float,
+    b: float,
+    nodes: Array,
+    fine: Array,
+    tracing: Mapping[str, Any],
+) -> xr.Dataset:
+    """Everything along the axis in one water."""
+    water = grey(scene.model_copy(update={"tank": None}), a, b)
+    zero = np.zeros(len(fine))
+    x, y = zero + scene.lamp.offset_x_m, zero + scene.lamp.offset_y_m
+    direct = direct_field(water, x, y, fine)
+    ratio, error = zero, zero
+    bandwidth, spread, eye = np.full(len(fine), np.inf), np.full(len(fine), np.nan), np.ones(len(fine))
+    if b > 0:
+        late = _late_light(water, nodes, a, b, receiver, tracing)
+        near = direct_field(water, x[: len(nodes)], y[: len(nodes)], nodes)
+        ln = PchipInterpolator(nodes, np.log(np.maximum(late.diffuse, 1e-300) / near))
+        ratio = np.exp(ln(fine))
+        error = np.exp(np.interp(fine, nodes, np.log(np.maximum(late.relative_error, 1e-6))))
+        bandwidth = np.exp(np.interp(fine, nodes, np.log(late.bandwidth_hz)))
+        spread = np.interp(fine, nodes, late.bandwidth_stderr_hz)
+        eye = np.interp(fine, nodes, late.eye)
+    intensity = scene.lamp.power_w / solid_angle_sr(scene.lamp)
+    scale = intensity * receiver.area_mm2 * 1e-6
+    power, formula = scale * direct * (1 + ratio), scale * direct
+    return xr.Dataset(
+        {
+            "power_w": ("z_m", power),
+            "power_stderr_w": ("z_m", scale * direct * ratio * error),
+            "power_formula_w": ("z_m", formula),
+            "ber": ("z_m", receiver.error_rate(power)),
+            "ber_formula": ("z_m", receiver.error_rate(formula)),
+            "scattered_over_direct": ("z_m", ratio),
+            "bandwidth_hz": ("z_m", bandwidth),
+            "bandwidth_stderr_hz": ("z_m", spread),
+            "eye": ("z_m", eye),
+        },
+        coords={"z_m": ("z_m", fine, {"units": "m"})},
+    )
+
+
+@dataclass(frozen=True)
+class _Late:
+    """Scattered light at the nodes, and what its delay does, arrays of shape (n_nodes,)."""
+
+    diffuse: Array
+    relative_error: Array
+    bandwidth_hz: Array
+    bandwidth_stderr_hz: Array
+    eye: Array
+
+
+def _late_light(
+    water: Scene, nodes: Array, a: float, b: float, receiver: Receiver, tracing: Mapping[str, Any]
+) -> _Late:
+    """Trace, and sort the light by its delay."""
+    zero = np.zeros(len(nodes))
+    x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
+    grid = positions_grid(x, y, nodes, _CELL_M, water.lamp.hwhm_deg, None)
+    rendering = render_scene(water, grid=grid, reference=Reference(a, b, 0.0), symmetry=True, **tracing)
+    response = rendering.response
+    mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))
+    late = ~response.is_direct
+    cell = np.arange(len(nodes)) if response.merged is None else np.asarray(response.merged).ravel()
+    tally = response.tally[:, late][:, :, cell].astype(float)  # [batches, rows, nodes], in the traced water
+    delay_s = response.excess_m[late] * WATER_INDEX / LIGHT_M_PER_S
+    direct = direct_field(water, x, y, nodes)
+    turn = np.exp(-2j * np.pi * np.outer(_FREQUENCIES, delay_s))
+    in_time = np.clip(1 - delay_s * receiver.bit_rate_per_s, 0, 1)
+
+    def bandwidth(scattered: Array) -> Array:
+        transfer = np.abs(direct + turn @ scattered) / (direct + scattered.sum(axis=0))
+        return np.array([_first_below(column, _HALF_POWER) for column in transfer.T])
+
+    scattered = tally.mean(axis=0)
+    half = [bandwidth(part.mean(axis=0)) for part in np.array_split(tally, _PARTS)]
+    eye = np.clip(2 * (direct + in_time @ scattered) / (direct + scattered.sum(axis=0)) - 1, 0, 1)
+    with np.errstate(invalid="ignore"):
+        spread = np.std(half, axis=0, ddof=1) / np.sqrt(_PARTS)
+    relative = np.where(mean > 0, stderr / np.maximum(mean, 1e-300), 0.0)
+    return _Late(mean, relative, bandwidth(scattered), spread, eye)
+
+
+def _first_below(values: Array, level: float) -> float:
+    below = np.flatnonzero(values < level)
+    return float(_FREQUENCIES[below[0]]) if below.size else float("inf")
+
+
+def _reach(data: xr.Dataset, receiver: Receiver) -> Reach:
+    """Farthest distances at which the receiver does with its light."""
+    z, power, formula = data.z_m.values, data.power_w.values, data.power_formula_w.values
+    need, relative = receiver.needed_q, data.power_stderr_w.values / power
+
+    def last(ratio: Array) -> float:
+        return _last(z, ratio)
+
+    data_m, docking_m = last(receiver.q(power) / need), last(receiver.docking_snr(power) / DOCKING_SNR)
+    slope = np.abs(np.gradient(np.log(power), z))
+    errors = [
+        float(np.interp(at, z, relative / slope)) if np.isfinite(at) else float("nan")
+        for at in (data_m, docking_m)
+    ]
+    return Reach(
+        data_m, errors[0], last(receiver.q(formula) / need),
+        last(receiver.q(power, data.eye.values) / need),
+        docking_m, errors[1], last(receiver.docking_snr(formula) / DOCKING_SNR),
+    )  # fmt: skip
+
+
+def _last(z: Array, ratio: Array) -> float:
+    """Where a ratio first falls below 1; infinite if never, NaN if it never was above."""
+    beyond = np.flatnonzero(~(ratio >= 1))
+    if not beyond.size:
+        return float("inf")
+    k = int(beyond[0])
+    if k == 0:
+        return float("nan")
+    log = np.log(np.maximum(ratio, 1e-300))
+    return float(brentq(lambda at: np.interp(at, z, log), z[k - 1], z[k]))
+
+
+def headline(found: Link) -> str:
+    """One sentence: range for data in the scene's water."""
+    r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
+    return (
+        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m)} in the scene's water; exp(−cz) "
+        f"says {metres(r.data_formula_m)}."
+    )
+
+
+HEAD = ("water", "a, b (1/m)", "data", "data, with echoes", "data, exp(−cz)", "seen", "seen, exp(−cz)")
+
+
+def rows(found: Link) -> list[list[str]]:
+    """A row per water, in the order of `HEAD`."""
+    table = []
+    for k, (name, r) in enumerate(found.reaches.items()):
+        a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
+        table.append([
+            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m), metres(r.data_with_echoes_m),
+            metres(r.data_formula_m), metres(r.docking_m, r.docking_stderr_m), metres(r.docking_formula_m),
+        ])  # fmt: skip
+    return table
+
+
+def bandwidth_sentence(found: Link, distances: Sequence[float] = (10.0, 20.0, 40.0)) -> str:
+    """Bandwidth of the water by the traced paths in the scene's water."""
+    data = found.dataset.isel(water=0)
+    z = data.z_m.values
+    parts = []
+    for far in distances:
+        if z[0] <= far <= z[-1]:
+            at, error = (
+                float(np.interp(far, z, data[name].values)) / 1e6
+                for name in ("bandwidth_hz", "bandwidth_stderr_hz")
+            )
+            shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
+            parts.append(f"{shown} at {far:g} m")
+    return "Bandwidth by the lengths of the traced paths (3 dB, electrical): " + ", ".join(parts) + "."
+
+
+def as_text(found: Link) -> str:
+    """The answer for people."""
+    receiver = found.receiver
+    lines = [headline(found), ""]
+    for row in [list(HEAD), *rows(found)]:
+        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>19}" for cell in row[2:]))
+    docking = " and ".join(f"{low:g} to {high:g} m" for low, high in REPORTED_DOCKING_M)
+    return "\n".join([
+        *lines, bandwidth_sentence(found),
+        f"{found.scene.lamp.power_w:g} W lamp, {receiver.area_mm2:g} mm² diode of "
+        f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
+        f"background {receiver.background_a:g} A, on-off keying at {receiver.bit_rate_per_s:g} bit/s, error "
+        f"rate {receiver.ber:g}; seen: signal {DOCKING_SNR:g} times the noise in {DOCKING_HZ:g} Hz.",
+        f"Docking by light is reported from {docking}.",
+    ])  # fmt: skip
+
+
+def metres(value: float, stderr: float = float("nan")) -> str:
+    """A distance with its error, or that it lies beyond what was asked."""
+    if np.isnan(value):
+        return "nowhere"
+    if np.isinf(value):
+        return "beyond all asked"
+    return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
+
+
+def as_data(found: Link) -> dict[str, Any]:
+    """The answer for programs."""
+
+    def plain(values: Any) -> Any:
+        if isinstance(values, list):
+            return [plain(v) for v in values]
+        return values if isinstance(values, str) or np.isfinite(values) else None
+
+    data = found.dataset
+    return {
+        "reaches": {name: {k: plain(v) for k, v in vars(r).items()} for name, r in found.reaches.items()},
+        "receiver": vars(found.receiver),
+        **{str(k): plain(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
+    }

@@ -1,0 +1,131 @@
+"""The link: errors per bit against closed forms, ranges against a prototype with photons of its own."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import erfc
+
+from lightfield.errors import RenderError, UsageError
+from lightfield.report.link import link_page
+from lightfield.scene import Scene
+from lightfield.studies.link import ELECTRON_C, Link, Receiver, as_data, as_text, link
+
+HALF = np.radians(3.81)
+
+
+def scene(a: float = 0.05, b: float = 0.15, **lamp) -> Scene:
+    phase = {"type": "henyey-greenstein", "g": 0.92}
+    water = {"absorption_per_m": a, "scattering_per_m": b, "phase": phase}
+    return Scene.from_dict({"lamp": {"hwhm_deg": 3.81, "power_w": 10.0, **lamp}, "water": water})
+
+
+@pytest.fixture(scope="module")
+def clear() -> Link:
+    """Nothing is scattered: nothing is traced."""
+    return link(scene(0.2, 0.0), waters={"c = 0.1": (0.1, 0.0), "c = 0.35": (0.35, 0.0)})
+
+
+@pytest.fixture(scope="module")
+def murky() -> Link:
+    return link(scene(), waters={}, max_photons=1.5e6, rel_error=1e-3)
+
+
+def test_an_error_rate_of_1e_6_is_a_Q_of_4_75() -> None:
+    assert Receiver().needed_q == pytest.approx(4.753, abs=1e-3)
+
+
+def test_errors_per_bit_by_hand() -> None:
+    """Thermal noise alone: Q = i1 / (2 i_n sqrt(B)); shot noise of the mark alone: Q = sqrt(i1 / (2 q B))."""
+    B, power = 5e5, np.array([1e-9])
+    mark = 2 * 0.25 * power
+    thermal = Receiver(noise_a_per_sqrt_hz=1e-11).q(power)
+    assert thermal == pytest.approx(mark / (2 * 1e-11 * np.sqrt(B)), rel=1e-4)
+    shot = Receiver(noise_a_per_sqrt_hz=1e-25).q(power)
+    assert shot == pytest.approx(np.sqrt(mark / (2 * ELECTRON_C * B)), rel=1e-6)
+    assert Receiver().error_rate(power) == pytest.approx(0.5 * erfc(Receiver().q(power) / np.sqrt(2)))
+    ambient = 2 * ELECTRON_C * 1e-3 + 25e-24
+    assert Receiver(background_a=1e-3).q(power) == pytest.approx(mark / (2 * np.sqrt(ambient * B)), rel=1e-4)
+    assert Receiver().q(power, 0.5) == pytest.approx(0.5 * Receiver().q(power))
+
+
+def test_range_of_the_formula_solves_its_equation(clear) -> None:
+    """P = P_lamp ln2 / (pi h^2) exp(-cz) A / z^2; prototype at 1 Mbit/s: 40.6, 25.1 and 16.7 m."""
+    receiver = Receiver()
+    for name, c, prototype in (("c = 0.1", 0.1, 40.6), ("scene", 0.2, 25.1), ("c = 0.35", 0.35, 16.7)):
+
+        def short(z: float, c: float = c) -> float:
+            intensity = 10.0 * np.log(2) / (np.pi * HALF**2)
+            power = intensity * np.exp(-c * z) / z**2 * 13e-6
+            return float(receiver.q(np.array(power))) - receiver.needed_q
+
+        reach = clear.reaches[name]
+        assert reach.data_m == reach.data_formula_m
+        assert reach.data_m == pytest.approx(brentq(short, 5, 60), rel=3e-3)  # a beam of small angle
+        assert reach.data_m == pytest.approx(prototype, abs=0.15)
+
+
+def test_ten_times_the_rate_shortens_it() -> None:
+    """Prototype at 10 Mbit/s: 33.2, 21.1 and 14.3 m by exp(-cz)."""
+    waters = {"c = 0.1": (0.1, 0.0), "c = 0.35": (0.35, 0.0)}
+    found = link(scene(0.2, 0.0), Receiver(bit_rate_per_s=1e7), waters=waters)
+    ranges = [found.reaches[name].data_m for name in ("c = 0.1", "scene", "c = 0.35")]
+    assert ranges == pytest.approx([33.2, 21.1, 14.3], abs=0.15)
+
+
+def test_scattered_light_carries_data(murky) -> None:
+    """Prototype of 8e6 photons: 38.1 m against 25.1 m by exp(-cz); its 3 % of light there are 0.2 m.
+
+    Scattered over direct light is 4.3 at 20 m.
+    """
+    reach, data = murky.reaches["scene"], murky.dataset.isel(water=0)
+    assert reach.data_formula_m == pytest.approx(25.1, abs=0.15)
+    assert 0 < reach.data_stderr_m < 1
+    assert reach.data_m == pytest.approx(38.1, abs=3 * np.hypot(reach.data_stderr_m, 0.2))
+    at = data.interp(z_m=20.0)
+    relative = float(at.power_stderr_w / at.power_w)
+    assert 0 < relative < 0.05
+    assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
+
+
+def test_late_light_narrows_the_band_and_closes_the_eye(murky) -> None:
+    data = murky.dataset.isel(water=0)
+    near, far = (data.interp(z_m=z) for z in (10.0, 40.0))
+    assert float(near.bandwidth_hz) > 2 * float(far.bandwidth_hz) > 0
+    assert 0 < float(far.bandwidth_stderr_hz) < float(far.bandwidth_hz)
+    fast = link(scene(), Receiver(bit_rate_per_s=1e9), waters={}, max_photons=1.5e6, rel_error=1e-3)
+    slow = float(far.eye)
+    assert 0.9 < slow < 1 and float(fast.dataset.isel(water=0).interp(z_m=40.0).eye) < 0.6 * slow
+    assert murky.reaches["scene"].data_with_echoes_m <= murky.reaches["scene"].data_m
+
+
+def test_a_lamp_is_seen_farther_than_it_talks(clear) -> None:
+    for reach in clear.reaches.values():
+        assert reach.docking_formula_m > reach.data_formula_m
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"ber": 0.6}, {"area_mm2": 0.0}, {"background_a": -1.0}, {"bit_rate_per_s": np.nan}]
+)
+def test_receivers_that_make_no_sense(wrong) -> None:
+    with pytest.raises(UsageError, match="impossible"):
+        Receiver(**wrong)
+
+
+def test_distances_waters_and_lamps_that_make_no_sense() -> None:
+    with pytest.raises(UsageError, match="impossible distances"):
+        link(scene(), to_m=3.0)
+    with pytest.raises(UsageError, match="impossible water"):
+        link(scene(), waters={"ice": (-1.0, 0.1)})
+    with pytest.raises(RenderError, match="pencil beam"):
+        link(scene(profile="pencil"))
+
+
+def test_words_data_and_page(clear) -> None:
+    data = json.loads(json.dumps(as_data(clear)))
+    assert data["reaches"]["c = 0.1"]["data_m"] == pytest.approx(40.6, abs=0.15)
+    assert "10 to 15 m" in as_text(clear)
+    assert link_page(clear).count("<svg") == 2
