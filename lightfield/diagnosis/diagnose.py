@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of,
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
@@ -240,6 +241,9 @@ def _diagnose(
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
         traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
+    if diffuse == "trace":
+        prepared, finding = settled(prepared, finding, rng, progress)
+        forward = prepared.problem.forward
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)

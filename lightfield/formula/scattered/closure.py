@@ -18,7 +18,7 @@ def closure(
 
     Fitted to thirteen traced fields in unbounded water of Henyey-Greenstein scattering (g 0.7 to 0.98,
     b 0.05 to 0.8 per m, half widths 2 to 20 degrees, 3 to 10 m): within 0.5 % of all light up to b = 0.4 and
-    g from 0.92, a few per cent of the scattered light elsewhere. It need not be better: a trace tells the rest.
+    g from 0.92, a few per cent of the scattered light elsewhere. It need not be better: traces tell the rest.
 
     Parameters
     ----------
