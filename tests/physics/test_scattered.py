@@ -37,37 +37,32 @@ def once_scattered(
     """First-order irradiance: the volume integral in spherical coordinates about the lamp.
 
     E = int dOmega I(theta) int dr b p(Theta) cos(theta_D) exp(-c (r + s)) / s^2, with the polar axis towards
-    the receiver, the angle chi to it graded, and r = R cos(chi) + R sin(chi) tan(eta): cos(Theta) = -sin(eta).
+    the receiver, chi chi to it graded, and r = R cos(chi) + R sin(chi) tan(eta), cos(Theta) = -sin(eta).
     """
-    source = np.array([0.0, 0.0, -behind_m])
-    to = np.array(place) - source
+    to = np.add(place, (0.0, 0.0, behind_m))
     length = float(np.linalg.norm(to))
     e3 = to / length
     e1 = np.cross([0.0, 1.0, 0.0], e3)
     e1 /= np.linalg.norm(e1)
     e2 = np.cross(e3, e1)
-    x, w = np.polynomial.legendre.leggauss(160)
+    x, w = np.polynomial.legendre.leggauss(120)
     t, wt = 0.5 * (x + 1), 0.5 * w
     chi, w_chi = (math.pi * t**5)[:, None, None], (5 * math.pi * t**4 * wt)[:, None, None]
-    low, high = chi - 0.5 * math.pi, 0.5 * math.pi
-    part = t * t * (3 - 2 * t)
-    eta = low + (high - low) * part[:, None]
-    w_eta = (high - low) * (6 * t * (1 - t) * wt)[:, None]
     phi = (np.arange(48) + 0.5) * (2 * math.pi / 48)
-    s = length * np.sin(chi) / np.cos(eta)
-    r = length * np.cos(chi) + length * np.sin(chi) * np.tan(eta)
     out = np.cos(chi)[..., None] * e3 + np.sin(chi)[..., None] * (
         np.cos(phi)[:, None] * e1 + np.sin(phi)[:, None] * e2
     )
-    where = r[..., None] * out
-    back = (to - where) / s[..., None]
-    axis = np.array(beam_axes(lamp)[2])
-    theta = np.arccos(np.clip(out @ axis, -1, 1))
-    wet = where[..., 2] > behind_m
-    path = r * (1 - behind_m / np.where(wet, where[..., 2], 1.0)) if behind_m else r
-    turned = -np.sin(eta)
-    light = intensity(lamp, theta**2) * phase_function(phase).pdf(turned) * np.maximum(back[..., 2], 0.0)
-    light = np.where(wet, light * np.exp(-(A + B) * (path + s)), 0.0)
+    ahead = np.maximum(out[..., 2], 1e-9)
+    window = behind_m / ahead  # where the water begins
+    low = np.arctan2(window - length * np.cos(chi), length * np.sin(chi))
+    eta = low + (0.5 * math.pi - low) * (t * t * (3 - 2 * t))[:, None]
+    w_eta = (0.5 * math.pi - low) * (6 * t * (1 - t) * wt)[:, None]
+    s = length * np.sin(chi) / np.cos(eta)
+    r = length * np.cos(chi) + length * np.sin(chi) * np.tan(eta)
+    down = (to[2] - r * out[..., 2]) / s
+    theta = np.arccos(np.clip(out @ np.array(beam_axes(lamp)[2]), -1, 1))
+    light = intensity(lamp, theta**2) * phase_function(phase).pdf(-np.sin(eta)) * np.maximum(down, 0.0)
+    light = light * (out[..., 2] > 0) * np.exp(-(A + B) * (r - window + s))
     # dr / s^2 = d(eta) / (R sin(chi)), which the sine of the solid angle cancels.
     return float(B / length * (light * w_chi * w_eta).sum() * (2 * math.pi / 48))
 
@@ -75,12 +70,12 @@ def once_scattered(
 @pytest.mark.parametrize("phase", [FORWARD, HenyeyGreenstein(g=0.7), FournierForand(n=1.1, mu=3.5835)])
 @pytest.mark.parametrize(("radius", "behind"), [(0.05, 0.0), (0.6, 0.0), (0.6, 2.5)])
 def test_light_scattered_once_is_the_volume_integral(phase: PhaseSpec, radius: float, behind: float) -> None:
-    """To 0.2 %, of which most is the volume integral's own."""
+    """To 0.1 %."""
     lamp = Lamp(hwhm_deg=3.81, apparent_distance_m=behind)
     z = np.array([4.0])
     paths = single_paths(phase, half_width_rad(lamp), np.array([radius]), z, behind)
     found = paths.lit(intensity(lamp, paths.theta_squared)).light(A, B)[0]
-    assert found == pytest.approx(once_scattered(lamp, phase, (radius, 0.0, 4.0), behind), rel=2e-3)
+    assert found == pytest.approx(once_scattered(lamp, phase, (radius, 0.0, 4.0), behind), rel=1e-3)
 
 
 @pytest.mark.parametrize("place", [(0.5, 0.0, 4.0), (-0.4, 0.3, 7.0)])
@@ -96,18 +91,18 @@ def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
     """Over a whole plane sum_n>1 (b Q)^n / n! of what each direction sends, with Q = int q ds at k = 0.
 
     At a = 0 nothing is lost but what turns back: Q is z times the share of light scattered by less than a
-    right angle.
+    right angle. Beyond 63 degrees, where 3 % arrive, the light falls with the cube of the tangent.
     """
     lamp, z, b = Lamp(hwhm_deg=3.0), 4.0, 0.3
     spread = Spread(FORWARD, z, 0.0, reach(lamp))
-    tangent = np.linspace(0, 60, 60001) ** 1.0
+    tangent = np.linspace(0, 2, 20001)
     light = multiple(lamp, spread, tangent, 0.0, b)
-    power = np.trapezoid(2 * math.pi * light * tangent, tangent) * z**2
+    power = 2 * math.pi * z**2 * (np.trapezoid(light * tangent, tangent) + light[-1] * tangent[-1] ** 2)
     forward = float(phase_function(FORWARD).cdf(0.5 * math.pi))
     theta, sent = emission(lamp)
     slant = b * z / np.cos(theta)
     expected = (sent * np.exp(-slant) * (np.expm1(slant * forward) - slant * forward)).sum()
-    assert power == pytest.approx(expected, rel=5e-3)
+    assert power == pytest.approx(expected, rel=1e-2)
 
 
 def test_clear_water_has_light_in_proportion_to_b_and_more_orders_in_proportion_to_its_square() -> None:

@@ -28,13 +28,15 @@ from lightfield.scene.water.phase.spec import PhaseSpec
 
 #: Angles to the axis at which light is worked out, at least and for every factor of e beyond a wide one
 #: (tangent), and the power in which they grow.
-_ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 8, 0.1, 1.4
+_ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
-_DISTANCES, _PER_E, _MORE = 4, 3, 0.05
+_DISTANCES, _PER_E, _MORE = 3, 2, 0.05
 #: Nodes over the widths of absorption within a band (`hardening_per_m`).
 _HERMITE, _SHARES = np.polynomial.hermite_e.hermegauss(5)
 _REMEMBERED, _STEPS = 64, 3
+#: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
+_WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
 _CLEAREST_PER_M = 1e-6
 
@@ -127,7 +129,7 @@ class ScatteredField:
         angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
         slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
         sent = self._sent(lamp, phase, most)
-        spreads = self._spreads(phase, behind_m, reach(lamp))
+        spreads = self._spreads(phase, behind_m, _stepped(reach(lamp)))
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
@@ -142,7 +144,7 @@ class ScatteredField:
 
     def _paths_to(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[SinglePaths]:
         """Paths of light that is scattered once, to all angles at every distance."""
-        angles, fine = _angles(most), Resolution.for_beam(width)
+        angles, fine = _angles(most), Resolution.for_beam(width, most)
         return [
             single_paths(phase, width, angles * (z + behind_m), np.full(len(angles), z), behind_m, fine)
             for z in np.exp(self._log_z).tolist()
@@ -150,12 +152,17 @@ class ScatteredField:
 
     def _sent_along(self, lamp: Lamp, phase: PhaseSpec, most: float) -> list[LitPaths]:
         """The same paths with the light of a lamp on them."""
-        paths = self._paths(phase, half_width_rad(lamp), lamp.apparent_distance_m, most)
+        paths = self._paths(phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most)
         return [one.lit(intensity(lamp, one.theta_squared)) for one in paths]
 
     def _spread(self, phase: PhaseSpec, behind_m: float, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""
         return [Spread(phase, z, behind_m, top) for z in np.exp(self._log_z).tolist()]
+
+
+def _stepped(scale: float) -> float:
+    """A scale in whole steps: not every step of a fit makes new nodes."""
+    return float(_WIDTH_STEP ** round(math.log(scale) / math.log(_WIDTH_STEP)))
 
 
 def _angles(most: float) -> Array:

@@ -28,7 +28,7 @@ from lightfield.scene.water.phase.spec import PhaseSpec
 
 #: Largest k of the transform times the width of the beam on the plane; its nodes; those of Q, from zero and
 #: this k on; nodes along the path; angles of scattering.
-_REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 48, 0.05, 20, 128
+_REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 40, 0.05, 16, 96
 
 
 class Spread:
@@ -39,13 +39,14 @@ class Spread:
     phase : PhaseSpec
     z_m, apparent_distance_m : float, m
     reach : float
-        Largest k times z + z_0.
+        Largest k times z + z_0, see `reach`.
     """
 
     def __init__(self, phase: PhaseSpec, z_m: float, apparent_distance_m: float, reach: float) -> None:
         self.z_m, self.behind_m = z_m, z_m + apparent_distance_m
         self._s, self._along = interval(_ALONG)
         self._s, self._along = self._s * z_m, self._along * z_m
+        self.reach = reach
         self.k = np.concatenate([[0.0], np.geomspace(_Q_FROM, reach, _Q_NODES)])
         part = self._s / self.behind_m
         turn, share = turns(phase, _TURNS, HALF_PI)
@@ -76,7 +77,7 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> 
     -------
     array, shape (n,)
     """
-    top = reach(lamp)
+    top = spread.reach
     t, w = interval(_K_NODES)
     k, weight = top * t * t, top * 2 * t * w
     sent, slant, transform = _transformed(lamp, top)

@@ -24,15 +24,15 @@ from lightfield.scene.water.phase.spec import PhaseSpec
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
 _DENSE = 1.5
-#: Beams of a smaller half width are narrow.
-_NARROW_RAD = 0.05
+#: Beams of a half width less than this part of the angle that they are seen from are narrow.
+_NARROW = 0.18
 
 
 class Resolution(NamedTuple):
     """Numbers of nodes: angles of scattering, along an arc, and over half a turn about the line.
 
-    The other half is its mirror image. Errors on planes from 3 m on, to 1 m aside: 1e-4 with beams of 3.8
-    degrees or more; narrower ones take the finer nodes.
+    The other half is its mirror image. Errors are 1e-4 up to five half widths of the beam aside; beyond, where
+    the beam is a narrow part of what is seen, the finer nodes are taken.
     """
 
     turns: int
@@ -40,9 +40,9 @@ class Resolution(NamedTuple):
     around: int
 
     @classmethod
-    def for_beam(cls, half_width_rad: float) -> Resolution:
-        """What a beam takes."""
-        return cls(48, 32, 16) if half_width_rad < _NARROW_RAD else cls(32, 20, 12)
+    def for_beam(cls, half_width_rad: float, tangent: float) -> Resolution:
+        """What a beam takes, seen from up to this tangent of the angle to its axis."""
+        return cls(48, 32, 16) if half_width_rad < _NARROW * tangent else cls(24, 16, 10)
 
 
 class SinglePaths(NamedTuple):
@@ -107,7 +107,7 @@ def single_paths(
         Of the source behind the window.
     resolution : Resolution, optional
     """
-    resolution = resolution or Resolution.for_beam(half_width_rad)
+    resolution = resolution or Resolution.for_beam(half_width_rad, float((radius_m / z_m).max()))
     behind = z_m + apparent_distance_m
     length = np.hypot(radius_m, behind)[:, None, None, None]
     sin_a, cos_a = (v[:, None, None, None] / length for v in (radius_m, behind))
