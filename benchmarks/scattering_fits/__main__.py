@@ -1,9 +1,9 @@
-"""How true is what a fit finds in scattering water? Readings by an independent photon walk, and what is found.
+"""How true is what a fit finds in scattering water? Readings by an independent walk of photons, diagnosed.
 
-Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--walk]`. The fields of the walk are stored
-beside this file; `--walk` makes them again with `walk.c` (a C compiler, an hour). Every row is diagnosed twice:
-with all light from one trace that is reweighed, as a search does, and as `diagnose` ends. Nothing is asserted.
-Results are kept in `found.csv`; what is there already is not done again.
+Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--walk]`. The fields of the walk are
+stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes). Every row is
+diagnosed twice: with all light from one trace that is reweighed, as a search does, and as `diagnose` ends.
+Nothing is asserted. Results are kept in `found.csv`; what is there already is not done again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.formula.field import direct_field
-from lightfield.readings import Readings
+from lightfield.readings import Readings, read_table
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
@@ -37,6 +37,23 @@ ABSORPTION_PER_M, HWHM_DEG = 0.1, 3.81
 #: What the experimenter believes.
 BELIEVED = "[lamp]\nhwhm_deg = 4.2\n[water]\nbase = 'none'\nabsorption_per_m = 0.15\n"
 MODES = ("search", "diagnose")
+INTRODUCTION = f"""\
+# What is found in scattering water
+
+Made by `python -m benchmarks.scattering_fits`; nothing is asserted. Readings on a scan through the axis in
+{len(PLANES_M)} planes ({PLANES_M[0]} to {PLANES_M[-1]} m, to {RINGS_M[-1]} m aside), their scattered light
+walked photon by photon (`walk.c`, {PHOTONS:.0e} photons) by code that shares nothing with the package; errors
+of {100 * RELATIVE:g} % of a reading, {100 * DARK:g} % of the largest, {100 * STAY:g} % of a stay. True are a
+half width of {HWHM_DEG:g} degrees and an absorption of {ABSORPTION_PER_M:g} per m; the experimenter believes
+4.2 and 0.15, and in no scattering.
+
+`search`: all light from one trace in other water, reweighed (`diffuse=response_for`). `diagnose`: the same,
+then settled with light that is followed without photons, times a traced ratio. Pull: found less true over the
+stated error; its root mean square over the seeds should be near one.
+
+| truth (per m) | light | seeds | named | b, mean | stated error | scatter | pull, mean | pull, rms |
+|---|---|---:|---:|---:|---:|---:|---:|---:|
+"""
 SHOWN = ("water.scattering_per_m", "water.phase.g", "water.absorption_per_m", "lamp.hwhm_deg")
 
 
@@ -53,9 +70,12 @@ class Case:
     def truth(self) -> dict[str, float]:
         """By path."""
         return {
-            "water.scattering_per_m": self.b, "water.phase.g": self.g, "lamp.apparent_distance_m": self.behind_m,
-            "water.absorption_per_m": ABSORPTION_PER_M, "lamp.hwhm_deg": HWHM_DEG,
-        }  # fmt: skip
+            "water.scattering_per_m": self.b,
+            "water.phase.g": self.g,
+            "water.absorption_per_m": ABSORPTION_PER_M,
+            "lamp.hwhm_deg": HWHM_DEG,
+            "lamp.apparent_distance_m": self.behind_m,
+        }
 
 
 CASES = (
@@ -102,8 +122,6 @@ def readings_of(case: Case, seed: int, walk: bool) -> Readings:
     }  # fmt: skip
     head = f'# quantity = "irradiance"\n# scale = "relative"\n# plane_gain_percent = {100 * STAY}\n'
     body = "\n".join(",".join(f"{v:.8g}" for v in row) for row in zip(*columns.values(), strict=True))
-    from lightfield.readings import read_table
-
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "readings.csv"
         path.write_text(f"{head}{','.join(columns)}\n{body}\n")
@@ -168,39 +186,21 @@ def save(rows: list[dict[str, str]]) -> None:
 
 def page(rows: list[dict[str, str]]) -> str:
     """The page of the benchmark."""
-    lines = [
-        "# What is found in scattering water",
-        "",
-        "Made by `python -m benchmarks.scattering_fits`; nothing is asserted. Readings on a scan through the axis",
-        f"in {len(PLANES_M)} planes ({PLANES_M[0]} to {PLANES_M[-1]} m, to {RINGS_M[-1]} m aside), their scattered",
-        f"light walked photon by photon (`walk.c`, {PHOTONS:.0e} photons) by code that shares nothing with the",
-        f"package; errors of {100 * RELATIVE:g} % of a reading, {100 * DARK:g} % of the largest, and",
-        f"{100 * STAY:g} % of a stay. True are a half width of {HWHM_DEG:g} degrees and an absorption of",
-        f"{ABSORPTION_PER_M:g} per m; the experimenter believes 4.2 and 0.15, and in no scattering.",
-        "",
-        "`search`: all light from one trace in other water, reweighed (`diffuse=response_for`). `diagnose`: the",
-        "same, then settled with light that is followed without photons times a traced ratio. Pull: found less",
-        "true over the stated error; its root mean square over the seeds should be near one.",
-        "",
-        "| truth (per m) | light | seeds | names scattering | b found, mean | stated error | scatter | pull, mean | pull, rms |",
-        "|---|---|---:|---:|---:|---:|---:|---:|---:|",
-    ]
+    lines = INTRODUCTION.splitlines()
     for case in CASES:
         for mode in MODES:
-            mine = [r for r in rows if r["case"] == case.name and r["mode"] == mode]
-            lines.append(_line(case, mode, mine, "water.scattering_per_m"))
+            lines.append(_line(case, mode, _of(rows, case, mode), "water.scattering_per_m"))
     lines += [
         "",
-        "All that was found, settled: pulls of every number, and how often the truth lies within one and two of",
-        "its errors (68 and 95 % if errors are right).",
+        "Pulls of every number, and how often the truth lies within one and two of its errors (68 and 95 %",
+        "if errors are right).",
         "",
         "| parameter | light | n | pull, mean | pull, rms | within 1 | within 2 |",
         "|---|---|---:|---:|---:|---:|---:|",
     ]
     for path in (*SHOWN, "lamp.apparent_distance_m"):
         for mode in MODES:
-            pulls = np.concatenate([_pulls(c, [r for r in rows if r["case"] == c.name and r["mode"] == mode], path)
-                                    for c in CASES])  # fmt: skip
+            pulls = np.concatenate([_pulls(c, _of(rows, c, mode), path) for c in CASES])
             if len(pulls):
                 inside = [f"{100 * np.mean(np.abs(pulls) < k):.0f} %" for k in (1, 2)]
                 lines.append(
@@ -217,6 +217,11 @@ def page(rows: list[dict[str, str]]) -> str:
         if spent:
             lines.append(f"- {mode}: {np.median(spent):.1f} (largest {max(spent):.0f})")
     return "\n".join(lines) + "\n"
+
+
+def _of(rows: list[dict[str, str]], case: Case, mode: str) -> list[dict[str, str]]:
+    """What was found in one case one way."""
+    return [r for r in rows if (r["case"], r["mode"]) == (case.name, mode)]
 
 
 def _known(rows: list[dict[str, str]], path: str) -> tuple[np.ndarray, np.ndarray]:

@@ -43,6 +43,8 @@ _MOVED, _WIDENED = 0.3, 0.2
 _NEAR = 1.5
 #: Traces of a ratio have seeds of their own.
 _SEED = 7000
+#: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
+_SINGULAR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -172,5 +174,5 @@ def _widened(now: _Settled) -> float:
     with_photons = np.diag(now.fit.covariance())
     free = (norm > 0) & np.isfinite(with_photons)
     unit = slopes[:, free] / norm[free]
-    without = np.diag(np.linalg.pinv(unit.T @ unit, rcond=1e-12, hermitian=True)) / norm[free] ** 2
+    without = np.diag(np.linalg.pinv(unit.T @ unit, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
     return float(np.max(np.sqrt(with_photons[free] / without) - 1, initial=0.0))

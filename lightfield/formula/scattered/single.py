@@ -31,7 +31,7 @@ _NARROW = 0.18
 class Resolution(NamedTuple):
     """Numbers of nodes: angles of scattering, along an arc, and over half a turn about the line.
 
-    The other half is its mirror image. Errors are 1e-4 up to five half widths of the beam aside; beyond, where
+    The other half is its mirror image. Errors are 1e-4 to five half widths of the beam aside; beyond, where
     the beam is a narrow part of what is seen, the finer nodes are taken.
     """
 
