@@ -35,7 +35,7 @@ from lightfield.scene.water.coefficients import scattering_per_m
 _SETTLED, _ROUNDS = 3, 4
 #: Photons of the first trace, by what factor they grow from one to the next, and where the ratio's own noise
 #: widens an error; no trace has more.
-_PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 2e6, 2.0, 3.0, 1.2e7
+_PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 1e6, 2.0, 3.0, 1.2e7
 #: A fit is settled when no parameter has moved by this part of its error, and photons widen no error by this
 #: one.
 _MOVED, _WIDENED = 0.3, 0.2
