@@ -33,6 +33,8 @@ from lightfield.scene.water.coefficients import scattering_per_m
 
 #: So many explanations are settled, with so many traces each. Chosen: most take two or three.
 _SETTLED, _ROUNDS = 3, 4
+#: Where nothing was accepted, so many that came nearest are given another chance.
+_TRIED_ANEW = 1
 #: Photons of the first trace, by what factor they grow from one to the next, and where the ratio's own noise
 #: widens an error; no trace has more.
 _PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 1e6, 2.0, 3.0, 1.2e7
@@ -73,7 +75,8 @@ def settled(
         such that do are.
     """
     problem, main = prepared.problem, finding.level.bench
-    chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:_SETTLED]
+    most = _SETTLED if finding.accepted else _TRIED_ANEW
+    chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:most]
     if finding.size == 0 or not chosen or not _followed(problem.forward.light):
         return prepared, finding
     alpha = level_for(finding.level)
@@ -84,8 +87,9 @@ def settled(
         there = replace(prepared, problem=one.problem)
         test = judged(there, one.whiten, rng)
         adequacy = test(one.fit)
-        fit, errors = profiled(one.problem, tried.explanation, one.fit, one.whiten, adequacy.phi)
-        if fit is not one.fit:
+        fit, errors = one.fit, tried.errors
+        if adequacy.passes(alpha):
+            fit, errors = profiled(one.problem, tried.explanation, fit, one.whiten, adequacy.phi)
             adequacy = test(fit)
         growth = one.whiten.log_determinant - main.whiten.log_determinant
         score = bic(fit, tried.explanation, adequacy.phi, finding.n) + growth

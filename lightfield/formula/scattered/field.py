@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,7 +20,7 @@ from lightfield.formula.scattered.multiple import Spread, multiple, reach
 from lightfield.formula.scattered.nodes import half_width_rad, intensity, mean_cosine
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene import Scene
-from lightfield.scene.lamp.frame import beam_axes, beyond_window, is_tilted
+from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.receiver import looks_aside
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -32,8 +33,11 @@ _ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
 _DISTANCES, _PER_E, _MORE = 3, 2, 0.05
-#: Nodes over the widths of absorption within a band (`hardening_per_m`).
-_HERMITE, _SHARES = np.polynomial.hermite_e.hermegauss(5)
+#: Nodes over the spread of attenuation within a band (`hardening_per_m`), and their shares.
+HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
+HERMITE_SHARES = _HERMITE / _HERMITE.sum()
+#: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
+_NEAREST_M, _AT_NODE = 1e-3, 1e-15
 _REMEMBERED, _STEPS = 64, 3
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
@@ -51,6 +55,30 @@ def describes(scene: Scene) -> bool:
         detector.quantity == "irradiance" and not looks_aside(detector) and not detector.acceptance_hwhm_deg
     )
     return facing and lamp.ellipticity == 1 and lamp.profile not in ("isotropic", "pencil")
+
+
+class _Seen(NamedTuple):
+    """Places as a lamp sees them: what interpolates between the nodes, and what is left of the light.
+
+    Parameters
+    ----------
+    most : float
+        Tangent of the largest angle of the nodes.
+    by_z, by_angle : arrays, shape (n, n_distances) and (n, n_angles)
+    table_path : array, shape (n,), m
+        Straight line through the water, as the table takes it.
+    nearer : array, shape (n,), m^-2
+        Inverse square, and the receiver's turn from the beam.
+    length : array, shape (n,), m
+        From the apparent source.
+    """
+
+    most: float
+    by_z: Array
+    by_angle: Array
+    table_path: Array
+    nearer: Array
+    length: Array
 
 
 class ScatteredField:
@@ -72,6 +100,7 @@ class ScatteredField:
         self._signs = (-1.0) ** np.arange(count) * np.sin(math.pi * (np.arange(count) + 0.5) / count)
         self._most = 1.2 * float((np.hypot(self.x_m, self.y_m) / self.z_m).max()) + 0.05
         self._made = lru_cache(_REMEMBERED)(self._table)
+        self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
         self._paths = lru_cache(_STEPS)(self._paths_to)
         self._sent = lru_cache(_STEPS)(self._sent_along)
@@ -95,37 +124,41 @@ class ScatteredField:
         """The same for given coefficients of absorption and scattering, shape (n_waters,), m^-1."""
         lamp, water = scene.lamp, scene.water
         behind_m = lamp.apparent_distance_m
-        dx, dy, dz = self.x_m - lamp.offset_x_m, self.y_m - lamp.offset_y_m, self.z_m + behind_m
+        seen = self._seen(
+            lamp.offset_x_m, lamp.offset_y_m, behind_m, beam_axes(lamp)[2] if is_tilted(lamp) else None
+        )
+        scatters = np.maximum(b, _CLEAREST_PER_M)
+        table = self._made(lamp, water.phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
+        power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
+        light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
+        light *= (b / scatters)[:, None]
+        path = beyond_window(seen.length, self.z_m, behind_m)
+        if water.hardening_per_m:
+            spread = np.exp(np.multiply.outer(path, -water.hardening_per_m * HERMITE_NODES))
+            light *= spread @ HERMITE_SHARES
+        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, path)))
+
+    def _seen_from(self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Axis | None) -> _Seen:
+        """The places as a lamp sees them; `axis` of a tilted one."""
+        dx, dy, dz = self.x_m - offset_x_m, self.y_m - offset_y_m, self.z_m + behind_m
         along, turned = dz, np.ones_like(dz)
-        if is_tilted(lamp):
-            ux, uy, uz = beam_axes(lamp)[2]
-            along = ux * dx + uy * dy + uz * dz
+        if axis is not None:
+            along = axis[0] * dx + axis[1] * dy + axis[2] * dz
             # Scattered light arrives from about where the lamp is.
             turned = dz / along
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         tangent = np.sqrt(np.maximum(length**2 - along**2, 0.0)) / along
         most = max(self._most, 1.02 * float(tangent.max()))
-        scatters = np.maximum(b, _CLEAREST_PER_M)
-        table, angles = self._made(lamp, water.phase, most, tuple(a.tolist()), tuple(scatters.tolist()))
-        near = np.log(np.maximum(along - behind_m, 1e-3))[:, None] - self._log_z
-        by_z = self._signs / np.where(near == 0, 1e-15, near)
+        near = np.log(np.maximum(along - behind_m, _NEAREST_M))[:, None] - self._log_z
+        by_z = self._signs / np.where(near == 0, _AT_NODE, near)
         by_z /= by_z.sum(axis=1, keepdims=True)
-        by_angle = _spline(angles)(tangent)
-        power = np.einsum("nj,wji,ni->wn", by_z, table, by_angle, optimize=True)
         table_path = (along - behind_m) * np.sqrt(1 + tangent**2)
-        light = np.exp(power - (a + scatters)[:, None] * table_path) * (turned / length**2)
-        light *= (b / scatters)[:, None]
-        path = beyond_window(length, self.z_m, behind_m)
-        if water.hardening_per_m:
-            light *= np.exp(np.multiply.outer(path, -water.hardening_per_m * _HERMITE)) @ (
-                _SHARES / _SHARES.sum()
-            )
-        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, path)))
+        return _Seen(most, by_z, _spline(_angles(most))(tangent), table_path, turned / length**2, length)
 
     def _table(
         self, lamp: Lamp, phase: PhaseSpec, most: float, a: tuple[float, ...], b: tuple[float, ...]
-    ) -> tuple[Array, Array]:
-        """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles), and the tangents of the angles."""
+    ) -> Array:
+        """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
         angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
         slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
         sent = self._sent(lamp, phase, most)
@@ -140,7 +173,7 @@ class ScatteredField:
                 missing = closure(bi, loss, angles * (behind / z_m), width, z, behind_m)
                 light = (paths.light(ai, bi) + more) * missing
                 out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
-        return out, angles
+        return out
 
     def _paths_to(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[SinglePaths]:
         """Paths of light that is scattered once, to all angles at every distance."""

@@ -47,18 +47,17 @@ class Spread:
         self._s, self._along = interval(_ALONG)
         self._s, self._along = self._s * z_m, self._along * z_m
         self.reach = reach
-        self.k = np.concatenate([[0.0], np.geomspace(_Q_FROM, reach, _Q_NODES)])
         part = self._s / self.behind_m
         turn, share = turns(phase, _TURNS, HALF_PI)
         self._longer = 1 / np.cos(turn) - 1
         moved = part[:, None] * np.tan(turn)
-        self._kept = j0(self.k[:, None, None] * moved) * (share * self._along[:, None])
+        k = _coarse(reach)[:, None]
+        self._kept = j0(k * moved.ravel()) * (share * self._along[:, None]).ravel()
 
-    def q(self, a: float) -> CubicSpline:
-        """Q as a function of k (z + z_0), m."""
+    def q(self, a: float) -> Array:
+        """Q at the nodes of the transform, m."""
         lost = np.exp(-a * self._s[:, None] * self._longer)
-        found = np.tensordot(self._kept, lost, 2)
-        return CubicSpline(self.k, found)
+        return np.asarray(_between(self.reach) @ (self._kept @ lost.ravel()))
 
 
 def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> Array:
@@ -81,7 +80,7 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> 
     t, w = interval(_K_NODES)
     k, weight = top * t * t, top * 2 * t * w
     sent, slant, transform = _transformed(lamp, top)
-    slanted = b * np.outer(spread.q(a)(k), slant)
+    slanted = b * np.outer(spread.q(a), slant)
     twice = np.expm1(slanted) - slanted
     arrived = (transform * twice) @ (sent * np.exp(-(a + b) * spread.z_m * slant))
     return np.asarray(j0(np.outer(tangent, k)) @ (arrived * k * weight) / (2 * math.pi * spread.behind_m**2))
@@ -90,6 +89,18 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> 
 def reach(lamp: Lamp) -> float:
     """Largest k times the distance of a plane that its light needs."""
     return _REACH / finest_rad(lamp)
+
+
+def _coarse(top: float) -> Array:
+    """Values of k at which Q is worked out."""
+    return np.concatenate([[0.0], np.geomspace(_Q_FROM, top, _Q_NODES)])
+
+
+@lru_cache(8)
+def _between(top: float) -> Array:
+    """From these to the nodes of the transform, by a cubic spline; shape (n_k, n_coarse)."""
+    t, _ = interval(_K_NODES)
+    return np.asarray(CubicSpline(_coarse(top), np.eye(_Q_NODES + 1))(top * t * t))
 
 
 @lru_cache(8)
