@@ -171,6 +171,20 @@ def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within
 
 
 @pytest.mark.slow
+def test_walls_and_surface_send_nothing_into_a_ratio() -> None:
+    """The same photons in a black tank and in a bright one with a water surface."""
+    x, z = np.tile(np.linspace(0, 0.6, 4), 3), np.repeat([3.0, 4.5, 6.0], 4)
+    tank = {"width_m": 2.0, "depth_m": 1.5, "length_m": 10.0}
+    black, bright = (
+        traced_ratio(scene(tank={**tank, **more}), x, 0 * x, z, np.array([525.0]), photons=1e5, seed=2)
+        for more in ({"wall_albedo": 0.0, "surface": "none"}, {"wall_albedo": 0.8, "surface": "flat"})
+    )
+    basis, error = (f(black) for f in (lambda r: r.basis(scene(), x, 0 * x, z), lambda r: r.root[0]))
+    away = basis @ (black.value[0] - bright.value[0])
+    assert np.all(np.abs(away) < 4 * np.sqrt(2) * np.linalg.norm(basis @ error, axis=1))
+
+
+@pytest.mark.slow
 def test_ratios_of_two_seeds_differ_by_what_they_state() -> None:
     """Chi-square of the difference of the polynomials' coefficients, nine of them: p above 1e-3."""
     from scipy.stats import chi2
