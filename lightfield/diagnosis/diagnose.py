@@ -266,6 +266,7 @@ def _diagnose(
     if diffuse == "trace":
         prepared, finding = settled(prepared, finding, rng, progress)
         forward = prepared.problem.forward
+        problem = replace(problem, forward=forward)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)

@@ -41,6 +41,8 @@ _PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 1e6, 2.0, 3.0, 1.2e7
 #: A fit is settled when no parameter has moved by this part of its error, and photons widen no error by this
 #: one.
 _MOVED, _WIDENED = 0.3, 0.2
+#: Better light that moves a fit by more than so many errors may move its valleys: other shapes are tried.
+_FAR = 3.0
 #: Traces are pooled that were made within so many errors of where the fit has come to.
 _NEAR = 1.5
 #: Traces of a ratio have seeds of their own.
@@ -89,7 +91,7 @@ def settled(
         adequacy = test(one.fit)
         fit, errors = one.fit, tried.errors
         if adequacy.passes(alpha):
-            fit, errors = profiled(one.problem, tried.explanation, fit, one.whiten, adequacy.phi)
+            fit, errors = profiled(one.problem, tried.explanation, fit, one.whiten, adequacy.phi, False)
             adequacy = test(fit)
         growth = one.whiten.log_determinant - main.whiten.log_determinant
         score = bic(fit, tried.explanation, adequacy.phi, finding.n) + growth
@@ -134,7 +136,7 @@ def _settle(problem: Problem, tried: Tried) -> _Settled:
         own = _with_light(problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
         whiten, fit = under_own_errors(own, tried.explanation, now.fit, now.whiten)
-        if k == 0:
+        if k == 0 and _moved(fit, before) > _FAR:
             fit = restarted(own, tried.explanation, fit, whiten)
             whiten, fit = under_own_errors(own, tried.explanation, fit, whiten, rounds=1)
         now = _Settled(own, whiten, fit)
