@@ -264,7 +264,7 @@ def _diagnose(
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
         traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
     if diffuse == "trace":
-        prepared, finding = settled(prepared, finding, rng, progress)
+        prepared, finding = settled(prepared, finding, rng, alpha, progress)
         forward = prepared.problem.forward
         problem = replace(problem, forward=forward)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)

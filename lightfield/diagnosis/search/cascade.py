@@ -116,6 +116,14 @@ class Finding:
         return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
 
 
+def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:
+    """The base model, fitted and tested at one tolerance."""
+    made, problem = bench(prepared, tolerance, rng), prepared.problem
+    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
+    base = problem.fit((), made.whiten, starts)
+    return Level(tolerance, made, base, made.test(base))
+
+
 def level_for(level: Level) -> float:
     """Level at which explanations are given up: what passes must pass better than the base model does."""
     return max(ALPHA_EXPLANATION, min(2 * level.adequacy.p, _EASILY))
@@ -145,7 +153,6 @@ def search(
         Told what begins.
     """
     problem, n = prepared.problem, int(prepared.problem.keep.sum())
-    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
     levels: list[Level] = []
 
     def began(what: str, width: float) -> None:
@@ -153,9 +160,7 @@ def search(
 
     def prepare_level(width: float) -> Level:
         began("the base model", width)
-        made = bench(prepared, width, rng)
-        base = problem.fit((), made.whiten, starts)
-        levels.append(Level(width, made, base, made.test(base)))
+        levels.append(level_at(prepared, width, rng))
         return levels[-1]
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:

@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
+from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.own_errors import under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
@@ -64,52 +65,78 @@ def settled(
     prepared: Prepared,
     finding: Finding,
     rng: np.random.Generator,
+    alpha: float = ALPHA,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Prepared, Finding]:
     """What was found, with explanations by scattered light settled; all as it was where there are none.
+
+    Parameters
+    ----------
+    alpha : float
+        Level of the test of the base model.
 
     Returns
     -------
     Prepared
         With the light of the best explanation.
     Finding
-        Explanations that do not pass with the better light are accepted no longer; of what nothing explained,
-        such that do are.
+        Explanations that do not pass with the better light are accepted no longer, unless what is missing is
+        within the tolerance; of what nothing explained, such that do are.
     """
-    problem, main = prepared.problem, finding.level.bench
+    problem = prepared.problem
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:most]
     if finding.size == 0 or not chosen or not _followed(problem.forward.light):
         return prepared, finding
-    alpha = level_for(finding.level)
-    made: dict[int, tuple[Prepared, Tried]] = {}
+    done: list[tuple[Tried, _Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
-        one = _settle(problem, tried)
+        done.append((tried, _settle(problem, tried)))
+    found = _accepted(prepared, finding, done, rng)
+    tolerance = prepared.noise.budget.tolerance
+    if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
+        return found
+    known = [level for level in finding.levels if level.tolerance == tolerance]
+    tolerant = known[0] if known else level_at(prepared, tolerance, rng)
+    levels = finding.levels if known else [*finding.levels, tolerant]
+    within = replace(finding, level=tolerant, levels=levels)
+    if tolerant.adequacy.passes(alpha):
+        return prepared, replace(within, size=0, accepted=[], weights=[])
+    return _accepted(prepared, within, done, rng)
+
+
+def _accepted(
+    prepared: Prepared, finding: Finding, done: list[tuple[Tried, _Settled]], rng: np.random.Generator
+) -> tuple[Prepared, Finding]:
+    """What is accepted of a finding at its level, with what was settled in its place."""
+    main, alpha = finding.level.bench.whiten, level_for(finding.level)
+    made: dict[int, tuple[Prepared, Tried]] = {}
+    for tried, one in done:
+        whiten, fit, errors = one.whiten, one.fit, tried.errors
+        if whiten.tolerance != main.tolerance:
+            whiten = Whitener(whiten.noise, whiten.rho, main.phi, main.tolerance)
+            fit = one.problem.fit(tried.explanation, whiten, [fit.u])
         there = replace(prepared, problem=one.problem)
-        test = judged(there, one.whiten, rng)
-        adequacy = test(one.fit)
-        fit, errors = one.fit, tried.errors
+        test = judged(there, whiten, rng)
+        adequacy = test(fit)
         if adequacy.passes(alpha):
-            fit, errors = profiled(one.problem, tried.explanation, fit, one.whiten, adequacy.phi, False)
+            fit, errors = profiled(one.problem, tried.explanation, fit, whiten, adequacy.phi, False)
             adequacy = test(fit)
-        growth = one.whiten.log_determinant - main.whiten.log_determinant
-        score = bic(fit, tried.explanation, adequacy.phi, finding.n) + growth
-        made[id(tried)] = (
-            there,
-            replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors),
-        )
-    every = [made[id(t)][1] if id(t) in made else t for t in finding.contenders]
-    tried_ones = [made[id(t)][1] if id(t) in made else t for t in finding.tried]
-    accepted = sorted((t for t in every if t.accepted(alpha) and not t.at_edge), key=lambda t: t.bic)
-    if not accepted:
-        accepted = sorted((t for t in every if t.accepted(alpha)), key=lambda t: t.bic)
-    best = next((p for p, t in made.values() if accepted and t is accepted[0]), None)
-    size = len(accepted[0].explanation) if accepted else None
-    accepted = [t for t in accepted if len(t.explanation) == size]
-    weights = with_base(accepted, finding.level, finding.n) if accepted else []
-    found = replace(finding, size=size, accepted=accepted, weights=weights, tried=tried_ones)
-    return best or prepared, found
+        score = bic(fit, tried.explanation, adequacy.phi, finding.n)
+        score += whiten.log_determinant - main.log_determinant
+        new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
+        made[id(tried.explanation)] = there, new
+
+    def now(every: list[Tried]) -> list[Tried]:
+        return [made[id(t.explanation)][1] if id(t.explanation) in made else t for t in every]
+
+    passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
+    passing = [t for t in passing if not t.at_edge] or passing
+    size = len(passing[0].explanation) if passing else None
+    passing = [t for t in passing if len(t.explanation) == size]
+    weights = with_base(passing, finding.level, finding.n) if passing else []
+    best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
+    return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
 
 
 def _scatters(problem: Problem, tried: Tried) -> bool:
