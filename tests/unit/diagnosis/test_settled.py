@@ -15,7 +15,6 @@ from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
 
-
 #: Seen by errors of 0.5 % together, and hidden by a tolerance of 0.3 %.
 SLANT = 0.003
 
@@ -57,7 +56,7 @@ def test_an_explanation_that_settles_where_it_was_stays_accepted(found: Diagnosi
 
 
 def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, monkeypatch) -> None:
-    """A slant of 5 % is too much; one of 0.3 % is too much for the errors alone, and is within a tolerance."""
+    """A slant of 5 % is too much; one of 0.3 % is too much for the errors alone, and within a tolerance."""
     budget = replace(found.prepared.noise.budget, tolerance=0.0)
     strict = replace(found.prepared, noise=replace(found.prepared.noise, budget=budget))
     for slant, prepared, size in ((0.05, strict, None), (0.05, found.prepared, None), (SLANT, strict, None),
