@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.curves import field_of
-from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
+from lightfield.fitting.light_source import GAIN, Diffuse, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
 from lightfield.formula import own
 from lightfield.readings import Readings, units
@@ -124,6 +124,11 @@ class SceneForward:
         """
         scaled = self.light.corrected(light, stderr, values)
         return SceneForward(self.scene, self.readings, full=self._full, light=scaled)
+
+    def following(self, diffuse: Diffuse) -> SceneForward:
+        """A copy with other scattered and reflected light at the readings."""
+        light = replace(self.light, followed=diffuse)
+        return SceneForward(self.scene, self.readings, full=self._full, light=light)
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""
