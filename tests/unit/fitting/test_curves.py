@@ -84,7 +84,9 @@ def readings(
 
 
 def problem(table: Readings, *names: str) -> Problem:
-    return problem_of(SceneForward(believed(), table), table, map(effects.get, names), None)[0]
+    made = problem_of(SceneForward(believed(), table), table, map(effects.get, names), None)[0]
+    first = {c.name: c for c in reversed(made.candidates)}  # of every named effect its usual form
+    return replace(made, candidates=tuple(first[name] for name in names if name in first))
 
 
 def fitted(problem: Problem, stderr: np.ndarray) -> Fit:
