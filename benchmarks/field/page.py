@@ -52,7 +52,7 @@ def page(rows: Sequence[Row]) -> str:
         "Gaussian lamp": [r for r in rows if not r["lamp"]],
         "other lamp": [r for r in rows if r["lamp"]],
     }
-    lines = [_HEAD, f"| | {' | '.join(kinds)} |", "|---|" + "---|" * len(kinds)]
+    lines = [_HEAD, f"{len(rows)} cases.", "", f"| | {' | '.join(kinds)} |", "|---|" + "---|" * len(kinds)]
     columns = [_scores(mine) if mine else ["-"] * len(_NAMES) for mine in kinds.values()]
     for k, name in enumerate(_NAMES):
         lines.append(f"| {name} | {' | '.join(column[k] for column in columns)} |")

@@ -86,26 +86,29 @@ def direct(candidate: Candidate) -> bool:
 
 
 def everything(candidate: Candidate) -> bool:
+    """Named effects and curves."""
     return True
 
 
 def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit: Fit) -> tuple[Bench, Ground]:
+    """Whitening, and the scale of the noise beside the fit of the best set."""
     made = bench(prepared, tolerance, rng)
     adequacy = made.test(fit)
     return made, Ground(made.test, adequacy.phi, adequacy.nu)
 
 
-def _pool(ground: Ground, best: Node | None, progress: Callable[[str], None]) -> Pool:
+def _pool(ground: Ground, best: Node, progress: Callable[[str], None]) -> Pool:
+    """A pool that holds the base model and what was the best set so far."""
+
     def told(fits: int, node: Node) -> None:
         spare = max(int(ground.problem.keep.sum()) - len(node.fit.u), 1)
         left = node.fit.chi2 / ground.phi / spare
         progress(f"sets of effects: {fits} tried, the best has {len(node.explanation)}, chi2/dof {left:.3g}")
 
     pool = Pool(ground, progress=told)
-    start = Begin(coordinates(best) if best is not None else {})
+    start = Begin(coordinates(best))
     pool.settled(pool.fit((), [start]))
-    if best is not None:
-        pool.settled(pool.fit(best.explanation, [start]))
+    pool.settled(pool.fit(best.explanation, [start]))
     return pool
 
 
@@ -128,11 +131,11 @@ def _has_curves(pool: Pool) -> bool:
 
 
 def _curves(pool: Pool) -> None:
+    """Sets with curves, and named ones that catch up with them."""
     forward(pool, pool.nodes[frozenset()], _BEAM_AGAIN, _FITS_AGAIN, everything)
     best = polish(pool, everything)
     if all(map(named, best.explanation)):
         return
-    # Does a named set catch up with the curve?
     for candidate in best.explanation:
         if not named(candidate):
             best = pool.drop(best, candidate)
@@ -164,8 +167,7 @@ def search_many(
     begun : Prepared
         Noise to begin with, and what describes the readings best so far.
     """
-    sample = data.problem.sample
-    if sample is not None:
+    if data.problem.sample is not None:
         return _of_sample(data, begun, alpha, rng, progress)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
     found = Node(prepared.explanation, prepared.reference)
