@@ -181,6 +181,23 @@ def test_places_beside_the_beam_part_absorption_from_scattering() -> None:
     assert np.abs(found.b - b).max() < 3 * np.hypot(found.b_stderr.max(), 0.01 * b.max())
 
 
+@pytest.mark.slow
+def test_a_collimator_beside_a_cosine_receiver_parts_them_too() -> None:
+    """Both on the axis, where each alone tells one combination; the collimator sees little scattered light."""
+    colours, x = np.array([450.0, 500.0, 550.0]), np.zeros(5)
+    tables, scenes = [], [scene(), scene(quantity="radiance", full_angle_deg=2.0)]
+    for seed, one in enumerate(scenes):
+        ln, error = light(rendered(one, x, DISTANCES, 2e7), one, x, DISTANCES, colours)
+        tables.append(readings(one, x, DISTANCES, ln, colours, seed, noise=np.hypot(0.0035, error)))
+    found = attenuation(tables, scenes, response_for).scattered
+    a, b = absorption_per_m(scene().water, colours), scattering_per_m(scene().water, colours)
+    assert found.told.all() and found.misfit_p > 0.001
+    assert np.abs(found.a - a).max() < 3 * found.a_stderr.max()
+    assert np.abs(found.b - b).max() < 3 * found.b_stderr.max()
+    for table, one in zip(tables, scenes, strict=True):
+        assert not attenuation(table, one, response_for).scattered.told.any()
+
+
 def test_constituents_and_what_beer_lambert_makes_of_them(axis) -> None:
     """With scattered light they are the truth; Beer-Lambert has chlorophyll 40 % low and fits as well.
 
