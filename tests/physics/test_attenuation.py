@@ -183,7 +183,7 @@ def test_places_beside_the_beam_part_absorption_from_scattering() -> None:
 
 @pytest.mark.slow
 def test_a_collimator_beside_a_cosine_receiver_parts_them_too() -> None:
-    """Both on the axis, where each alone tells one combination; the collimator sees little scattered light."""
+    """Both on the axis, where each tells one combination; the collimator sees little scattered light."""
     colours, x = np.array([450.0, 500.0, 550.0]), np.zeros(5)
     tables, scenes = [], [scene(), scene(quantity="radiance", full_angle_deg=2.0)]
     for seed, one in enumerate(scenes):
