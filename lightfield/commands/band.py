@@ -6,10 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
-from lightfield.commands._options import add_option
+from lightfield.commands._options import add_option, add_tracing, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
+
+DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mismatch", type=float, default=0.008, metavar="P", help="spread of gains (default 0.008)"
     )
     add_option(parser, "--no-trace")
+    add_tracing(parser, **DEFAULTS)
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
 
@@ -52,15 +55,11 @@ def run(args: argparse.Namespace) -> int:
         output_file(file, *inputs, *outputs[:k])
     from lightfield.studies.band import as_data, as_text, best_band
 
-    trace = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        trace = response_for
     found = best_band(
-        scene, trace, distances_m=distances, width_nm=args.width, low_nm=between[0], high_nm=between[1],
-        response=None if args.response is None else str(args.response), electrons=args.electrons,
-        read_noise=args.read_noise, mismatch=args.mismatch,
+        scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
+        high_nm=between[1], response=None if args.response is None else str(args.response),
+        electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
+        **(DEFAULTS | given(args)),
     )  # fmt: skip
     print(as_text(found))
     if args.json:

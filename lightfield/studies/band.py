@@ -10,7 +10,7 @@ have a say, nor that of most information about distance, for which attenuation i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,12 +19,12 @@ import xarray as xr
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.formula.field import direct_field
+from lightfield.render.at_readings import render_positions
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import axial_intensity
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import scattering_per_m
 from lightfield.storage.tables import read_columns
-from lightfield.studies.attenuation.excess import Excess, excess_light
 
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
@@ -106,7 +106,7 @@ class Bands:
 
 def best_band(
     scene: Scene,
-    trace: DiffuseSource | None,
+    traced: bool = True,
     *,
     distances_m: Sequence[float] | None = None,
     width_nm: float = 50.0,
@@ -116,6 +116,7 @@ def best_band(
     electrons: float = 1e6,
     read_noise: float = 100.0,
     mismatch: float = 0.008,
+    **tracing: Any,
 ) -> Bands:
     """Compare all bands of a width.
 
@@ -123,8 +124,8 @@ def best_band(
     ----------
     scene : Scene
         Lamp spectrum, water, receiver.
-    trace : callable, optional
-        `lightfield.render.diffuse.source.response_for`; None: direct light alone, K = c.
+    traced : bool
+        False: direct light alone, K = c.
     distances_m : sequence of float, optional, m
         Default: the scene's first and last plane.
     width_nm, low_nm, high_nm : float, nm
@@ -137,6 +138,8 @@ def best_band(
         Electrons.
     mismatch : float
         Relative standard deviation of gains.
+    **tracing
+        Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
 
     Raises
     ------
@@ -158,10 +161,9 @@ def best_band(
     ):
         raise UsageError("impossible noise", rule="electrons above 0, read noise and mismatch not below 0")
     at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
-    a, b = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    ln, K, K_stderr = _transmitted(scene, trace, z, a, b)
+    light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
     source = axial_intensity(scene.lamp, at) * _responsivity(response, at)
-    per_nm = source * np.exp(ln - 2 * np.log(z[:, None]))  # [distances, wavelengths]
+    per_nm = source * light  # [distances, wavelengths]
     if not (source > 0).any():
         raise SceneError(
             "the lamp gives no light that the detector sees", found=f"{low_nm:g} to {high_nm:g} nm"
@@ -182,23 +184,31 @@ def best_band(
 
 
 def _transmitted(
-    scene: Scene, trace: DiffuseSource | None, z: Array, a: Array, b: Array
+    scene: Scene, traced: bool, z: Array, at: Array, tracing: Mapping[str, Any]
 ) -> tuple[Array, Array, Array]:
-    """ln of what the water lets through at each distance, its slope K and the error of K, (n_z, n)."""
-    c = a + b
-    if trace is None:
-        return -np.outer(z, c), np.tile(c, (len(z), 1)), np.zeros((len(z), len(c)))
+    """Light at each distance for unit intensity, the slope K of ln(light z^2) and its error, (n_z, n)."""
     places = np.concatenate([z * (1 - _SLOPE), z, z * (1 + _SLOPE)])
-    middle = np.zeros(len(places))
-    typical = (float(np.median(a)), float(np.median(b)))
-    most = (max(1.05 * float(a.max()), 0.01), max(1.05 * float(b.max()), 0.01))
-    excess: Excess = excess_light(scene, (middle, middle, places), trace, *most, typical)
-    ln = excess.value(a, b) - np.outer(places, c)
-    near, here, far = np.split(ln, 3)
-    K = (near - far) / (2 * _SLOPE * z[:, None])
-    first, _, last = np.split(excess.modes, 3)
-    error = np.linalg.norm(first - last, axis=1) / (2 * _SLOPE * z)
-    return here, K, np.repeat(error[:, None], len(c), axis=1)
+    if scene.tank is not None and places.max() >= scene.tank.box_m[2][1]:
+        raise UsageError(
+            "a distance outside the tank", found=f"{places.max():g} m, a tenth beyond the farthest",
+            rule=f"less than {scene.tank.box_m[2][1]:g} m",
+        )  # fmt: skip
+    x, y = (np.full(len(places), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
+    if traced and ((scattering_per_m(scene.water, at) > 0).any() or any(scene.reflectances)):
+        listed = {
+            "positions_m": tuple(zip(x.tolist(), y.tolist(), places.tolist(), strict=True)),
+            "bands_nm": ((float(at[0]), float(at[-1])),),
+        }
+        there = scene.model_copy(update={"detector": scene.detector.model_copy(update=listed)})
+        light, error = (v.T for v in render_positions(there, **tracing).relative(at))
+    else:
+        light = np.array([direct_field(scene, x, y, places, np.full(len(x), w)) for w in at]).T
+        error = np.zeros_like(light)
+    ln = np.log(np.maximum(light, 1e-300)) + 2 * np.log(places)[:, None]
+    near, _, far = np.split(ln, 3)
+    first, _, last = np.split(error / np.maximum(light, 1e-300), 3)
+    width = 2 * _SLOPE * z[:, None]
+    return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 
 
 def _responsivity(path: str | None, at: Array) -> Array:

@@ -26,7 +26,7 @@ SHORT = {
     "hide": "--max-photons 2e4",
     "plan": "--no-trace",
     "attenuation": "--no-trace",
-    "band": "--no-trace",
+    "band": "--max-photons 1e4",
     "range": "--no-trace",
     "link": "--max-photons 1e4 --to 20",
     "picture": "--samples 2 --size 64x36",

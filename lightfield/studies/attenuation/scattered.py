@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from lightfield.arrays import Array
 from lightfield.fitting.light_source import DiffuseSource
@@ -80,6 +81,11 @@ class Scattered:
     dof: int
     other_kappa: dict[float, float]
     expected: Array
+
+    @property
+    def misfit_p(self) -> float:
+        """Probability of a larger chi-square if only absorption and scattering are at work."""
+        return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
 
     def absorption_if(self, b: Array | float) -> tuple[Array, Array]:
         """Absorption, and its error, if scattering were known to be b; shape (n_colours,), 1/m."""

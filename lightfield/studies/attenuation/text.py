@@ -86,8 +86,12 @@ def fit_sentence(one: Apparent) -> str:
     if e.dof <= 0:
         return "Two distances: nothing is left to test the straight line with."
     text = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g}): straight lines "
-    text += "fit. " if one.misfit_p > POOR_FIT else "do not fit at the stated errors. "
-    return text + "A straight line does not show that Beer-Lambert holds: scattered light keeps it straight."
+    if one.misfit_p > POOR_FIT:
+        return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
+    return (
+        text
+        + "do not fit. The errors are stated too small, or more than attenuation is at work: diagnose it."
+    )
 
 
 def scattered_sentences(found: Scattered) -> list[str]:
@@ -112,6 +116,11 @@ def scattered_sentences(found: Scattered) -> list[str]:
             "arrives had been scattered or reflected. A second receiver that sees less of it (a collimator), "
             "or readings beside the beam, would part the two.",
         ]
+    if found.told.any() and found.misfit_p <= POOR_FIT:
+        lines.append(
+            f"But that does not fit the readings (chi-square {found.chi2:.0f} for {found.dof} degrees of "
+            "freedom): these a and b, and their errors, are not to be trusted."
+        )
     if not found.told.all() and found.told.any():
         lines.append(f"a and b are parted at {int(found.told.sum())} of {len(found.told)} wavelengths.")
     if found.other_kappa:
@@ -199,8 +208,6 @@ def published_sentences(one: Apparent) -> list[str]:
 def _apparent_lines(one: Apparent) -> list[str]:
     r = one.ratios
     mean, error = one.mean()
-    single, _ = one.one_distance()
-    shift = np.nanmean(single - one.K_per_m, axis=1)
     return [
         f"{r.scene.detector.quantity}, {len(r.path_m)} places, {len(one.K_per_m)} wavelengths, against "
         + ("readings in air" if r.reference == "air" else "the formula in lossless water"),
@@ -211,12 +218,21 @@ def _apparent_lines(one: Apparent) -> list[str]:
         f"{one.shared_stderr.max():.4f} per m is common to all wavelengths",
         fit_sentence(one),
         *published_sentences(one),
-        "from one distance alone, gain and window uncorrected: K off by "
-        + ", ".join(
-            f"{_signed(float(shift[at]))} per m at {r.path_m[at]:g} m"
-            for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
-        ),
+        *_one_distance_lines(one),
     ]
+
+
+def _one_distance_lines(one: Apparent) -> list[str]:
+    """What a single distance would have said; nothing where gains are unknown from the start."""
+    r = one.ratios
+    if r.reference != "air":
+        return []
+    shift = np.nanmean(one.one_distance()[0] - one.K_per_m, axis=1)
+    shown = ", ".join(
+        f"{_signed(float(shift[at]))} per m at {r.path_m[at]:g} m"
+        for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
+    )
+    return [f"from one distance alone, gain and window uncorrected: K off by {shown}"]
 
 
 def _signed(value: float) -> str:
@@ -246,6 +262,7 @@ def _scattered_data(found: Scattered) -> dict[str, Any]:
         "share": _list(found.share),
         "chi2": found.chi2,
         "degrees_of_freedom": found.dof,
+        "misfit_p": _number(found.misfit_p),
         "kappa_of_other_g": {f"{g:g}": value for g, value in found.other_kappa.items()},
     }
 

@@ -186,6 +186,18 @@ def test_several_tables_are_of_the_same_colours_and_have_their_scenes() -> None:
         attenuation([readings, readings, readings], [scene(), scene()])
 
 
+def test_what_is_no_straight_line_is_said() -> None:
+    """A layer between 6 and 7 m takes 3 % of the light behind it: readings good to 0.1 % show it."""
+    whole = table(scene(), noise=0.001, stay=0.001)
+    behind = (whole.z_m > 6) & (whole.medium == "water")
+    columns = {k: getattr(whole, k) for k in ("z_m", "medium", "wavelength_nm", "stderr")}
+    bent = Readings.from_arrays(
+        **columns, value=np.where(behind, 0.97, 1.0) * whole.value, plane_gain_percent=0.1, position_mm=0.0
+    )
+    assert "straight lines do not fit" in as_text(attenuation(bent, scene()))
+    assert "straight lines fit" in as_text(attenuation(whole, scene()))
+
+
 def test_words_and_data_hold_the_same_numbers_with_errors() -> None:
     found = attenuation(table(scene(), noise=0.005, stay=0.007), scene())
     data = json.loads(json.dumps(as_data(found)))["apparent"][0]
