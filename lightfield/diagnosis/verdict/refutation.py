@@ -161,7 +161,7 @@ def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
         free,
         far,
         _sigmas((gone.chi2 - free.chi2) / phi, len(changed.parameters)),
-        _limit(free, candidate, phi),
+        _limit(free, changed, phi),
         contradicted,
     )
 
