@@ -42,10 +42,10 @@ INTRODUCTION = f"""\
 
 Made by `python -m benchmarks.scattering_fits`; nothing is asserted. Readings on a scan through the axis in
 {len(PLANES_M)} planes ({PLANES_M[0]} to {PLANES_M[-1]} m, to {RINGS_M[-1]} m aside), their scattered light
-walked photon by photon (`walk.c`, {PHOTONS:.0e} photons) by code that shares nothing with the package; errors
-of {100 * RELATIVE:g} % of a reading, {100 * DARK:g} % of the largest, {100 * STAY:g} % of a stay. True are a
-half width of {HWHM_DEG:g} degrees and an absorption of {ABSORPTION_PER_M:g} per m; the experimenter believes
-4.2 and 0.15, and in no scattering.
+walked photon by photon (`walk.c`, {PHOTONS:.0e} photons) by code that shares nothing with the package;
+errors of {100 * RELATIVE:g} % of a reading, {100 * DARK:g} % of the largest, {100 * STAY:g} % of a stay.
+True are a half width of {HWHM_DEG:g} degrees and an absorption of {ABSORPTION_PER_M:g} per m; the
+experimenter believes 4.2 and 0.15, and in no scattering.
 
 `search`: all light from one trace in other water, reweighed (`diffuse=response_for`). `diagnose`: the same,
 then settled with light that is followed without photons, times a traced ratio. Pull: found less true over the
@@ -158,7 +158,7 @@ def row_of(case: Case, seed: int, mode: str, found: Diagnosis, seconds: float) -
 def main() -> None:
     """Diagnose what is missing in the store, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5, help="noise seeds of every case")
+    parser.add_argument("--seeds", type=int, default=4, help="noise seeds of every case")
     parser.add_argument("--walk", action="store_true", help="walk the photons again")
     args = parser.parse_args()
     rows = load()
