@@ -1,0 +1,1 @@
+"""What does scattered light look like in unbounded water? Solved without photons, so without their noise."""

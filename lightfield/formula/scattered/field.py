@@ -1,0 +1,210 @@
+"""Scattered light at many places in unbounded water: exact single and small-angle multiple scattering.
+
+About a round beam the light is a function of the distance along the axis and of the angle to it. It is worked
+out at a few of both, and interpolated: without inverse square and Beer-Lambert it varies little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from lightfield.arrays import Array
+from lightfield.formula.scattered.closure import closure
+from lightfield.formula.scattered.multiple import Spread, multiple, reach
+from lightfield.formula.scattered.nodes import half_width_rad, intensity, mean_cosine
+from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
+from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.receiver import looks_aside
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.layers import layers_depth
+from lightfield.scene.water.phase.spec import PhaseSpec
+
+#: Angles to the axis at which light is worked out, at least and for every factor of e beyond a wide one
+#: (tangent), and the power in which they grow.
+_ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
+#: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
+#: added at its ends for tilts.
+_DISTANCES, _PER_E, _MORE = 3, 2, 0.05
+#: Nodes over the spread of attenuation within a band (`hardening_per_m`), and their shares.
+HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
+HERMITE_SHARES = _HERMITE / _HERMITE.sum()
+#: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
+_NEAREST_M, _AT_NODE = 1e-3, 1e-15
+_REMEMBERED, _STEPS = 64, 3
+#: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
+_WIDTH_STEP = 1.25
+#: Water that scatters less has light in proportion.
+_CLEAREST_PER_M = 1e-6
+
+
+def describes(scene: Scene) -> bool:
+    """Is the scene's scattered light of the kind that is followed here?
+
+    A round beam of finite width, and receivers of plane irradiance that face along the axis.
+    """
+    detector, lamp = scene.detector, scene.lamp
+    facing = (
+        detector.quantity == "irradiance" and not looks_aside(detector) and not detector.acceptance_hwhm_deg
+    )
+    return facing and lamp.ellipticity == 1 and lamp.profile not in ("isotropic", "pencil")
+
+
+class _Seen(NamedTuple):
+    """Places as a lamp sees them: what interpolates between the nodes, and what is left of the light.
+
+    Parameters
+    ----------
+    most : float
+        Tangent of the largest angle of the nodes.
+    by_z, by_angle : arrays, shape (n, n_distances) and (n, n_angles)
+    table_path : array, shape (n,), m
+        Straight line through the water, as the table takes it.
+    nearer : array, shape (n,), m^-2
+        Inverse square, and the receiver's turn from the beam.
+    length : array, shape (n,), m
+        From the apparent source.
+    """
+
+    most: float
+    by_z: Array
+    by_angle: Array
+    table_path: Array
+    nearer: Array
+    length: Array
+
+
+class ScatteredField:
+    """Irradiance of scattered light at n places, for any lamp and water that `describes` allows.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : arrays, shape (n,), m
+        z > 0.
+    """
+
+    def __init__(self, x_m: Array, y_m: Array, z_m: Array) -> None:
+        self.x_m, self.y_m, self.z_m = (np.asarray(v, float) for v in (x_m, y_m, z_m))
+        low, high = float(self.z_m.min()) * (1 - _MORE), float(self.z_m.max()) * (1 + _MORE)
+        count = _DISTANCES + math.ceil(_PER_E * math.log(high / low))
+        middle, half = 0.5 * math.log(low * high), 0.5 * math.log(high / low)
+        self._log_z = middle - half * np.cos(math.pi * (np.arange(count) + 0.5) / count)
+        # Barycentric weights of Chebyshev's points of the first kind.
+        self._signs = (-1.0) ** np.arange(count) * np.sin(math.pi * (np.arange(count) + 0.5) / count)
+        self._most = 1.2 * float((np.hypot(self.x_m, self.y_m) / self.z_m).max()) + 0.05
+        self._made = lru_cache(_REMEMBERED)(self._table)
+        self._seen = lru_cache(_STEPS)(self._seen_from)
+        # What does not change with the water, or with the lamp, in the steps of a fit.
+        self._paths = lru_cache(_STEPS)(self._paths_to)
+        self._sent = lru_cache(_STEPS)(self._sent_along)
+        self._spreads = lru_cache(_STEPS)(self._spread)
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+        """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.
+
+        Parameters
+        ----------
+        scene : Scene
+            Lamp and water; of the water's layers and hardening, what they take along the straight line.
+        wavelengths_nm : sequence of float
+            None: the middle of the first band.
+        """
+        middle = 0.5 * sum(scene.detector.bands_nm[0])
+        at = np.array([middle if w is None else w for w in wavelengths_nm])
+        return self.at(scene, absorption_per_m(scene.water, at), scattering_per_m(scene.water, at))
+
+    def at(self, scene: Scene, a: Array, b: Array) -> Array:
+        """The same for given coefficients of absorption and scattering, shape (n_waters,), m^-1."""
+        lamp, water = scene.lamp, scene.water
+        behind_m = lamp.apparent_distance_m
+        seen = self._seen(
+            lamp.offset_x_m, lamp.offset_y_m, behind_m, beam_axes(lamp)[2] if is_tilted(lamp) else None
+        )
+        scatters = np.maximum(b, _CLEAREST_PER_M)
+        table = self._made(lamp, water.phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
+        power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
+        light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
+        light *= (b / scatters)[:, None]
+        path = beyond_window(seen.length, self.z_m, behind_m)
+        if water.hardening_per_m:
+            spread = np.exp(np.multiply.outer(path, -water.hardening_per_m * HERMITE_NODES))
+            light *= spread @ HERMITE_SHARES
+        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, path)))
+
+    def _seen_from(self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Axis | None) -> _Seen:
+        """The places as a lamp sees them; `axis` of a tilted one."""
+        dx, dy, dz = self.x_m - offset_x_m, self.y_m - offset_y_m, self.z_m + behind_m
+        along, turned = dz, np.ones_like(dz)
+        if axis is not None:
+            along = axis[0] * dx + axis[1] * dy + axis[2] * dz
+            # Scattered light arrives from about where the lamp is.
+            turned = dz / along
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        tangent = np.sqrt(np.maximum(length**2 - along**2, 0.0)) / along
+        most = max(self._most, 1.02 * float(tangent.max()))
+        near = np.log(np.maximum(along - behind_m, _NEAREST_M))[:, None] - self._log_z
+        by_z = self._signs / np.where(near == 0, _AT_NODE, near)
+        by_z /= by_z.sum(axis=1, keepdims=True)
+        table_path = (along - behind_m) * np.sqrt(1 + tangent**2)
+        return _Seen(most, by_z, _spline(_angles(most))(tangent), table_path, turned / length**2, length)
+
+    def _table(
+        self, lamp: Lamp, phase: PhaseSpec, most: float, a: tuple[float, ...], b: tuple[float, ...]
+    ) -> Array:
+        """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
+        angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
+        slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
+        sent = self._sent(lamp, phase, most)
+        spreads = self._spreads(phase, behind_m, _stepped(reach(lamp)))
+        out = np.empty((len(a), len(self._log_z), len(angles)))
+        for j, (z_m, paths, spread) in enumerate(
+            zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
+        ):
+            behind, z = z_m + behind_m, np.full(len(angles), z_m)
+            for w, (ai, bi) in enumerate(zip(a, b, strict=True)):
+                more = np.maximum(multiple(lamp, spread, angles, ai, bi), 0.0)
+                missing = closure(bi, loss, angles * (behind / z_m), width, z, behind_m)
+                light = (paths.light(ai, bi) + more) * missing
+                out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
+        return out
+
+    def _paths_to(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[SinglePaths]:
+        """Paths of light that is scattered once, to all angles at every distance."""
+        angles, fine = _angles(most), Resolution.for_beam(width, most)
+        return [
+            single_paths(phase, width, angles * (z + behind_m), np.full(len(angles), z), behind_m, fine)
+            for z in np.exp(self._log_z).tolist()
+        ]
+
+    def _sent_along(self, lamp: Lamp, phase: PhaseSpec, most: float) -> list[LitPaths]:
+        """The same paths with the light of a lamp on them."""
+        paths = self._paths(phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most)
+        return [one.lit(intensity(lamp, one.theta_squared)) for one in paths]
+
+    def _spread(self, phase: PhaseSpec, behind_m: float, top: float) -> list[Spread]:
+        """Where light that was scattered more often arrives, at every distance."""
+        return [Spread(phase, z, behind_m, top) for z in np.exp(self._log_z).tolist()]
+
+
+def _stepped(scale: float) -> float:
+    """A scale in whole steps: not every step of a fit makes new nodes."""
+    return float(_WIDTH_STEP ** round(math.log(scale) / math.log(_WIDTH_STEP)))
+
+
+def _angles(most: float) -> Array:
+    """Tangents of angles from the axis to the largest."""
+    count = _ANGLES + math.ceil(_PER_ANGLE * math.asinh(most / _WIDE))
+    return np.asarray(most * np.linspace(0, 1, count) ** _GROW)
+
+
+def _spline(angles: Array) -> CubicSpline:
+    """Cubic splines through one at each angle and nothing at the others, even about the axis."""
+    n = len(angles)
+    return CubicSpline(angles, np.eye(n), bc_type=((1, np.zeros(n)), (2, np.zeros(n))))

@@ -1,0 +1,111 @@
+"""Light that was scattered twice or more, at small angles, with the way that slanted paths are longer.
+
+A scattering by Theta a distance s before the plane displaces light by s tan(Theta) there, and lengthens its
+path by s (sec(Theta) - 1). The displacements of independent scatterings add up, so that their transforms
+multiply (small-angle theory: Dolin 1966; Wells 1969; here with the light lost on the longer paths):
+
+    q(k, s) = int_{Theta < 90 deg} 2 pi p sin(Theta) J_0(k s tan(Theta)) exp(-a s (sec(Theta) - 1)) dTheta
+    Q(k)    = int_0^z q ds
+    E_2(r)  = 1/(2 pi) int k dk J_0(k r) int dOmega I J_0(k (z + z_0) tan(theta)) exp(-(a + b) z sec(theta))
+                  [exp(b Q sec(theta)) - 1 - b Q sec(theta)]
+
+The term of first order, left out here, is known exactly (see `single`).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.special import j0
+
+from lightfield.arrays import Array
+from lightfield.formula.scattered.nodes import HALF_PI, emission, finest_rad, interval, turns
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.water.phase.spec import PhaseSpec
+
+#: Largest k of the transform times the width of the beam on the plane; its nodes; those of Q, from zero and
+#: this k on; nodes along the path; angles of scattering.
+_REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 40, 0.05, 16, 96
+
+
+class Spread:
+    """Transform of where scattered light arrives on a plane: Q(k) for any water.
+
+    Parameters
+    ----------
+    phase : PhaseSpec
+    z_m, apparent_distance_m : float, m
+    reach : float
+        Largest k times z + z_0, see `reach`.
+    """
+
+    def __init__(self, phase: PhaseSpec, z_m: float, apparent_distance_m: float, reach: float) -> None:
+        self.z_m, self.behind_m = z_m, z_m + apparent_distance_m
+        self._s, self._along = interval(_ALONG)
+        self._s, self._along = self._s * z_m, self._along * z_m
+        self.reach = reach
+        part = self._s / self.behind_m
+        turn, share = turns(phase, _TURNS, HALF_PI)
+        self._longer = 1 / np.cos(turn) - 1
+        moved = part[:, None] * np.tan(turn)
+        k = _coarse(reach)[:, None]
+        self._kept = j0(k * moved.ravel()) * (share * self._along[:, None]).ravel()
+
+    def q(self, a: float) -> Array:
+        """Q at the nodes of the transform, m."""
+        lost = np.exp(-a * self._s[:, None] * self._longer)
+        return np.asarray(_between(self.reach) @ (self._kept @ lost.ravel()))
+
+
+def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> Array:
+    """Irradiance by light that was scattered more than once, for unit intensity on the axis, m^-2.
+
+    Parameters
+    ----------
+    lamp : Lamp
+    spread : Spread
+        Of the same plane.
+    tangent : array, shape (n,)
+        Distance from the axis over that from the apparent source.
+    a, b : float, m^-1
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    top = spread.reach
+    t, w = interval(_K_NODES)
+    k, weight = top * t * t, top * 2 * t * w
+    sent, slant, transform = _transformed(lamp, top)
+    slanted = b * np.outer(spread.q(a), slant)
+    twice = np.expm1(slanted) - slanted
+    arrived = (transform * twice) @ (sent * np.exp(-(a + b) * spread.z_m * slant))
+    return np.asarray(j0(np.outer(tangent, k)) @ (arrived * k * weight) / (2 * math.pi * spread.behind_m**2))
+
+
+def reach(lamp: Lamp) -> float:
+    """Largest k times the distance of a plane that its light needs."""
+    return _REACH / finest_rad(lamp)
+
+
+def _coarse(top: float) -> Array:
+    """Values of k at which Q is worked out."""
+    return np.concatenate([[0.0], np.geomspace(_Q_FROM, top, _Q_NODES)])
+
+
+@lru_cache(8)
+def _between(top: float) -> Array:
+    """From these to the nodes of the transform, by a cubic spline; shape (n_k, n_coarse)."""
+    t, _ = interval(_K_NODES)
+    return np.asarray(CubicSpline(_coarse(top), np.eye(_Q_NODES + 1))(top * t * t))
+
+
+@lru_cache(8)
+def _transformed(lamp: Lamp, top: float) -> tuple[Array, Array, Array]:
+    """Light sent, slant of its paths, and J_0 of every k and angle of emission."""
+    theta, sent = emission(lamp)
+    t, _ = interval(_K_NODES)
+    return sent, 1 / np.cos(theta), j0(np.outer(top * t * t, np.tan(theta)))

@@ -1,0 +1,107 @@
+"""Nodes to integrate over: angles of scattering, angles of emission, and plain intervals."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.profile import radial_intensity
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein
+from lightfield.scene.water.phase.of_scene import phase_function
+from lightfield.scene.water.phase.spec import PhaseSpec
+
+HALF_PI = 0.5 * math.pi
+#: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
+_LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
+#: Intensities, relative to the axis, between which the edge of a beam is measured; a Gaussian's is this many
+#: half widths wide.
+_EDGE, _GAUSSIAN_EDGE = (0.75, 0.25), 0.7700
+
+
+class Nodes(NamedTuple):
+    """Where to evaluate an integrand, and with which weights to sum it; arrays of one shape."""
+
+    at: Array
+    weight: Array
+
+
+@lru_cache(maxsize=32)
+def interval(n: int, stretched: bool = False) -> Nodes:
+    """Gauss-Legendre nodes from 0 to 1; stretched, denser at both ends: s^2 (3 - 2 s)."""
+    x, w = np.polynomial.legendre.leggauss(n)
+    s, ws = 0.5 * (x + 1), 0.5 * w
+    return Nodes(s * s * (3 - 2 * s), 6 * ws * s * (1 - s)) if stretched else Nodes(s, ws)
+
+
+@lru_cache(maxsize=32)
+def turns(phase: PhaseSpec, n: int, up_to_rad: float = math.pi) -> Nodes:
+    """Angles of scattering in rad, at quantiles of the phase function; the weights are shares of the light.
+
+    Parameters
+    ----------
+    phase : PhaseSpec
+    n : int
+    up_to_rad : float
+        Largest angle; the weights sum to the share of what is scattered by less.
+    """
+    function, (s, weight) = phase_function(phase), interval(n, stretched=True)
+    share = float(function.cdf(up_to_rad))
+    u = share * s
+    if isinstance(function, HenyeyGreenstein):
+        angle = np.arccos(np.clip(function.sample(u), -1, 1))
+    else:
+        known, table = function.inverse_cdf_table()
+        angle = np.exp(np.interp(u, known, np.log(table)))
+    return Nodes(np.minimum(angle, up_to_rad * (1 - 1e-9)), share * weight)
+
+
+def mean_cosine(phase: PhaseSpec) -> float:
+    """Mean cosine of the angle of scattering."""
+    return _mean_cosine(phase)
+
+
+@lru_cache(maxsize=64)
+def _mean_cosine(phase: PhaseSpec) -> float:
+    return phase_function(phase).mean_cosine()
+
+
+def intensity(lamp: Lamp, theta_squared: Array) -> Array:
+    """Radiant intensity over that on the axis, at squared angles from it; rad^2."""
+    return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
+
+
+@lru_cache(maxsize=256)
+def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
+    """Largest angle at which the beam is as bright as this part of its axis, rad."""
+    theta = np.linspace(0.0, HALF_PI, 20001)
+    bright = np.flatnonzero(intensity(lamp, theta * theta) >= level)
+    i = int(bright[-1])
+    if i + 1 == len(theta):
+        return HALF_PI
+    high, low = intensity(lamp, theta[i : i + 2] ** 2)
+    part = (high - level) / (high - low) if high > low else 0.0
+    return float(theta[i] + part * (theta[1] - theta[0]))
+
+
+@lru_cache(maxsize=256)
+def finest_rad(lamp: Lamp) -> float:
+    """Standard deviation of the Gaussian beam whose edge is as sharp, rad."""
+    edge = half_width_rad(lamp, _EDGE[1]) - half_width_rad(lamp, _EDGE[0])
+    width = min(half_width_rad(lamp), max(edge, 1e-6) / _GAUSSIAN_EDGE)
+    return width / math.sqrt(2 * math.log(2))
+
+
+@lru_cache(maxsize=256)
+def emission(lamp: Lamp) -> Nodes:
+    """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis."""
+    theta = np.linspace(0.0, _WIDEST_RAD, 4001)
+    bright = theta[intensity(lamp, theta * theta) > 1e-6]
+    top = min(_WIDEST_RAD, 1.02 * float(bright[-1]) + 1e-3)
+    t, w = interval(_LAMP_NODES)
+    at = top * t
+    return Nodes(at, 2 * math.pi * top * w * np.sin(at) * intensity(lamp, at * at))

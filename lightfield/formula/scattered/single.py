@@ -1,0 +1,157 @@
+"""Light that was scattered once, exactly.
+
+Seen from the line between the lamp S and a place D, R long, light that leaves S at an angle chi to it and
+arrives at D at psi was turned by Theta = psi + chi. All points of scattering with the same Theta lie on a
+circle's arc, and along it the squares of both distances cancel (equiangular sampling; Kulla and Fajardo 2012,
+doi:10.1111/j.1467-8659.2012.03148.x):
+
+    E_1 = (b/R) int p(Theta) Theta dTheta  int_0^1 dt  int dphi  I(theta) cos(theta_D)
+                exp(-c R (sin(psi) + sin(chi)) / sin(Theta)),        chi = t Theta
+
+Of an apparent source behind the window only what is beyond the window is water: the arc ends there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.formula.scattered.nodes import interval, turns
+from lightfield.scene.water.phase.spec import PhaseSpec
+
+#: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
+_DENSE = 1.5
+#: Beams of a half width less than this part of the angle that they are seen from are narrow.
+_NARROW = 0.18
+
+
+class Resolution(NamedTuple):
+    """Numbers of nodes: angles of scattering, along an arc, and over half a turn about the line.
+
+    The other half is its mirror image. Errors are 1e-4 to five half widths of the beam aside; beyond, where
+    the beam is a narrow part of what is seen, the finer nodes are taken.
+    """
+
+    turns: int
+    along: int
+    around: int
+
+    @classmethod
+    def for_beam(cls, half_width_rad: float, tangent: float) -> Resolution:
+        """What a beam takes, seen from up to this tangent of the angle to its axis."""
+        return cls(48, 32, 16) if half_width_rad < _NARROW * tangent else cls(20, 14, 10)
+
+
+class SinglePaths(NamedTuple):
+    """Paths of light that is scattered once, to places beside the axis of a round lamp.
+
+    Parameters
+    ----------
+    theta_squared : array, shape (n, n_arcs, n_along, n_around), rad^2
+        Squared angle of emission from the axis.
+    weight : array, of the same shape, m^-1
+        Of the light of each path, with the receiver's cosine.
+    water_m : array, of the same shape or with one for n_around, m
+        Length of the path in water.
+    """
+
+    theta_squared: Array
+    weight: Array
+    water_m: Array
+
+    def lit(self, intensity: Array) -> LitPaths:
+        """With the light of a lamp, given its intensity along each path, relative to its axis."""
+        sent = intensity * self.weight
+        together = self.water_m.shape[-1] == 1
+        return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, self.water_m)
+
+
+class LitPaths(NamedTuple):
+    """Paths of light that is scattered once, with the light of a lamp.
+
+    Parameters
+    ----------
+    sent : array, shape (n, n_arcs, n_along, n_around or 1), m^-1
+    water_m : array, of the same shape, m
+    """
+
+    sent: Array
+    water_m: Array
+
+    def light(self, a: float, b: float) -> Array:
+        """Irradiance for unit intensity on the axis, m^-2, shape (n,), in water of these coefficients."""
+        return np.asarray(b * (self.sent * np.exp(-(a + b) * self.water_m)).sum(axis=(1, 2, 3)))
+
+
+def single_paths(
+    phase: PhaseSpec,
+    half_width_rad: float,
+    radius_m: Array,
+    z_m: Array,
+    apparent_distance_m: float = 0.0,
+    resolution: Resolution | None = None,
+) -> SinglePaths:
+    """The paths of light that is scattered once, for receivers that face the lamp's plane.
+
+    Parameters
+    ----------
+    phase : PhaseSpec
+    half_width_rad : float
+        Of the beam, roughly: where nodes are dense.
+    radius_m, z_m : arrays, shape (n,), m
+        Distance of the places from the axis, and from the window.
+    apparent_distance_m : float, m
+        Of the source behind the window.
+    resolution : Resolution, optional
+    """
+    resolution = resolution or Resolution.for_beam(half_width_rad, float((radius_m / z_m).max()))
+    behind = z_m + apparent_distance_m
+    length = np.hypot(radius_m, behind)[:, None, None, None]
+    sin_a, cos_a = (v[:, None, None, None] / length for v in (radius_m, behind))
+    turn, share = (v[:, None, None] for v in turns(phase, resolution.turns))
+    sin_t, cos_t = np.sin(turn), np.cos(turn)
+    axis, dense = np.arctan2(sin_a, cos_a), _DENSE * half_width_rad
+    s, around = interval(resolution.around)
+    narrow = np.arcsinh(axis / half_width_rad)
+    phi = math.pi * (1 - _sinh_ratio(narrow, s))
+    around = math.pi * around * _sinh_slope(narrow, s)
+    towards, aside = cos_a, -sin_a * np.cos(phi)  # of the lamp's axis: along the line and across it
+    end = turn
+    if apparent_distance_m > 0:
+        # The arc meets the window where R sin(Theta - chi) (A cos(chi) + B sin(chi)) = z_0 sin(Theta).
+        whole, tilt = np.hypot(towards, aside), np.arctan2(aside, towards)
+        right = (2 * apparent_distance_m / length - towards) * sin_t + aside * cos_t
+        met = 0.5 * (turn + tilt - np.arcsin(np.clip(right / whole, -1, 1)))
+        end = np.clip(met, 0, turn)
+    s, along = (v[:, None] for v in interval(resolution.along))
+    first, last = np.arcsinh(-axis / dense), np.arcsinh((end - axis) / dense)
+    at = first + (last - first) * s
+    chi = axis + dense * np.sinh(at)
+    along = along * dense * np.cosh(at) * (last - first)
+    psi = turn - chi
+    sin_chi, cos_chi, sin_psi, cos_psi = np.sin(chi), np.cos(chi), np.sin(psi), np.cos(psi)
+    cosine = towards * cos_chi + aside * sin_chi
+    arrival = np.maximum(towards * cos_psi - aside * sin_psi, 0.0)
+    # p(Theta) dTheta = share / (2 pi sin(Theta)); half a turn about the line stands for a whole one.
+    weight = share / sin_t * along * around * arrival / (math.pi * length)
+    water = (sin_psi + sin_chi) * (length / sin_t)
+    if apparent_distance_m > 0:
+        water = np.maximum(water - apparent_distance_m / np.maximum(cosine, 1e-6), 0.0)
+    return SinglePaths(np.arccos(np.clip(cosine, -1, 1)) ** 2, weight, water)
+
+
+def _sinh_ratio(scale: Array, s: Array) -> Array:
+    """sinh(scale s) / sinh(scale): from 0 to 1, denser at 0 the larger the scale."""
+    small = scale < 1e-6
+    safe = np.where(small, 1.0, scale)
+    return np.where(small, s, np.sinh(safe * s) / np.sinh(safe))
+
+
+def _sinh_slope(scale: Array, s: Array) -> Array:
+    """Derivative of `_sinh_ratio` by s."""
+    small = scale < 1e-6
+    safe = np.where(small, 1.0, scale)
+    return np.where(small, 1.0, safe * np.cosh(safe * s) / np.sinh(safe))

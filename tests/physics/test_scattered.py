@@ -1,0 +1,198 @@
+"""Scattered light without photons: against volume integrals, closed forms, and traces within their errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lightfield.formula.scattered.field import ScatteredField, describes
+from lightfield.formula.scattered.multiple import Spread, multiple, reach
+from lightfield.formula.scattered.nodes import emission, half_width_rad, intensity, turns
+from lightfield.formula.scattered.single import single_paths
+from lightfield.render.diffuse.ratio import traced_ratio
+from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.water.phase.of_scene import phase_function
+from lightfield.scene.water.phase.spec import FournierForand, HenyeyGreenstein, PhaseSpec
+
+FORWARD = HenyeyGreenstein(g=0.924)
+A, B = 0.1, 0.3
+
+
+def scene(**values: object) -> Scene:
+    """Unbounded water of b = 0.3 per m; keywords name the scene's values with __ for a point."""
+    text = (
+        "[water]\nbase = 'none'\nabsorption_per_m = 0.1\nscattering_per_m = 0.3\n"
+        "[detector]\nquantity = 'irradiance'\n"
+    )
+    return Scene.from_toml(text).with_values({k.replace("__", "."): v for k, v in values.items()})
+
+
+def once_scattered(
+    lamp: Lamp, phase: PhaseSpec, place: tuple[float, float, float], behind_m: float = 0.0
+) -> float:
+    """First-order irradiance: the volume integral in spherical coordinates about the lamp.
+
+    E = int dOmega I(theta) int dr b p(Theta) cos(theta_D) exp(-c (r + s)) / s^2, with the polar axis towards
+    the receiver, chi chi to it graded, and r = R cos(chi) + R sin(chi) tan(eta), cos(Theta) = -sin(eta).
+    """
+    to = np.add(place, (0.0, 0.0, behind_m))
+    length = float(np.linalg.norm(to))
+    e3 = to / length
+    e1 = np.cross([0.0, 1.0, 0.0], e3)
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(e3, e1)
+    x, w = np.polynomial.legendre.leggauss(120)
+    t, wt = 0.5 * (x + 1), 0.5 * w
+    chi, w_chi = (math.pi * t**5)[:, None, None], (5 * math.pi * t**4 * wt)[:, None, None]
+    phi = (np.arange(48) + 0.5) * (2 * math.pi / 48)
+    out = np.cos(chi)[..., None] * e3 + np.sin(chi)[..., None] * (
+        np.cos(phi)[:, None] * e1 + np.sin(phi)[:, None] * e2
+    )
+    ahead = np.maximum(out[..., 2], 1e-9)
+    window = behind_m / ahead  # where the water begins
+    low = np.arctan2(window - length * np.cos(chi), length * np.sin(chi))
+    eta = low + (0.5 * math.pi - low) * (t * t * (3 - 2 * t))[:, None]
+    w_eta = (0.5 * math.pi - low) * (6 * t * (1 - t) * wt)[:, None]
+    s = length * np.sin(chi) / np.cos(eta)
+    r = length * np.cos(chi) + length * np.sin(chi) * np.tan(eta)
+    down = (to[2] - r * out[..., 2]) / s
+    theta = np.arccos(np.clip(out @ np.array(beam_axes(lamp)[2]), -1, 1))
+    light = intensity(lamp, theta**2) * phase_function(phase).pdf(-np.sin(eta)) * np.maximum(down, 0.0)
+    light = light * (out[..., 2] > 0) * np.exp(-(A + B) * (r - window + s))
+    # dr / s^2 = d(eta) / (R sin(chi)), which the sine of the solid angle cancels.
+    return float(B / length * (light * w_chi * w_eta).sum() * (2 * math.pi / 48))
+
+
+@pytest.mark.parametrize("phase", [FORWARD, HenyeyGreenstein(g=0.7), FournierForand(n=1.1, mu=3.5835)])
+@pytest.mark.parametrize(("radius", "behind"), [(0.05, 0.0), (0.6, 0.0), (0.6, 2.5)])
+def test_light_scattered_once_is_the_volume_integral(phase: PhaseSpec, radius: float, behind: float) -> None:
+    """To 0.1 %."""
+    lamp = Lamp(hwhm_deg=3.81, apparent_distance_m=behind)
+    z = np.array([4.0])
+    paths = single_paths(phase, half_width_rad(lamp), np.array([radius]), z, behind)
+    found = paths.lit(intensity(lamp, paths.theta_squared)).light(A, B)[0]
+    assert found == pytest.approx(once_scattered(lamp, phase, (radius, 0.0, 4.0), behind), rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [(0.5, 0.0, 4.0), (-0.4, 0.3, 7.0)])
+def test_a_tilted_beam_is_one_seen_from_its_own_axis(place: tuple[float, float, float]) -> None:
+    """Thin water, so that all is scattered once: to 1 % of the volume integral about the tilted axis."""
+    tilted = scene(lamp__tilt_x_deg=6.0, lamp__tilt_y_deg=-2.0)
+    field = ScatteredField(*(np.array([v]) for v in place))
+    found = field.at(tilted, np.array([A + B]), np.array([1e-4]))[0, 0] / 1e-4 * B
+    assert found == pytest.approx(once_scattered(tilted.lamp, FORWARD, place), rel=1e-2)
+
+
+def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
+    """Over a whole plane sum_n>1 (b Q)^n / n! of what each direction sends, with Q = int q ds at k = 0.
+
+    At a = 0 nothing is lost but what turns back: Q is z times the share of light scattered by less than a
+    right angle. Beyond 63 degrees, where 3 % arrive, the light falls with the cube of the tangent.
+    """
+    lamp, z, b = Lamp(hwhm_deg=3.0), 4.0, 0.3
+    spread = Spread(FORWARD, z, 0.0, reach(lamp))
+    tangent = np.linspace(0, 2, 20001)
+    light = multiple(lamp, spread, tangent, 0.0, b)
+    power = 2 * math.pi * z**2 * (np.trapezoid(light * tangent, tangent) + light[-1] * tangent[-1] ** 2)
+    forward = float(phase_function(FORWARD).cdf(0.5 * math.pi))
+    theta, sent = emission(lamp)
+    slant = b * z / np.cos(theta)
+    expected = (sent * np.exp(-slant) * (np.expm1(slant * forward) - slant * forward)).sum()
+    assert power == pytest.approx(expected, rel=1e-2)
+
+
+def test_clear_water_has_light_in_proportion_to_b_and_more_orders_in_proportion_to_its_square() -> None:
+    lamp = Lamp(hwhm_deg=3.81)
+    spread = Spread(FORWARD, 5.0, 0.0, reach(lamp))
+    thin, twice = (multiple(lamp, spread, np.array([0.05]), A, b)[0] for b in (1e-4, 2e-4))
+    assert twice / thin == pytest.approx(4.0, rel=2e-3)
+    field, here = ScatteredField(np.array([0.3]), np.zeros(1), np.array([5.0])), scene()
+    one, two, none = (field.at(here, np.array([A]), np.array([b]))[0, 0] for b in (1e-4, 2e-4, 0.0))
+    assert two / one == pytest.approx(2.0, rel=1e-3)
+    assert none == 0.0
+
+
+def test_a_lamp_aside_lights_what_is_aside() -> None:
+    x, y, z = np.array([0.1, 0.5, -0.4]), np.array([0.0, 0.2, 0.3]), np.array([4.0, 5.0, 8.0])
+    aside = scene(lamp__offset_x_m=0.3, lamp__offset_y_m=-0.2)
+    moved = ScatteredField(x + 0.3, y - 0.2, z).light(aside, [None])
+    assert moved == pytest.approx(ScatteredField(x, y, z).light(scene(), [None]), rel=2e-4)
+
+
+def test_between_its_nodes_the_field_is_what_it_is_at_them() -> None:
+    """A field of one distance and few angles has its nodes elsewhere: interpolation is good to 2e-4."""
+    x, z = np.tile(np.linspace(0, 1, 7), 3), np.repeat([3.0, 5.3, 9.0], 7)
+    together = ScatteredField(x, 0 * x, z).light(scene(), [None])[0]
+    for plane in np.unique(z):
+        here = z == plane
+        alone = ScatteredField(x[here], 0 * x[here], z[here]).light(scene(), [None])[0]
+        assert together[here] == pytest.approx(alone, rel=2e-4)
+
+
+def test_what_is_described() -> None:
+    assert describes(scene())
+    assert not describes(scene(lamp__ellipticity=1.2))
+    assert not describes(scene(detector__acceptance_hwhm_deg=40.0))
+    assert not describes(scene(detector__quantity="scalar_irradiance"))
+
+
+def test_weights_of_scattering_angles_are_shares() -> None:
+    """All of the light, and below a right angle the cumulative share; the mean cosine is g."""
+    nodes = turns(FORWARD, 64)
+    assert nodes.weight.sum() == pytest.approx(1.0, abs=1e-12)
+    assert nodes.weight @ np.cos(nodes.at) == pytest.approx(0.924, abs=1e-5)
+    forward = turns(FORWARD, 64, 0.5 * math.pi)
+    assert forward.weight.sum() == pytest.approx(float(phase_function(FORWARD).cdf(0.5 * math.pi)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("values", "within"),
+    [
+        ({}, 0.01),
+        ({"water__scattering_per_m": 0.2, "lamp__apparent_distance_m": 2.5}, 0.01),
+        ({"lamp__hwhm_deg": 5.0, "water__scattering_per_m": 0.7, "water__phase__g": 0.95}, 0.03),
+        ({"lamp__profile": "super-gaussian", "lamp__shape_exponent": 4.0}, 0.03),
+    ],
+)
+def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within: float) -> None:
+    """Where a trace is sure of it, the ratio to the light without photons is next to one."""
+    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
+    here = scene(**values)
+    ratio = traced_ratio(here, x, 0 * x, z, np.array([525.0]), photons=1e6, seed=5)
+    basis = ratio.basis(here, x, 0 * x, z)
+    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
+    assert np.all(np.abs(basis @ ratio.value[0] - 1) < within + 3.5 * error)
+    assert error.mean() < 0.005
+
+
+@pytest.mark.slow
+def test_walls_and_surface_send_nothing_into_a_ratio() -> None:
+    """The same photons in a black tank and in a bright one with a water surface."""
+    x, z = np.tile(np.linspace(0, 0.6, 4), 3), np.repeat([3.0, 4.5, 6.0], 4)
+    tank = {"width_m": 2.0, "depth_m": 1.5, "length_m": 10.0}
+    black, bright = (
+        traced_ratio(scene(tank={**tank, **more}), x, 0 * x, z, np.array([525.0]), photons=1e5, seed=2)
+        for more in ({"wall_albedo": 0.0, "surface": "none"}, {"wall_albedo": 0.8, "surface": "flat"})
+    )
+    basis, error = (f(black) for f in (lambda r: r.basis(scene(), x, 0 * x, z), lambda r: r.root[0]))
+    away = basis @ (black.value[0] - bright.value[0])
+    assert np.all(np.abs(away) < 4 * np.sqrt(2) * np.linalg.norm(basis @ error, axis=1))
+
+
+@pytest.mark.slow
+def test_ratios_of_two_seeds_differ_by_what_they_state() -> None:
+    """Chi-square of the difference of the polynomials' coefficients, nine of them: p above 1e-3."""
+    from scipy.stats import chi2
+
+    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
+    one, two = (
+        traced_ratio(scene(), x, 0 * x, z, np.array([525.0]), photons=5e5, seed=seed) for seed in (11, 12)
+    )
+    covariance = one.root[0] @ one.root[0].T + two.root[0] @ two.root[0].T
+    away = one.value[0] - two.value[0]
+    assert chi2.sf(float(away @ np.linalg.solve(covariance, away)), len(away)) > 1e-3
