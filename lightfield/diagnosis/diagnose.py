@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of,
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
@@ -26,15 +27,18 @@ from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
-from lightfield.render.at_readings import rendered_light
+from lightfield.render.at_readings import REL_ERROR, rendered_light
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
-#: Photons of the fresh render that ends a ladder; readings that mirror each other share them.
-FRESH_PHOTONS = 1.5e6
+#: Photons of the fresh render that ends a ladder, and at most where its error is more than a part of the
+#: readings': it could not object. Readings that mirror each other share them.
+FRESH_PHOTONS, MOST_FRESH_PHOTONS, _PRECISE = 1.5e6, 1.2e7, 0.5
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
 #: independent errors may add up to more by chance, by so many standard deviations of that.
 CONFIRMED, _CHANCE_SIGMA = 1.15, 3
+#: No render is asked to be better than this, relatively.
+_FINEST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ class Diagnosis:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
         return standard_errors(self.prepared, self.finding)
 
-    def rendered(self, max_photons: float = FRESH_PHOTONS) -> Diagnosis:
+    def rendered(self, max_photons: float = MOST_FRESH_PHOTONS) -> Diagnosis:
         """Render the last rung afresh, in full, and add its error to the ladder: physics, not curve fitting.
 
         A render that contradicts the fit takes back what the fit said.
@@ -96,15 +100,16 @@ class Diagnosis:
         Parameters
         ----------
         max_photons : float
-            Photon budget of the trace.
+            Photon budget of a trace.
         """
-        step, problem, verdict = self.steps[-1], self.prepared.problem, self.verdict
-        light, error = rendered_light(self.scene, self.readings, max_photons=max_photons, symmetry=True)
-        model = self.forward.read(light, step.fit.values)
-        up = self.forward.read(light + error, step.fit.values)
+        problem, verdict = self.prepared.problem, self.verdict
+        photons, precision, floor = min(FRESH_PHOTONS, max_photons), REL_ERROR, self._floor_percent
+        fresh, stderr = self._rendered_percent(photons, precision)
+        if stderr > _PRECISE * floor > 0 and photons < max_photons:
+            more = (stderr / (_PRECISE * floor)) ** 2
+            photons, precision = min(more * photons, max_photons), max(precision / np.sqrt(more), _FINEST)
+            fresh, stderr = self._rendered_percent(photons, precision)
         counted = bright(problem)
-        fresh = percent(problem, model, counted)
-        stderr = float(100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2)))
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
@@ -121,6 +126,24 @@ class Diagnosis:
             if verdict.verdict != "unexplained":
                 update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}
         return replace(self, verdict=verdict.model_copy(update=update))
+
+    @property
+    def _floor_percent(self) -> float:
+        """What the readings' own errors leave of any explanation, as the ladder counts."""
+        counted = bright(self.prepared.problem)
+        value = self.prepared.problem.value[counted]
+        return float(100 * np.sqrt(np.mean((self.sigma[counted] / value) ** 2)))
+
+    def _rendered_percent(self, photons: float, precision: float) -> tuple[float, float]:
+        """Error of a fresh render of the last rung against the readings, and its own, in per cent."""
+        problem, values = self.prepared.problem, self.steps[-1].fit.values
+        light, error = rendered_light(
+            self.scene, self.readings, rel_error=precision, max_photons=photons, symmetry=True
+        )
+        model, up = self.forward.read(light, values), self.forward.read(light + error, values)
+        counted = bright(problem)
+        own = float(100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2)))
+        return percent(problem, model, counted), own
 
     def as_text(self) -> str:
         """The verdict for people, several lines."""
@@ -240,6 +263,10 @@ def _diagnose(
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
         traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
+    if diffuse == "trace":
+        prepared, finding = settled(prepared, finding, rng, alpha, progress)
+        forward = prepared.problem.forward
+        problem = replace(problem, forward=forward)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)

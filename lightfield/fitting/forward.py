@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.light_source import GAIN, DiffuseSource, LightSource, remembered
+from lightfield.fitting.light_source import GAIN, Diffuse, DiffuseSource, LightSource, remembered
 from lightfield.formula import field as analytic
 from lightfield.readings import Readings, units
 from lightfield.scene import Scene
@@ -111,6 +111,11 @@ class SceneForward:
         """
         scaled = self.light.corrected(light, stderr, values)
         return SceneForward(self.scene, self.readings, full=self._full, light=scaled)
+
+    def following(self, diffuse: Diffuse) -> SceneForward:
+        """A copy with other scattered and reflected light at the readings."""
+        light = replace(self.light, followed=diffuse)
+        return SceneForward(self.scene, self.readings, full=self._full, light=light)
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""

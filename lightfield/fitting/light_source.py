@@ -36,21 +36,25 @@ class Diffuse(Protocol):
         self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.int_]
     ) -> tuple[Array, Array]: ...
 
-    def with_denser(self, other: Self) -> Self: ...
-
     def some(self, rows: NDArray[np.bool_]) -> Diffuse: ...
 
 
-DiffuseSource = Callable[..., Diffuse]
+class TracedDiffuse(Diffuse, Protocol):
+    """The same, from traces in clear water and perhaps in one that scatters more."""
+
+    def with_denser(self, other: Self) -> Self: ...
+
+
+DiffuseSource = Callable[..., TracedDiffuse]
 
 
 def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
     """The source, which gives what it has been asked for before from memory."""
     if source is None:
         return None
-    made: dict[tuple[object, ...], Diffuse] = {}
+    made: dict[tuple[object, ...], TracedDiffuse] = {}
 
-    def once(scene: Scene, *places: Array, **options: float) -> Diffuse:
+    def once(scene: Scene, *places: Array, **options: float) -> TracedDiffuse:
         key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
         if key not in made:
             made[key] = source(scene, *places, **options)
@@ -113,6 +117,8 @@ class LightSource:
         Factor on the light, and error of what comes of it beside the trace's own.
     part_of : (LightSource, array of bool), optional
         Whose readings these are some of, and which: what is traced is traced for all of them.
+    followed : Diffuse, optional
+        Scattered and reflected light in place of what `trace` makes, at these very readings.
     """
 
     scene: Scene
@@ -123,6 +129,7 @@ class LightSource:
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     part_of: tuple[LightSource, NDArray[np.bool_]] | None = None
+    followed: Diffuse | None = None
 
     @classmethod
     def of(
@@ -144,7 +151,8 @@ class LightSource:
             v if np.ndim(v) == 0 else np.asarray(v)[rows] for v in (self.correction, self.stderr)
         )
         some = self.readings.subset(rows)
-        return replace(self, readings=some, correction=correction, stderr=stderr, part_of=(self, rows))
+        part = self, rows
+        return replace(self, readings=some, correction=correction, stderr=stderr, part_of=part, followed=None)
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
         """The same, scaled reading by reading, so that at `values` it is as given with an error."""
@@ -193,7 +201,7 @@ class LightSource:
         modes: Array = np.zeros((n, 0))
         smooth: Array = np.zeros(n)
         if self.trace is not None and has_diffuse_light(scene):
-            modes, smooth = self._response.errors(scene, self._colours, self.channels[1])
+            modes, smooth = self.diffuse.errors(scene, self._colours, self.channels[1])
         factor = np.where(self._wet, self.correction, 0.0)
         modes, smooth = factor[:, None] * modes, factor * smooth
         if np.any(self.stderr):
@@ -223,7 +231,7 @@ class LightSource:
         scene = self.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.trace is not None and has_diffuse_light(scene):
-            every = self._response.light(scene, self._colours)
+            every = self.diffuse.light(scene, self._colours)
             channel = self.channels[1]
             light = light + np.where(self._wet, every[channel, np.arange(len(channel))], 0.0)
         return np.asarray(light * self.correction)
@@ -238,11 +246,17 @@ class LightSource:
         return [None if np.isnan(w) else float(w) for w in self.channels[0]]
 
     @cached_property
-    def _response(self) -> Diffuse:
-        assert self.trace is not None
+    def diffuse(self) -> Diffuse:
+        """Scattered and reflected light at the readings."""
         if self.part_of is not None:
             whole, rows = self.part_of
-            return whole._response.some(rows)
+            return whole.diffuse.some(rows)
+        return self.traced if self.followed is None else self.followed
+
+    @cached_property
+    def traced(self) -> TracedDiffuse:
+        """Diffuse light as `trace` makes it, at these very readings."""
+        assert self.trace is not None
         r = self.readings
         sent = self.scene.with_values({"lamp.hwhm_deg": self.width_deg}, validate=False)
         response = self.trace(sent, r.x_m, r.y_m, r.z_m)

@@ -116,7 +116,20 @@ class Finding:
         return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
 
 
-def _with_base(found: list[Tried], level: Level, n: int) -> list[float]:
+def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:
+    """The base model, fitted and tested at one tolerance."""
+    made, problem = bench(prepared, tolerance, rng), prepared.problem
+    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
+    base = problem.fit((), made.whiten, starts)
+    return Level(tolerance, made, base, made.test(base))
+
+
+def level_for(level: Level) -> float:
+    """Level at which explanations are given up: what passes must pass better than the base model does."""
+    return max(ALPHA_EXPLANATION, min(2 * level.adequacy.p, _EASILY))
+
+
+def with_base(found: list[Tried], level: Level, n: int) -> list[float]:
     """Weights of accepted sets when the base model itself is among the rivals."""
     phi = found[0].adequacy.phi if found[0].adequacy else level.phi
     base = Tried((), level.base, bic(level.base, (), phi, n))
@@ -140,7 +153,6 @@ def search(
         Told what begins.
     """
     problem, n = prepared.problem, int(prepared.problem.keep.sum())
-    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
     levels: list[Level] = []
 
     def began(what: str, width: float) -> None:
@@ -148,20 +160,17 @@ def search(
 
     def prepare_level(width: float) -> Level:
         began("the base model", width)
-        made = bench(prepared, width, rng)
-        base = problem.fit((), made.whiten, starts)
-        levels.append(Level(width, made, base, made.test(base)))
+        levels.append(level_at(prepared, width, rng))
         return levels[-1]
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
         found = at_lowest_minima(problem, found)
-        return Finding(size, level, levels, found, _with_base(found, level, n) if found else [], tried, n)
+        return Finding(size, level, levels, found, with_base(found, level, n) if found else [], tried, n)
 
     exact = prepare_level(0.0)
     if exact.adequacy.passes(alpha):
         return finding(0, exact, [], [])
-    # What passes must pass better than the base model does.
-    level_alpha = max(ALPHA_EXPLANATION, min(2 * exact.adequacy.p, _EASILY))
+    level_alpha = level_for(exact)
 
     def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
         began("one effect at a time", level.tolerance)
@@ -186,7 +195,7 @@ def search(
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
-    level_alpha = max(ALPHA_EXPLANATION, min(2 * tolerant.adequacy.p, _EASILY))
+    level_alpha = level_for(tolerant)
     _, singles = one_more(tolerant, fitted)
     if found := accepted(singles, level_alpha):
         return finding(1, tolerant, found, singles)

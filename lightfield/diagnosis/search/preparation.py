@@ -271,6 +271,12 @@ def _bench(
     return Bench(whiten, test, unknowns, whiten.phi)
 
 
+def judged(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
+    """The adequacy test of an explanation under errors of its own."""
+    unknowns = whitened_unknowns(prepared.problem, whiten)
+    return _bench(prepared, whiten, unknowns, rng, kept=False).test
+
+
 def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
     """Whitened noise, given the uncertainty of the serial correlation in place, shape (n, REPLICATES)."""
     for i, rho in enumerate(serial.levels):
@@ -324,5 +330,4 @@ class OwnErrors:
         problem = self.prepared.problem
         whiten, best = refitted(settle, problem, explanation, fit, self.main.whiten)
         growth = whiten.log_determinant - self.main.whiten.log_determinant
-        unknowns = whitened_unknowns(problem, whiten)
-        return _bench(self.prepared, whiten, unknowns, self.rng, kept=False).test, best, growth
+        return judged(self.prepared, whiten, self.rng), best, growth

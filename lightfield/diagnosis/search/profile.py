@@ -45,13 +45,14 @@ def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whit
     return other if other.chi2 < fit.chi2 else fit
 
 
-def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float) -> list[Fit]:
-    """Fits with one parameter held at points over its whole range, and near its minimum."""
+def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, far: bool) -> list[Fit]:
+    """Fits with one parameter held at points near its minimum, and over its whole range (`far`)."""
     i = fit.paths.index(path)
     parameter = fit.model.parameters[i]
-    grid = np.linspace(parameter.low, parameter.high, _POINTS)
     sigma = float(np.sqrt(fit.covariance(phi)[i, i]))
-    if np.isfinite(sigma):
+    known = np.isfinite(sigma)
+    grid = np.linspace(parameter.low, parameter.high, _POINTS) if far or not known else np.zeros(0)
+    if known:
         grid = np.r_[grid, fit.u[i] + sigma * np.array([-2.0, -1.0, 1.0, 2.0])]
     grid = np.unique(np.clip(grid, parameter.low, parameter.high))
     out: list[Fit] = []
@@ -71,7 +72,7 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float) ->
 
 
 def profiled(
-    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten, phi: float
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten, phi: float, far: bool = True
 ) -> tuple[Fit, Mapping[str, float]]:
     """The lowest minimum over the shapes, and the standard errors that the profile asks for.
 
@@ -82,6 +83,8 @@ def profiled(
     ----------
     phi : float
         Pure-error variance in units of the whitening.
+    far : bool
+        Look for other valleys too.
 
     Returns
     -------
@@ -92,7 +95,7 @@ def profiled(
     shapes = [p.path for c in explanation for p in c.shapes]
     points: list[Fit] = []
     for _ in range(2 if shapes else 0):
-        points = [there for path in shapes for there in _along(problem, fit, whiten, path, phi)]
+        points = [there for path in shapes for there in _along(problem, fit, whiten, path, phi, far)]
         lowest = min(points, key=lambda f: f.chi2)
         if lowest.chi2 > fit.chi2 - _LOWER * phi:
             break

@@ -27,10 +27,13 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.diffuse.traced import TracedWater, within_band
 from lightfield.render.reflected.light import ReflectedLight
+from lightfield.render.response.response import CLASSES
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.scene.water.layers import is_layered, layers_depth
 
+#: Classes of light: all, light that was only scattered, and all that was reflected.
+EVERY_CLASS, SCATTERED, REFLECTED = range(CLASSES), range(1), range(1, CLASSES)
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
 FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
@@ -82,18 +85,32 @@ class DiffuseResponse:
         modes, _ = self.errors(scene, [wavelength_nm], np.zeros(len(self.shift.cell), int))
         return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes, axis=1)
 
-    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
-        """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n)."""
+    def light(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], kinds: range = EVERY_CLASS
+    ) -> Array:
+        """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n).
+
+        Parameters
+        ----------
+        kinds : range
+            Classes of light, see `light_classes`.
+        """
         a, b = _coefficients(scene, wavelengths_nm)
         light = np.zeros((len(a), len(self.shift.cell)))
         for share, water in self._traced(b):
             if share.any():
-                in_cells = self._in_cells(water.classes(scene, a, b, errors=False), len(a))
-                light += share[:, None] * self._at_readings(scene, a + b, in_cells)
-        return light + self._unscattered(scene, a + b)
+                parts = water.classes(scene, a, b, False, kinds)
+                if parts:
+                    in_cells = self._in_cells(parts, len(a))
+                    light += share[:, None] * self._at_readings(scene, a + b, in_cells)
+        return light + self._unscattered(scene, a + b) if REFLECTED[0] in kinds else light
 
     def errors(
-        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.integer[Any]]
+        self,
+        scene: Scene,
+        wavelengths_nm: Sequence[float | None],
+        channel: NDArray[np.integer[Any]],
+        kinds: range = EVERY_CLASS,
     ) -> tuple[Array, Array]:
         """Errors of the light at readings that have one wavelength each.
 
@@ -101,6 +118,8 @@ class DiffuseResponse:
         ----------
         channel : array of int, shape (n,)
             Which of the wavelengths.
+        kinds : range
+            Classes of light.
 
         Returns
         -------
@@ -114,16 +133,20 @@ class DiffuseResponse:
         """
         a, b = _coefficients(scene, wavelengths_nm)
         mine = channel, np.arange(len(channel))
-        light, modes = np.zeros(len(channel)), []
+        light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0))]
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
         for share, water in self._traced(b):
-            parts = water.classes(scene, a, b, errors=True)
+            parts = water.classes(scene, a, b, True, kinds)
+            if not parts:
+                continue
             in_cells = self._in_cells(parts, len(a))
             own = (share[:, None] * self._at_readings(scene, a + b, in_cells))[mine]
             relative = relative_modes(self.shift, parts, in_cells, self.wall_smoother, channel)
             modes.append(own[:, None] * relative)
             light += own
-        smooth = SCATTERED_ERROR * light + REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
+        smooth = SCATTERED_ERROR * light
+        if REFLECTED[0] in kinds:
+            smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
         return np.hstack(modes), smooth
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:

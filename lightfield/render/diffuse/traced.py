@@ -133,13 +133,16 @@ class TracedWater:
         """Scattering coefficient of the water, m^-1."""
         return self.own_top.reference.scattering_per_m
 
-    def classes(self, scene: Scene, a: Array, b: Array, errors: bool) -> dict[int, ClassLight]:
-        """Light of every class in every cell, and its errors; see `TracedLight.classes`."""
+    def classes(
+        self, scene: Scene, a: Array, b: Array, errors: bool, kinds: range = range(CLASSES)
+    ) -> dict[int, ClassLight]:
+        """Light of every class, or of some, in every cell, and its errors; see `TracedLight.classes`."""
         if self.under_surface is None or not scene.surface_reflects:
-            return self.own_top.classes(scene, a, b, range(CLASSES), errors)
+            return self.own_top.classes(scene, a, b, kinds, errors)
         # Light that was only scattered is the same under either top, and known for every g here.
-        scattered = self.own_top.classes(scene, a, b, range(1), errors)
-        return scattered | self.under_surface.classes(scene, a, b, range(1, CLASSES), errors)
+        first, last = kinds.start, kinds.stop
+        scattered = self.own_top.classes(scene, a, b, range(first, min(last, 1)), errors)
+        return scattered | self.under_surface.classes(scene, a, b, range(max(first, 1), last), errors)
 
 
 def within_band(scene: Scene) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import pytest
 from analytic_readings import readings
 
 from lightfield.diagnosis import ledger
-from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.diagnose import FRESH_PHOTONS, MOST_FRESH_PHOTONS, Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 from lightfield.errors import FitError, UsageError
@@ -86,6 +86,23 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
         assert (verdict.verdict, verdict.effects) == kind
         assert ("does not confirm the fit" in verdict.sentence) == said
     assert not any("does not confirm" in w for w in found.verdict.warnings)
+
+
+def test_a_render_too_coarse_to_object_is_made_again_with_more_photons(found: Diagnosis, monkeypatch) -> None:
+    """The first one is off by its error of 10 %, a second with enough photons confirms the fit."""
+    r, asked = found.readings, []
+    light = direct_field(found.scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
+
+    def rendered(*_: object, max_photons: float, rel_error: float, **__: object):
+        asked.append((max_photons, rel_error))
+        error = 0.1 * light * np.sqrt(FRESH_PHOTONS / max_photons)
+        return light, error
+
+    monkeypatch.setattr("lightfield.diagnosis.diagnose.rendered_light", rendered)
+    last = found.rendered().verdict.ladder[-1]
+    assert [photons for photons, _ in asked] == [FRESH_PHOTONS, MOST_FRESH_PHOTONS]
+    assert asked[1][1] < asked[0][1]
+    assert last.rendered_stderr_percent is not None and last.rendered_stderr_percent < 4
 
 
 def test_an_effect_that_the_scene_has_is_not_found_again(found: Diagnosis) -> None:

@@ -1,0 +1,211 @@
+"""The last fits of explanations by scattered light, with light that is followed without photons.
+
+A search compares many explanations by one trace, which is reweighed to each. Its noise is frozen into the
+light and its derivatives, and where the problem is ill-conditioned, as scattering is beside width and
+absorption, it moves fits by many of their errors. So what the search ends with is fitted once more with light
+that is known without photons, times a smooth ratio traced at the very water and lamp that was found; again
+there, until nothing moves. The ratio's error is one of the readings, and so of what is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
+from lightfield.diagnosis.search.own_errors import under_own_errors
+from lightfield.diagnosis.search.preparation import Prepared, judged
+from lightfield.diagnosis.search.profile import profiled, restarted
+from lightfield.diagnosis.search.search import Tried, bic
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import LightSource
+from lightfield.formula.scattered.field import describes
+from lightfield.render.diffuse.followed import FollowedLight
+from lightfield.render.diffuse.ratio import Ratio, traced_ratio
+from lightfield.render.diffuse.response import DiffuseResponse
+from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import scattering_per_m
+
+#: So many explanations are settled, with so many traces each. Chosen: most take two or three.
+_SETTLED, _ROUNDS = 3, 4
+#: Where nothing was accepted, so many that came nearest are given another chance.
+_TRIED_ANEW = 1
+#: Photons of the first trace, by what factor they grow from one to the next, and where the ratio's own noise
+#: widens an error; no trace has more.
+_PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 1e6, 2.0, 3.0, 1.2e7
+#: A fit is settled when no parameter has moved by this part of its error, and photons widen no error by this
+#: one.
+_MOVED, _WIDENED = 0.3, 0.2
+#: Better light that moves a fit by more than so many errors may move its valleys: other shapes are tried.
+_FAR = 3.0
+#: Traces are pooled that were made within so many errors of where the fit has come to.
+_NEAR = 1.5
+#: Traces of a ratio have seeds of their own.
+_SEED = 7000
+#: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
+_SINGULAR = 1e-12
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """An explanation fitted with light traced where it lies."""
+
+    problem: Problem
+    whiten: Whitener
+    fit: Fit
+
+
+def settled(
+    prepared: Prepared,
+    finding: Finding,
+    rng: np.random.Generator,
+    alpha: float = ALPHA,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> tuple[Prepared, Finding]:
+    """What was found, with explanations by scattered light settled; all as it was where there are none.
+
+    Parameters
+    ----------
+    alpha : float
+        Level of the test of the base model.
+
+    Returns
+    -------
+    Prepared
+        With the light of the best explanation.
+    Finding
+        Explanations that do not pass with the better light are accepted no longer, unless what is missing is
+        within the tolerance; of what nothing explained, such that do are.
+    """
+    problem = prepared.problem
+    most = _SETTLED if finding.accepted else _TRIED_ANEW
+    chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:most]
+    if finding.size == 0 or not chosen or not _followed(problem.forward.light):
+        return prepared, finding
+    done: list[tuple[Tried, _Settled]] = []
+    for tried in chosen:
+        progress(f"the scattered light of {' and '.join(tried.names)}")
+        done.append((tried, _settle(problem, tried)))
+    found = _accepted(prepared, finding, done, rng)
+    tolerance = prepared.noise.budget.tolerance
+    if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
+        return found
+    known = [level for level in finding.levels if level.tolerance == tolerance]
+    tolerant = known[0] if known else level_at(prepared, tolerance, rng)
+    levels = finding.levels if known else [*finding.levels, tolerant]
+    within = replace(finding, level=tolerant, levels=levels)
+    if tolerant.adequacy.passes(alpha):
+        return prepared, replace(within, size=0, accepted=[], weights=[])
+    return _accepted(prepared, within, done, rng)
+
+
+def _accepted(
+    prepared: Prepared, finding: Finding, done: list[tuple[Tried, _Settled]], rng: np.random.Generator
+) -> tuple[Prepared, Finding]:
+    """What is accepted of a finding at its level, with what was settled in its place."""
+    main, alpha = finding.level.bench.whiten, level_for(finding.level)
+    made: dict[int, tuple[Prepared, Tried]] = {}
+    for tried, one in done:
+        whiten, fit, errors = one.whiten, one.fit, tried.errors
+        if whiten.tolerance != main.tolerance:
+            whiten = Whitener(whiten.noise, whiten.rho, main.phi, main.tolerance)
+            fit = one.problem.fit(tried.explanation, whiten, [fit.u])
+        there = replace(prepared, problem=one.problem)
+        test = judged(there, whiten, rng)
+        adequacy = test(fit)
+        if adequacy.passes(alpha):
+            fit, errors = profiled(one.problem, tried.explanation, fit, whiten, adequacy.phi, False)
+            adequacy = test(fit)
+        score = bic(fit, tried.explanation, adequacy.phi, finding.n)
+        score += whiten.log_determinant - main.log_determinant
+        new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
+        made[id(tried.explanation)] = there, new
+
+    def now(every: list[Tried]) -> list[Tried]:
+        return [made[id(t.explanation)][1] if id(t.explanation) in made else t for t in every]
+
+    passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
+    passing = [t for t in passing if not t.at_edge] or passing
+    size = len(passing[0].explanation) if passing else None
+    passing = [t for t in passing if len(t.explanation) == size]
+    weights = with_base(passing, finding.level, finding.n) if passing else []
+    best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
+    return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
+
+
+def _scatters(problem: Problem, tried: Tried) -> bool:
+    """Does what was found scatter light, of the kind that is followed?"""
+    light = problem.forward.light
+    scene = light.scene_at(tried.fit.values, validate=False)
+    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > 0) and describes(scene)
+
+
+def _followed(light: LightSource) -> bool:
+    return light.trace is not None and isinstance(light.traced, DiffuseResponse)
+
+
+def _settle(problem: Problem, tried: Tried) -> _Settled:
+    """Trace where the fit lies, fit again, until it moves no more."""
+    assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
+    now = _Settled(problem, tried.test.whiten, tried.fit)
+    traced: list[tuple[Array, Scene, Ratio]] = []
+    photons = _PHOTONS
+    for k in range(_ROUNDS):
+        values = now.fit.values
+        scene, ratio = _ratio_at(problem.forward.light, values, photons, _SEED + k)
+        traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
+        own = _with_light(problem, [(s, r) for _, s, r in traced])
+        before = now.fit.u
+        whiten, fit = under_own_errors(own, tried.explanation, now.fit, now.whiten)
+        if k == 0 and _moved(fit, before) > _FAR:
+            fit = restarted(own, tried.explanation, fit, whiten)
+            whiten, fit = under_own_errors(own, tried.explanation, fit, whiten, rounds=1)
+        now = _Settled(own, whiten, fit)
+        widened = _widened(now)
+        if _moved(fit, before) < _MOVED and widened < _WIDENED:
+            break
+        photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
+    return now
+
+
+def _ratio_at(light: LightSource, values: dict[str, float], photons: float, seed: int) -> tuple[Scene, Ratio]:
+    scene, r = light.scene_at(values, validate=False), light.readings
+    wet = (np.asarray(r.medium) != "air") & (np.asarray(r.z_m) > 0)
+    x, y, z = (np.asarray(v, float)[wet] for v in (r.x_m, r.y_m, r.z_m))
+    return scene, traced_ratio(scene, x, y, z, light.wavelengths_nm, photons=photons, seed=seed)
+
+
+def _with_light(problem: Problem, traced: list[tuple[Scene, Ratio]]) -> Problem:
+    """The problem with the light that these traces tell."""
+    forward, r = problem.forward, problem.forward.readings
+    response = forward.light.traced
+    assert isinstance(response, DiffuseResponse)
+    return replace(
+        problem, forward=forward.following(FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced))
+    )
+
+
+def _moved(fit: Fit, other: Array) -> float:
+    """How far a fit lies from other coordinates, in its errors, at most."""
+    sigma = np.sqrt(np.diag(fit.covariance()))
+    known = np.isfinite(sigma) & (sigma > 0)
+    return float(np.max(np.abs(fit.u - other)[known] / sigma[known], initial=0.0))
+
+
+def _widened(now: _Settled) -> float:
+    """By which part the photons' noise widens the errors of a fit, at most."""
+    whiten = now.whiten
+    still = Whitener(replace(whiten.noise, photon_modes=None), whiten.rho, whiten.phi, whiten.tolerance)
+    slopes = still(whiten.coloured(now.fit.jacobian))
+    norm = np.linalg.norm(slopes, axis=0)
+    with_photons = np.diag(now.fit.covariance())
+    free = (norm > 0) & np.isfinite(with_photons)
+    unit = slopes[:, free] / norm[free]
+    without = np.diag(np.linalg.pinv(unit.T @ unit, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
+    return float(np.max(np.sqrt(with_photons[free] / without) - 1, initial=0.0))

@@ -1,0 +1,94 @@
+"""Scattered light followed without photons, corrected by a smooth traced ratio; reflected light as traced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.formula.scattered.field import ScatteredField, describes
+from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
+from lightfield.render.diffuse.response import REFLECTED, SCATTERED, DiffuseResponse
+from lightfield.scene import Scene
+
+#: What only a response follows, and its neutral value: there the light without photons begins.
+_PLAIN = {"lamp.ellipticity": 1.0, "detector.acceptance_hwhm_deg": 0.0, "detector.tilt_x_deg": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedLight:
+    """Diffuse light at n places: the ratio stays as it was traced, all else moves with the scene.
+
+    Parameters
+    ----------
+    field : ScatteredField
+    response : DiffuseResponse
+        For all light that was reflected, and for what `describes` leaves out, by which it changes the light.
+    ratio : array, shape (n_wavelengths, n)
+        Traced over known light.
+    root : array, shape (n_wavelengths, n, k)
+        Its error as independent contributions.
+    """
+
+    field: ScatteredField
+    response: DiffuseResponse
+    ratio: Array
+    root: Array
+
+    @classmethod
+    def of(
+        cls,
+        response: DiffuseResponse,
+        places: tuple[Array, Array, Array],
+        traced: Sequence[tuple[Scene, Ratio]],
+    ) -> FollowedLight:
+        """From one trace or several, each with the scene that it is of; photons pooled."""
+        x, y, z = (np.asarray(v, float) for v in places)
+        z = np.where(z > 0, z, 1.0)  # in air, or behind the window: asked for by nobody
+        shares = np.array([ratio.photons for _, ratio in traced], float)
+        shares /= shares.sum()
+        value: Array | float = 0.0
+        roots = []
+        for share, (scene, ratio) in zip(shares, traced, strict=True):
+            basis = ratio.basis(scene, x, y, z)
+            value = value + share * ratio.value @ basis.T
+            roots.append(share * np.einsum("nk,wkj->wnj", basis, ratio.root))
+        return cls(ScatteredField(x, y, z), response, np.asarray(value), np.concatenate(roots, axis=2))
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+        """Scattered and reflected light for unit on-axis intensity, shape (n_wavelengths, n), m^-2."""
+        reflected = self.response.light(scene, wavelengths_nm, REFLECTED)
+        return np.asarray(self._scattered(scene, wavelengths_nm) * self.ratio + reflected)
+
+    def errors(
+        self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.integer[Any]]
+    ) -> tuple[Array, Array]:
+        """As those of a `DiffuseResponse`: few modes, one for each polynomial, and what these leave out."""
+        mine = channel, np.arange(len(channel))
+        scattered = self._scattered(scene, wavelengths_nm)[mine]
+        modes, smooth = self.response.errors(scene, wavelengths_nm, channel, REFLECTED)
+        return (
+            np.hstack([scattered[:, None] * self.root[mine], modes]),
+            np.hypot(smooth, TRUNCATION * scattered * self.ratio[mine]),
+        )
+
+    def some(self, rows: NDArray[np.bool_]) -> FollowedLight:
+        """At some of the readings, from the same traces."""
+        f = self.field
+        field = ScatteredField(f.x_m[rows], f.y_m[rows], f.z_m[rows])
+        return replace(
+            self, field=field, response=self.response.some(rows), ratio=self.ratio[:, rows],
+            root=self.root[:, rows],
+        )  # fmt: skip
+
+    def _scattered(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+        if describes(scene):
+            return self.field.light(scene, wavelengths_nm)
+        plain = scene.with_values(_PLAIN, validate=False)
+        here, there = (self.response.light(s, wavelengths_nm, SCATTERED) for s in (scene, plain))
+        change = np.divide(here, there, out=np.ones_like(here), where=there > 0)
+        return np.asarray(self.field.light(plain, wavelengths_nm) * change)

@@ -1,0 +1,28 @@
+"""Fits in scattering water against photons walked by other code (`benchmarks/scattering_fits`)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.scattering_fits.__main__ import BELIEVED, CASES, readings_of
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.render.diffuse.source import response_for
+from lightfield.scene import Scene
+
+
+@pytest.mark.slow
+def test_dense_forward_scattering_is_found_within_its_errors() -> None:
+    """b = 0.4 per m, g = 0.96: a search alone falls short by many of its errors, and settled it does not."""
+    case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
+    readings, scene = readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED)
+    pulls = []
+    for source in (response_for, "trace"):
+        found = diagnose(readings, scene, diffuse=source, advise=False).verdict
+        assert (found.verdict, found.effects) == ("identified", ["scattering"])
+        numbers = found.explanations[0].parameters
+        pulls.append({path: (numbers[path].value - truth) / (numbers[path].stderr or np.nan)
+                      for path, truth in case.truth.items() if path in numbers})  # fmt: skip
+    search, settled = pulls
+    assert search["water.scattering_per_m"] < -4
+    assert all(abs(pull) < 3 for pull in settled.values())

@@ -1,0 +1,67 @@
+"""What settling does to a finding: nothing without scattered light; what passes no more is not accepted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search import settled as module
+from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.settled import settled
+
+#: Seen by errors of 0.5 % together, and hidden by a tolerance of 0.3 %.
+SLANT = 0.003
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    table, scene = readings({"detector.background": 0.02})
+    return diagnose(table, scene, diffuse=None, only=["beam_tilt", "background"], advise=False)
+
+
+def settle_to(monkeypatch: pytest.MonkeyPatch, slant: float) -> None:
+    """With the better light the readings on the right are brighter by this part, and on the left darker."""
+
+    def moved(problem: Problem, tried: Tried) -> module._Settled:
+        assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
+        there = replace(problem, value=problem.value * (1 + slant * np.sign(problem.layout.x_m)))
+        whiten = tried.test.whiten
+        return module._Settled(there, whiten, there.fit(tried.explanation, whiten, [tried.fit.u]))
+
+    for name, value in (("_settle", moved), ("_scatters", lambda *_: True), ("_followed", lambda *_: True)):
+        monkeypatch.setattr(module, name, value)
+
+
+def test_what_does_not_scatter_is_not_traced_again(found: Diagnosis, monkeypatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("there is nothing to trace")
+
+    monkeypatch.setattr(module, "traced_ratio", never)
+    assert found.finding.accepted
+    same = settled(found.prepared, found.finding, np.random.default_rng(0))
+    assert same[0] is found.prepared and same[1] is found.finding
+
+
+def test_an_explanation_that_settles_where_it_was_stays_accepted(found: Diagnosis, monkeypatch) -> None:
+    settle_to(monkeypatch, 0.0)
+    _, again = settled(found.prepared, found.finding, np.random.default_rng(0))
+    assert (again.size, again.identified) == (1, found.finding.identified)
+    assert again.accepted[0].fit.chi2 == pytest.approx(found.finding.accepted[0].fit.chi2)
+
+
+def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, monkeypatch) -> None:
+    """A slant of 5 % is too much; one of 0.3 % is too much for the errors alone, and within a tolerance."""
+    budget = replace(found.prepared.noise.budget, tolerance=0.0)
+    strict = replace(found.prepared, noise=replace(found.prepared.noise, budget=budget))
+    for slant, prepared, size in ((0.05, strict, None), (0.05, found.prepared, None), (SLANT, strict, None),
+                                  (SLANT, found.prepared, 1)):  # fmt: skip
+        settle_to(monkeypatch, slant)
+        _, after = settled(prepared, found.finding, np.random.default_rng(0))
+        assert (after.size, len(after.accepted)) == (size, size or 0)
+        assert after.level.tolerance == prepared.noise.budget.tolerance

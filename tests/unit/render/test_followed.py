@@ -1,0 +1,78 @@
+"""Scattered light followed without photons: what the ratio, the response and pooling do to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightfield.formula.scattered.field import ScatteredField
+from lightfield.render.diffuse.followed import FollowedLight
+from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
+from lightfield.render.diffuse.response import REFLECTED, SCATTERED
+from lightfield.scene import Scene
+
+X, Z = np.array([0.0, 0.3, 0.8]), np.array([3.0, 4.0, 5.0])
+PLACES = X, 0 * X, Z
+SCENE = Scene.from_toml("[water]\nbase = 'none'\nabsorption_per_m = 0.1\nscattering_per_m = 0.2\n")
+
+
+@dataclass(frozen=True)
+class FakeResponse:
+    """Reflected light of one, and scattered light in proportion to the ellipticity."""
+
+    rows: tuple[int, ...] = (0, 1, 2)
+
+    def light(self, scene: Scene, wavelengths_nm: list[Any], kinds: range) -> np.ndarray:
+        level = {REFLECTED: 1.0, SCATTERED: scene.lamp.ellipticity}[kinds]
+        return np.full((len(wavelengths_nm), len(X)), level)[:, list(self.rows)]
+
+    def errors(
+        self, scene: Scene, wavelengths_nm: list[Any], channel: np.ndarray, kinds: range
+    ) -> tuple[np.ndarray, np.ndarray]:
+        assert kinds == REFLECTED
+        return np.full((len(channel), 1), 0.5), np.full(len(channel), 0.25)
+
+    def some(self, rows: Any) -> FakeResponse:
+        return FakeResponse(tuple(np.flatnonzero(rows).tolist()))
+
+
+def ratio(value: float, root: float, photons: int) -> Ratio:
+    """The same at every place, with one error for all."""
+    return Ratio((3.0, 5.0), 0.1, (1, 1), False, np.array([[value]]), np.array([[[root]]]), photons)
+
+
+def followed(*traced: Ratio) -> FollowedLight:
+    return FollowedLight.of(FakeResponse(), PLACES, [(SCENE, r) for r in traced])  # type: ignore[arg-type]
+
+
+def test_light_is_what_is_known_times_the_ratio_and_what_was_reflected() -> None:
+    known = ScatteredField(*PLACES).light(SCENE, [None])
+    assert followed(ratio(1.02, 0.01, 100)).light(SCENE, [None]) == pytest.approx(1.02 * known + 1.0)
+
+
+def test_photons_of_several_traces_are_pooled() -> None:
+    """Means by photons; errors of independent traces add in squares: sqrt(0.75^2 0.02^2 + 0.25^2 0.04^2)."""
+    pooled = followed(ratio(1.0, 0.02, 300), ratio(1.04, 0.04, 100))
+    assert pooled.ratio == pytest.approx(np.full((1, 3), 1.01))
+    known = ScatteredField(*PLACES).light(SCENE, [None])[0]
+    modes, smooth = pooled.errors(SCENE, [None], np.zeros(3, int))
+    assert modes.shape == (3, 3)  # one for each trace, and one of the reflected light
+    assert np.linalg.norm(modes[:, :2], axis=1) == pytest.approx(known * np.hypot(0.015, 0.01))
+    assert smooth == pytest.approx(np.hypot(0.25, TRUNCATION * 1.01 * known))
+
+
+def test_what_is_not_followed_changes_the_light_as_the_response_says() -> None:
+    light, flat = followed(ratio(1.0, 0.0, 1)), SCENE.with_values({"lamp.ellipticity": 1.3})
+    here, there = (light.light(s, [None]) - 1.0 for s in (flat, SCENE))
+    assert here == pytest.approx(1.3 * there)
+
+
+def test_some_of_the_readings_have_the_same_light() -> None:
+    light, rows = followed(ratio(1.02, 0.01, 100)), np.array([True, False, True])
+    some = light.some(rows)
+    assert some.light(SCENE, [None]) == pytest.approx(light.light(SCENE, [None])[:, rows], rel=1e-3)
+    modes, _ = some.errors(SCENE, [None], np.zeros(2, int))
+    assert modes == pytest.approx(light.errors(SCENE, [None], np.zeros(3, int))[0][rows], rel=1e-3)
