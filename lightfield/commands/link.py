@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, args.scene, *outputs[:k])
-    from lightfield.studies.link import Receiver, as_data, as_text, link
+    from lightfield.studies.link.study import Receiver, link
+    from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
     found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))

@@ -43,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, *inputs, *outputs[:k])
-    from lightfield.studies.working_range import as_data, as_text, working_range
+    from lightfield.studies.working_range.study import working_range
+    from lightfield.studies.working_range.text import as_data, as_text
 
     trace = None
     if not args.no_trace:

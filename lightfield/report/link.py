@@ -11,14 +11,8 @@ from matplotlib.figure import Figure
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
 from lightfield.report.style import BAD, MUTED, SERIES, WIDTH, figure, label
-from lightfield.studies.link import (
-    HEAD,
-    REPORTED_DOCKING_M,
-    Link,
-    bandwidth_sentence,
-    headline,
-    rows,
-)
+from lightfield.studies.link.study import REPORTED_DOCKING_M, Link
+from lightfield.studies.link.text import HEAD, bandwidth_sentence, headline, rows
 
 DASH = (0, (5, 2))
 #: Below this many errors per bit a figure shows none.

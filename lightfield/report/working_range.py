@@ -23,16 +23,8 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.working_range import (
-    ACROSS_M,
-    ALONG_M,
-    BLIND,
-    WorkingRange,
-    distance,
-    headline,
-    metres,
-    rows,
-)
+from lightfield.studies.working_range.study import ACROSS_M, ALONG_M, WorkingRange
+from lightfield.studies.working_range.text import BLIND, distance, headline, metres, rows
 
 #: Errors are drawn this many times as wide as one standard error.
 SIGMAS = 3.0

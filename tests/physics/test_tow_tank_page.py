@@ -18,7 +18,7 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.studies.attenuation.apparent import apparent_attenuation
 from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.study import attenuation
-from lightfield.studies.working_range import working_range
+from lightfield.studies.working_range.study import working_range
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenes" / "unh_tow_tank"
 PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,8 @@ from scipy.special import erfc
 from lightfield.errors import RenderError, UsageError
 from lightfield.report.link import link_page
 from lightfield.scene import Scene
-from lightfield.studies.link import ELECTRON_C, Link, Receiver, as_data, as_text, link
+from lightfield.studies.link.study import ELECTRON_C, Link, Receiver, link
+from lightfield.studies.link.text import as_data, as_text
 
 HALF = np.radians(3.81)
 

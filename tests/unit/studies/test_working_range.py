@@ -15,7 +15,8 @@ from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
-from lightfield.studies.working_range import WorkingRange, as_data, as_text, working_range
+from lightfield.studies.working_range.study import WorkingRange, working_range
+from lightfield.studies.working_range.text import as_data, as_text
 
 HALF = np.radians(3.81)
 C = 0.1

@@ -12,12 +12,11 @@ derivatives are those of the render, scattered light included, or those of the f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.polynomial import chebyshev
-from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from lightfield.arrays import Array
@@ -26,14 +25,14 @@ from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.light_at import LightAt, light_at
+from lightfield.studies.working_range.field import RADII, Field
 
 #: The paper's rule, and what docking asks of a position across and along the beam, in metres.
 PAPER_SHARE, ACROSS_M, ALONG_M = 0.20, 0.1, 0.3
 #: Receivers of the array along a side, and its side in metres: the array of the paper.
 ARRAY_COUNT, ARRAY_SIDE_M = 5, 0.6
-#: Distances that light is asked at, and how far beyond the last plane; radii in half widths of the beam.
+#: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
-_RADII = np.array([0.0, 0.35, 0.7, 1.05, 1.5, 2.0])
 #: Readings so close to the axis, as a part of the distance, are on it.
 _ON_AXIS = 0.005
 #: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
@@ -104,44 +103,6 @@ class WorkingRange:
         return float(self.dataset.attrs["reference_m"])
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
-    """Light around the axis as a smooth function of distance and radius, round about the axis.
-
-    Parameters
-    ----------
-    z_m : array, shape (n_z,), m
-    width : float
-        Tangent of the beam's half width.
-    log : array, shape (n_z, n_radii)
-        ln(E z^2) at the radii `_RADII` width z.
-    """
-
-    z_m: Array
-    width: float
-    log: Array
-
-    def __post_init__(self) -> None:
-        spline = RectBivariateSpline(self.z_m, _RADII**2, self.log, kx=3, ky=3)
-        object.__setattr__(self, "_spline", spline)
-
-    def at(self, rho2_m2: Array, z_m: Array) -> Array:
-        """Light at squared radii and distances, 1/m^2."""
-        u2 = rho2_m2 / (self.width * z_m) ** 2
-        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)  # type: ignore[attr-defined]
-
-    def half_radius(self, z_m: float) -> float:
-        """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
-        there = np.linspace(0, _RADII[-1] ** 2, _SCAN)
-        log = self._spline(z_m, there)[0]  # type: ignore[attr-defined]
-        below = np.flatnonzero(log < log[0] - np.log(2))
-        if not below.size:
-            return float("nan")
-        k = int(below[0])
-        u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
-        return float(np.sqrt(u2) * self.width * z_m)
-
-
 def working_range(
     scene: Scene,
     trace: DiffuseSource | None,
@@ -201,7 +162,7 @@ def working_range(
             ("_formula", plain, axis[1], False), ("_relative_formula", plain, axis[1], True),
         )
     }  # fmt: skip
-    modes = light.relative_modes[:: len(_RADII)]
+    modes = light.relative_modes[:: len(RADII)]
     relative = np.interp(z, nodes, np.linalg.norm(modes - modes[:1], axis=1))
     ratio, formula = (there / there[0] for there in axis)
     half = np.array([[f.half_radius(at) for at in z] for f in (field, plain)])
@@ -273,11 +234,11 @@ def _field(scene: Scene, trace: DiffuseSource | None, z: Array, side_m: float) -
     """Light around the axis, and at the places it was asked at (radii within distances)."""
     beam = float(np.tan(np.radians(scene.lamp.hwhm_deg)))
     needed = np.sqrt(0.5) * side_m / (beam * z[0])
-    most = max(_RADII[-1], 1.1 * needed)
+    most = max(RADII[-1], 1.1 * needed)
     if scene.tank is not None:
         most = min(most, (scene.tank.box_m[0][1] - _BEFORE_WALL_M) / (beam * z[-1]))
-    width = beam * most / _RADII[-1]
-    along, radius = (v.ravel() for v in np.meshgrid(z, _RADII, indexing="ij"))
+    width = beam * most / RADII[-1]
+    along, radius = (v.ravel() for v in np.meshgrid(z, RADII, indexing="ij"))
     x = scene.lamp.offset_x_m + radius * width * along
     light = light_at(scene, x, np.full(len(x), scene.lamp.offset_y_m), along, trace)
     log = np.log(np.maximum(light.direct, _DARK) * along**2) + _smooth(light, along, radius)
@@ -292,7 +253,7 @@ def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
     if not light.diffuse.any():
         return np.zeros(len(z))
     terms = chebyshev.chebvander2d(
-        2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / _RADII[-1]) ** 2 - 1, _DEGREES
+        2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / RADII[-1]) ** 2 - 1, _DEGREES
     )
     weight = 1.0 / np.maximum(np.linalg.norm(light.relative_modes, axis=1), _LEAST_ERROR)
     excess = np.log(np.maximum(light.total, _DARK) / np.maximum(light.direct, _DARK))
@@ -331,10 +292,10 @@ def _pose(field: Field, z_m: float, array: tuple[Array, Array], sigma: float, ga
 
 def _half_error(light: LightAt, field: Field, z: Array) -> Array:
     """Standard error of the radius of half intensity: the light's at the nearest radius over its slope."""
-    modes = light.relative_modes.reshape(len(z), len(_RADII), -1)
+    modes = light.relative_modes.reshape(len(z), len(RADII), -1)
     found, half = np.full(len(z), np.nan), np.array([field.half_radius(at) for at in z])
     for k in np.flatnonzero(np.isfinite(half)):
-        nearest = int(np.argmin(np.abs(_RADII * field.width * z[k] - half[k])))
+        nearest = int(np.argmin(np.abs(RADII * field.width * z[k] - half[k])))
         error = float(np.linalg.norm(modes[k, nearest] - modes[k, 0]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
         low, high = np.log(field.at(r**2, np.full(2, z[k])))
@@ -403,74 +364,3 @@ def _check(**numbers: tuple[float, float, float]) -> None:
     for name, (value, low, high) in numbers.items():
         if not low < value < high:
             raise UsageError(f"impossible {name}", found=value, rule=f"above {low:g}, below {high:g}")
-
-
-def as_text(found: WorkingRange) -> str:
-    """The answer for people."""
-    lines = [headline(found), "", f"{'':<58}{'with scattered light':>22}{'formula':>10}"]
-    lines += [f"{rule:<58}{own:>22}{formula:>10}" for rule, own, formula in rows(found)]
-    lines.append(
-        f"An array of {found.dataset.attrs['array_count']} x {found.dataset.attrs['array_count']} flat "
-    )
-    lines[-1] += (
-        f"receivers, {found.dataset.attrs['array_side_m']:g} m wide, noise of each {100 * found.noise:g} % "
-    )
-    lines[-1] += f"of the reading at {found.reference_m:g} m. {BLIND}"
-    return "\n".join(lines)
-
-
-def headline(found: WorkingRange) -> str:
-    """One sentence: the paper's rule, with and without scattered light."""
-    light, share = found.reaches[0], 100 * found.share
-    return (
-        f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
-        f"the formula says {metres(light.formula_m)}."
-    )
-
-
-#: What a flat array cannot tell.
-BLIND = "A flat array that faces the lamp trades yaw against a step aside: it does not tell yaw."
-
-
-def rows(found: WorkingRange) -> list[list[str]]:
-    """Rule, distance with its error, and that of the formula, as text."""
-    return [[reach.rule, distance(reach), metres(reach.formula_m)] for reach in found.reaches]
-
-
-def distance(reach: Reach) -> str:
-    """A distance with its error."""
-    error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
-    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
-
-
-def metres(value: float) -> str:
-    """A distance that may lie beyond what was asked."""
-    return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
-
-
-def as_data(found: WorkingRange) -> dict[str, Any]:
-    """The answer for programs."""
-
-    def plain(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    data = found.dataset
-    return {
-        "reaches": [
-            {
-                "name": r.name,
-                "rule": r.rule,
-                "z_m": plain(r.z_m),
-                "stderr_m": plain(r.stderr_m),
-                "formula_m": plain(r.formula_m),
-                "beyond_all_asked": bool(np.isinf(r.z_m)),
-            }
-            for r in found.reaches
-        ],
-        **{str(k): [plain(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
-        **{str(k): v for k, v in data.attrs.items()},
-        "snr": found.snr,
-        "readings": None
-        if found.readings is None
-        else {str(k): v.values.tolist() for k, v in found.readings.variables.items()},
-    }

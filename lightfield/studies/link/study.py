@@ -12,7 +12,7 @@ history, so h(t) costs no second one. The formula knows only exp(-cz), and loses
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -337,85 +337,3 @@ def _last(z: Array, ratio: Array) -> float:
         return float("nan")
     log = np.log(np.maximum(ratio, 1e-300))
     return float(brentq(lambda at: np.interp(at, z, log), z[k - 1], z[k]))
-
-
-def headline(found: Link) -> str:
-    """One sentence: range for data in the scene's water."""
-    r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
-    return (
-        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m)} in the scene's water; exp(−cz) "
-        f"says {metres(r.data_formula_m)}."
-    )
-
-
-HEAD = ("water", "a, b (1/m)", "data", "data, with echoes", "data, exp(−cz)", "seen", "seen, exp(−cz)")
-
-
-def rows(found: Link) -> list[list[str]]:
-    """A row per water, in the order of `HEAD`."""
-    table = []
-    for k, (name, r) in enumerate(found.reaches.items()):
-        a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
-        table.append([
-            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m), metres(r.data_with_echoes_m),
-            metres(r.data_formula_m), metres(r.docking_m, r.docking_stderr_m), metres(r.docking_formula_m),
-        ])  # fmt: skip
-    return table
-
-
-def bandwidth_sentence(found: Link, distances: Sequence[float] = (10.0, 20.0, 40.0)) -> str:
-    """Bandwidth of the water by the traced paths in the scene's water."""
-    data = found.dataset.isel(water=0)
-    z = data.z_m.values
-    parts = []
-    for far in distances:
-        if z[0] <= far <= z[-1]:
-            at, error = (
-                float(np.interp(far, z, data[name].values)) / 1e6
-                for name in ("bandwidth_hz", "bandwidth_stderr_hz")
-            )
-            shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
-            parts.append(f"{shown} at {far:g} m")
-    return "Bandwidth by the lengths of the traced paths (3 dB, electrical): " + ", ".join(parts) + "."
-
-
-def as_text(found: Link) -> str:
-    """The answer for people."""
-    receiver = found.receiver
-    lines = [headline(found), ""]
-    for row in [list(HEAD), *rows(found)]:
-        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>19}" for cell in row[2:]))
-    docking = " and ".join(f"{low:g} to {high:g} m" for low, high in REPORTED_DOCKING_M)
-    return "\n".join([
-        *lines, bandwidth_sentence(found),
-        f"{found.scene.lamp.power_w:g} W lamp, {receiver.area_mm2:g} mm² diode of "
-        f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
-        f"background {receiver.background_a:g} A, on-off keying at {receiver.bit_rate_per_s:g} bit/s, error "
-        f"rate {receiver.ber:g}; seen: signal {DOCKING_SNR:g} times the noise in {DOCKING_HZ:g} Hz.",
-        f"Docking by light is reported from {docking}.",
-    ])  # fmt: skip
-
-
-def metres(value: float, stderr: float = float("nan")) -> str:
-    """A distance with its error, or that it lies beyond what was asked."""
-    if np.isnan(value):
-        return "nowhere"
-    if np.isinf(value):
-        return "beyond all asked"
-    return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
-
-
-def as_data(found: Link) -> dict[str, Any]:
-    """The answer for programs."""
-
-    def plain(values: Any) -> Any:
-        if isinstance(values, list):
-            return [plain(v) for v in values]
-        return values if isinstance(values, str) or np.isfinite(values) else None
-
-    data = found.dataset
-    return {
-        "reaches": {name: {k: plain(v) for k, v in vars(r).items()} for name, r in found.reaches.items()},
-        "receiver": vars(found.receiver),
-        **{str(k): plain(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
-    }

@@ -1,0 +1,1 @@
+"""How far a lamp carries data, and is seen."""

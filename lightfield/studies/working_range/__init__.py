@@ -1,0 +1,1 @@
+"""How far a lamp can be used."""

@@ -1,0 +1,53 @@
+"""Light around the axis, smooth in distance and radius."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from lightfield.arrays import Array
+
+#: Radii at which light is asked for, in widths of the field.
+RADII = np.array([0.0, 0.35, 0.7, 1.05, 1.5, 2.0])
+#: Steps on which the radius of half intensity is looked for.
+_SCAN = 600
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Light around the axis as a smooth function of distance and radius, round about the axis.
+
+    Parameters
+    ----------
+    z_m : array, shape (n_z,), m
+    width : float
+        Tangent of the beam's half width.
+    log : array, shape (n_z, n_radii)
+        ln(E z^2) at the radii `RADII` width z.
+    """
+
+    z_m: Array
+    width: float
+    log: Array
+
+    def __post_init__(self) -> None:
+        spline = RectBivariateSpline(self.z_m, RADII**2, self.log, kx=3, ky=3)
+        object.__setattr__(self, "_spline", spline)
+
+    def at(self, rho2_m2: Array, z_m: Array) -> Array:
+        """Light at squared radii and distances, 1/m^2."""
+        u2 = rho2_m2 / (self.width * z_m) ** 2
+        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)  # type: ignore[attr-defined]
+
+    def half_radius(self, z_m: float) -> float:
+        """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
+        there = np.linspace(0, RADII[-1] ** 2, _SCAN)
+        log = self._spline(z_m, there)[0]  # type: ignore[attr-defined]
+        below = np.flatnonzero(log < log[0] - np.log(2))
+        if not below.size:
+            return float("nan")
+        k = int(below[0])
+        u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
+        return float(np.sqrt(u2) * self.width * z_m)

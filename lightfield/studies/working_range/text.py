@@ -1,0 +1,80 @@
+"""What a study of the working range says, to people and to programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lightfield.studies.working_range.study import Reach, WorkingRange
+
+
+def as_text(found: WorkingRange) -> str:
+    """The answer for people."""
+    lines = [headline(found), "", f"{'':<58}{'with scattered light':>22}{'formula':>10}"]
+    lines += [f"{rule:<58}{own:>22}{formula:>10}" for rule, own, formula in rows(found)]
+    lines.append(
+        f"An array of {found.dataset.attrs['array_count']} x {found.dataset.attrs['array_count']} flat "
+    )
+    lines[-1] += (
+        f"receivers, {found.dataset.attrs['array_side_m']:g} m wide, noise of each {100 * found.noise:g} % "
+    )
+    lines[-1] += f"of the reading at {found.reference_m:g} m. {BLIND}"
+    return "\n".join(lines)
+
+
+def headline(found: WorkingRange) -> str:
+    """One sentence: the paper's rule, with and without scattered light."""
+    light, share = found.reaches[0], 100 * found.share
+    return (
+        f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
+        f"the formula says {metres(light.formula_m)}."
+    )
+
+
+#: What a flat array cannot tell.
+BLIND = "A flat array that faces the lamp trades yaw against a step aside: it does not tell yaw."
+
+
+def rows(found: WorkingRange) -> list[list[str]]:
+    """Rule, distance with its error, and that of the formula, as text."""
+    return [[reach.rule, distance(reach), metres(reach.formula_m)] for reach in found.reaches]
+
+
+def distance(reach: Reach) -> str:
+    """A distance with its error."""
+    error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
+    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
+
+
+def metres(value: float) -> str:
+    """A distance that may lie beyond what was asked."""
+    return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
+
+
+def as_data(found: WorkingRange) -> dict[str, Any]:
+    """The answer for programs."""
+
+    def plain(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    data = found.dataset
+    return {
+        "reaches": [
+            {
+                "name": r.name,
+                "rule": r.rule,
+                "z_m": plain(r.z_m),
+                "stderr_m": plain(r.stderr_m),
+                "formula_m": plain(r.formula_m),
+                "beyond_all_asked": bool(np.isinf(r.z_m)),
+            }
+            for r in found.reaches
+        ],
+        **{str(k): [plain(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
+        **{str(k): v for k, v in data.attrs.items()},
+        "snr": found.snr,
+        "readings": None
+        if found.readings is None
+        else {str(k): v.values.tolist() for k, v in found.readings.variables.items()},
+    }
