@@ -114,6 +114,13 @@ def units_of(scene: Scene) -> dict[str, str]:
     return {path: parameter.unit for path, parameter in scene.parameters().items()}
 
 
+def units_in(forward: SceneForward) -> dict[str, str]:
+    """Unit of every scene parameter, and of the amplitudes of curves over these readings."""
+    curves = forward.light.curves
+    amplitudes = curves.parameters if curves else {}
+    return units_of(forward.scene) | {path: parameter.unit for path, parameter in amplitudes.items()}
+
+
 def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
     best, scale = found.finding.best, found.finding.level.phi
 
@@ -308,7 +315,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         Work out held-out errors and the next measurement.
     """
     prepared, finding, trust = found.prepared, found.finding, found.trust
-    problem, level, units = prepared.problem, finding.level, units_of(found.forward.scene)
+    problem, level, units = prepared.problem, finding.level, units_in(found.forward)
     best, kind, untestable = finding.best, kind_of(finding), _untestable(found)
     rival: NearestRival | None = None
     advice: NextMeasurement | None = None

@@ -78,6 +78,10 @@ class FoundEffect(Part):
         "rest allows"
     )
     parameters: dict[str, Estimate] = Field(description="its size, by dotted path")
+    rms_percent: float | None = Field(
+        None,
+        description="of a curve: weighted rms change of the logarithm of the readings, in per cent",
+    )
     sigma_to_remove: float | None = Field(
         None, description="by which the others, refitted, are worse without it"
     )

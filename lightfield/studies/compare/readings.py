@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare
 from lightfield.diagnosis.verdict.calibration import by_shape
-from lightfield.diagnosis.verdict.compose import estimates, units_of
+from lightfield.diagnosis.verdict.compose import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
 from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.plausibility import hints
@@ -229,7 +229,7 @@ def fit_readings(
         return FitReport(
             model,
             solver,
-            estimates(fit, adequacy.phi, _units(model.forward)),
+            estimates(fit, adequacy.phi, units_in(model.forward)),
             Statistics(
                 fit.chi2 * made.phi,
                 max(int(problem.keep.sum()) - len(fit.u), 1),
@@ -240,12 +240,6 @@ def fit_readings(
             Residuals.of(problem, fit.prediction, np.sqrt(prepared.noise.variance(1.0, 0.0))),
             [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted],
         )
-
-
-def _units(forward: SceneForward) -> dict[str, str]:
-    """Unit of everything that a fit may move, by path."""
-    amplitudes = forward.light.curves.parameters if forward.light.curves else {}
-    return units_of(forward.scene) | {path: parameter.unit for path, parameter in amplitudes.items()}
 
 
 def _refit(

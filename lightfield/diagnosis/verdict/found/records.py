@@ -4,7 +4,7 @@ would be without it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import hypot, isfinite
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
@@ -52,6 +52,7 @@ def _record(
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
         level="simplest",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
+        rms_percent=_rms_percent(candidate, fit),
         with_it=_water_and_beam(forward, fit),
     )
     if one is None:
@@ -71,6 +72,13 @@ def _record(
             "without_it": None if one.without is None else _water_and_beam(forward, one.without.fit),
         }
     )
+
+
+def _rms_percent(candidate: Candidate, fit: Fit) -> float | None:
+    """Of a curve, whose functions are orthonormal in the metric of the readings."""
+    if not candidate.effect.is_free_form:
+        return None
+    return 100 * hypot(*(fit.values[p.path] for p in candidate.amplitudes))
 
 
 def _finite(number: float) -> float | None:

@@ -39,7 +39,9 @@ def _with(names: Sequence[str]) -> str:
 
 
 def size(one: FoundEffect) -> str:
-    """The parameters of an effect with their errors."""
+    """The parameters of an effect with their errors; of a curve how far it departs."""
+    if one.rms_percent is not None:
+        return f"a curve of {len(one.parameters)} functions, {one.rms_percent:.2g} % rms of the readings"
     return ", ".join(_value(path, estimate) for path, estimate in one.parameters.items())
 
 
