@@ -24,6 +24,7 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
         "compare {scene}/data.csv --scene {scene}/scene.toml -o {out}",
         "diagnose {scene}/data.csv --scene {scene}/scene.toml -o {out} --report {out}/index.html",
     ),
+    "dive_lamp": ("diagnose {scene}/data.csv --scene {scene}/scene.toml -o {out} --report {out}/index.html",),
 }
 
 

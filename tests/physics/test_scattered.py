@@ -9,7 +9,7 @@ import pytest
 
 from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
-from lightfield.formula.scattered.nodes import emission, half_width_rad, intensity, turns
+from lightfield.formula.scattered.nodes import emission, finest_rad, half_width_rad, intensity, turns
 from lightfield.formula.scattered.single import single_paths
 from lightfield.render.diffuse.ratio import traced_ratio
 from lightfield.scene import Scene
@@ -196,3 +196,18 @@ def test_ratios_of_two_seeds_differ_by_what_they_state() -> None:
     covariance = one.root[0] @ one.root[0].T + two.root[0] @ two.root[0].T
     away = one.value[0] - two.value[0]
     assert chi2.sf(float(away @ np.linalg.solve(covariance, away)), len(away)) > 1e-3
+
+
+def test_a_beam_that_is_not_brightest_on_its_axis_has_its_widths() -> None:
+    """Half and edge are parts of the brightest, whatever the intensity on the axis and its scale."""
+    theta, h = np.linspace(0.0, 30.0, 301), 5.0
+    ring = (1 - 0.6 * np.exp(-((theta / 2.0) ** 2))) * np.exp(-np.log(2) * (theta / h) ** 8)
+    widths = []
+    for factor in (1.0, 0.4):
+        flat = factor * np.maximum(ring, 1e-6) * 2 ** ((theta / h) ** 2)  # over the Gaussian that departs
+        departure = tuple(zip(theta.tolist(), np.log(flat).tolist(), strict=True))
+        lamp = Lamp(hwhm_deg=h, profile_departure=departure)
+        widths.append((half_width_rad(lamp), finest_rad(lamp)))
+    expected = np.interp(-0.5 * ring.max(), -ring[40:], theta[40:])
+    assert np.degrees(widths[0][0]) == pytest.approx(expected, abs=0.02)
+    assert widths[0] == pytest.approx(widths[1], rel=1e-6)

@@ -77,13 +77,14 @@ def intensity(lamp: Lamp, theta_squared: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
-    """Largest angle at which the beam is as bright as this part of its axis, rad."""
+    """Largest angle at which the beam is as bright as this part of its brightest, rad."""
     theta = np.linspace(0.0, HALF_PI, 20001)
-    bright = np.flatnonzero(intensity(lamp, theta * theta) >= level)
-    i = int(bright[-1])
+    light = intensity(lamp, theta * theta)
+    level *= float(light.max())
+    i = int(np.flatnonzero(light >= level)[-1])
     if i + 1 == len(theta):
         return HALF_PI
-    high, low = intensity(lamp, theta[i : i + 2] ** 2)
+    high, low = light[i : i + 2]
     part = (high - level) / (high - low) if high > low else 0.0
     return float(theta[i] + part * (theta[1] - theta[0]))
 
@@ -100,7 +101,8 @@ def finest_rad(lamp: Lamp) -> float:
 def emission(lamp: Lamp) -> Nodes:
     """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis."""
     theta = np.linspace(0.0, _WIDEST_RAD, 4001)
-    bright = theta[intensity(lamp, theta * theta) > 1e-6]
+    light = intensity(lamp, theta * theta)
+    bright = theta[light > 1e-6 * light.max()]
     top = min(_WIDEST_RAD, 1.02 * float(bright[-1]) + 1e-3)
     t, w = interval(_LAMP_NODES)
     at = top * t
