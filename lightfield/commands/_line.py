@@ -27,6 +27,7 @@ COMMANDS = {
     "hide": "make readings with an effect hidden in them, to test a diagnosis",
     "diagnose": "find the physical effect that readings show and the model lacks",
     "plan": "what a measurement layout can detect and tell apart, before measuring",
+    "array": "what a follower's detectors can know of its pose",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",
     "export": "write cases of a sweep as spectral EXR",

@@ -23,6 +23,7 @@ COMMANDS = (
     "compare data.csv --scene scene.toml",
     "compare data.csv --scene scene.toml --with background,lamp_drift",
     "plan data.csv --scene scene.toml --no-trace",
+    "array show scene.toml --no-trace --report out.html",
     "sweep scene.toml --plan plan.toml --dry-run",
     "sweep scene.toml --vary water.absorption_per_m=0:0.5:5 --dry-run",
     "hide scene.toml --effect background -o out",

@@ -42,6 +42,7 @@ MORE = (
     '[tank]\nwall_albedo = 0.3\nsurface = "flat"\nlamp_depth_m = 1.0\nbehind_lamp_m = 1.0',
     '[detector]\nquantity = "radiance"\nfull_angle_deg = 5.0\naim = "axis"',
     "[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.1, 0.0, 4.5]]",
+    "[array]\nradius_m = 0.5\ncount = [3, 3]\nadc_bits = 8\n[follower]\nx_m = 0.1\nyaw_deg = 5.0",
     "[detector]\nbackground = 0.1\nsaturation = 0.1\nbands_nm = [[450.0, 500.0], [500.0, 550.0]]",
 )
 TABLES = {

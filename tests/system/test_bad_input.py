@@ -26,6 +26,7 @@ FIVE = "4.5,1\n5.5,0.6\n6.5,0.4\n7.5,0.3\n8.5,0.2\n"
 # Files by name. `folder` is a folder, `taken` a file where a folder is wanted.
 FILES: dict[str, str | bytes] = {
     "scene.toml": TANK,
+    "array.toml": "[array]\n",
     "open.toml": "[water]\nabsorption_per_m = 0.1\n",
     "places.toml": "[detector]\npositions_m = [[0, 0, 4.5], [0.1, 0, 4.5]]\n",
     "readings.csv": f"z_m,value\n{FIVE}",
@@ -209,6 +210,11 @@ WRONG: list[tuple[str, list[str]]] = [
     ("diagnose readings.csv --scene scene.toml --report taken/r.html", ["taken", "cannot write here"]),
     ("diagnose readings.csv --scene scene.toml -o taken", ["taken", "cannot write here"]),
     # plan
+    ("array show scene.toml", ["no array", "add the table [array]"]),
+    ("array show array.toml --half-width -1 --no-trace", ["--half-width", "above 0 to 100 m"]),
+    ("array show array.toml --max-photons 1", ["--max-photons", "1e3 to 1e12"]),
+    ("array show array.toml --report folder --no-trace", ["folder", "a file"]),
+    ("array", ["required: TASK"]),
     ("plan readings.csv", ["required: --scene"]),
     ("plan no.csv --scene scene.toml", ["no.csv", "No such file"]),
     ("plan millimetres.csv --scene scene.toml", ["line 1", "rename 'z_mm' to z_m, in metres"]),

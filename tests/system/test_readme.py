@@ -25,6 +25,7 @@ SHORT = {
     "regime": "--max-photons 2e3",
     "hide": "--max-photons 2e4",
     "plan": "--no-trace",
+    "array": "--no-trace",
     "picture": "--samples 2 --size 64x36",
 }
 
