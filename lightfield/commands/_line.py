@@ -28,6 +28,7 @@ COMMANDS = {
     "diagnose": "find the physical effect that readings show and the model lacks",
     "plan": "what a measurement layout can detect and tell apart, before measuring",
     "array": "what a follower's detectors can know of its pose",
+    "pose": "where a follower is by its readings, and where it would be by the formula",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",
     "export": "write cases of a sweep as spectral EXR",

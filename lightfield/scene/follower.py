@@ -44,6 +44,9 @@ class DetectorArray(Part):
     )  # fmt: skip
     element_area_mm2: float = number(13.0, "mm2", "light-sensitive area", NOTHING, above=0.0, high=1e6)
     responsivity_a_per_w: float = number(0.25, "A/W", "current per light", NOTHING, above=0.0, high=10.0)
+    gain: float = number(
+        1.0, "reading m2", "reading per irradiance over the lamp's intensity on its axis", NOTHING, above=0.0
+    )
     noise_percent: float = number(
         1.0,
         "%",

@@ -26,6 +26,7 @@ SHORT = {
     "hide": "--max-photons 2e4",
     "plan": "--no-trace",
     "array": "--no-trace",
+    "pose": "--no-trace",
     "picture": "--samples 2 --size 64x36",
 }
 

@@ -172,8 +172,13 @@ class TracedField:
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
         diffuse = on_receivers(self._at(self._mean[:3], place), normal)
-        spread = [on_receivers(self._at(one[:3], place), normal) for one in self._batches]
+        spread = self.batches(place, normal)
         return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
+
+    def batches(self, place_m: Array, normal: Array) -> Array:
+        """`reading` of every independent part of the trace, shape (n_batches, n)."""
+        direct = on_receivers(direct_flux(self.scene, place_m), normal)
+        return direct + np.stack([on_receivers(self._at(one[:3], place_m), normal) for one in self._batches])
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from lightfield.report.style import BAD, GOOD, INK, MUTED, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.studies.follower.design import Judged
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING, Survey
@@ -17,6 +18,7 @@ from lightfield.studies.follower.survey import DOCKING, Survey
 #: In which unit a coordinate is shown, and its factor.
 SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
 LEVELS = 13  # of a map
+MOST_ARRAYS = 4  # side by side
 WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
 
 
@@ -66,7 +68,7 @@ def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = Non
     points = axis.scatter(
         x,
         y,
-        s=70,
+        s=45,
         c=SERIES[0] if light is None else light,
         cmap="magma",
         vmin=0,
@@ -77,7 +79,7 @@ def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = Non
     size = max(elements.reach_m, 1e-6)
     axis.quiver(
         x, y, elements.normal[:, 0], elements.normal[:, 1], color=MUTED, angles="xy", scale_units="xy",
-        scale=6 / size, width=0.005, zorder=4,
+        scale=3 / size, width=0.005, zorder=4,
     )  # fmt: skip
     if light is not None:
         axis.figure.colorbar(points, ax=axis, shrink=0.75, label="reading at the scene's pose (%)")
@@ -119,22 +121,27 @@ def _met(survey: Survey, name: str) -> float:
     return float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
 
 
-def comparison_figure(values: Mapping[str, float], unit: str, title: str) -> Figure:
-    """Bars of one number each, smallest best."""
-    names = list(values)
-    known = np.array([values[n] for n in names])
-    best = int(np.nanargmin(np.where(np.isfinite(known), known, np.nan))) if np.isfinite(known).any() else -1
-    with figure(WIDTH, 0.9 + 0.42 * len(names)) as fig:
-        axis = fig.subplots()
-        shown = np.where(np.isfinite(known), known, np.nan)
-        axis.barh(names, shown, color=[GOOD if k == best else SERIES[5] for k in range(len(names))])
-        for k, value in enumerate(known):
-            text = f"{value:.3g}" if np.isfinite(value) else "unknown"
-            axis.annotate(text, (value if np.isfinite(value) else axis.get_xlim()[0], k), (4, 0),
-                          textcoords="offset points", va="center")  # fmt: skip
+def comparison_figure(arrays: Sequence[Judged]) -> Figure:
+    """The arrays, best first, over bars of their criterion."""
+    shown = arrays[:MOST_ARRAYS]
+    reach = 1.25 * max(one.elements.reach_m for one in shown)
+    with figure(WIDTH, 3.4 + 0.45 * len(shown)) as fig:
+        ratios = (2.6, 0.5 + 0.45 * len(shown))
+        upper, lower = fig.subfigures(2, 1, squeeze=False, height_ratios=ratios)[:, 0]
+        for axis, one in zip(upper.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+            draw_array(axis, one.elements)
+            axis.set_xlim(-reach, reach)
+            axis.set_ylim(-reach, reach)
+            axis.set_title(f"{one.name}\n{len(one.elements)} elements", fontsize=9)
+        axis = lower.subplots()
+        values = [one.criterion for one in shown]
+        colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
+        axis.barh([one.name for one in shown], values, color=colours)
+        for k, value in enumerate(values):
+            axis.annotate(f"{value:.3g}", (value, k), (4, 0), textcoords="offset points", va="center")
         axis.set_xscale("log")
-        axis.margins(x=0.15)
+        axis.set_xlim(0.5 * min(values), 2 * max(values))
         axis.invert_yaxis()
         axis.grid(False, axis="y")
-        label(axis, unit, "", title)
+        label(axis, "A, sum of variances in units of the task", "")
     return fig

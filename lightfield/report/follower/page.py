@@ -9,9 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.report.follower.array_figures import SHOWN, WORDS, map_figure, survey_figure
+from lightfield.report.follower.array_figures import (
+    SHOWN,
+    WORDS,
+    comparison_figure,
+    map_figure,
+    survey_figure,
+)
 from lightfield.report.page import PageFigure, fill, page_figure, write_page
 from lightfield.scene import Scene
+from lightfield.studies.follower.design import Comparison
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound
 from lightfield.studies.follower.survey import Survey
@@ -134,3 +141,55 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
     origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
     lead = ["Docking asks for 0.1 m across, 0.3 m along the beam and 5 degrees."]
     return write(path, "Detector array", verdict, lead, sections, survey.scene, origin)
+
+
+def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
+    """Page of `array compare` and `array optimise`."""
+    best, worst = found.arrays[0], found.arrays[-1]
+    rows = [
+        [
+            one.name,
+            str(len(one.elements)),
+            f"{one.criterion:.3g}",
+            *(f"{SHOWN[n][1] * s:.3g}" for n, s in one.sigma.items()),
+        ]
+        for one in found.arrays
+    ]
+    places = [
+        [str(k + 1), *(f"{1e3 * v:.0f}" for v in place), *(f"{v:+.0f}" for v in tilts)]
+        for k, (place, tilts) in enumerate(zip(best.elements.place_m, best.elements.tilts_deg, strict=True))
+    ]
+    sections = [
+        Section(
+            "Side by side",
+            [
+                page_figure(
+                    comparison_figure(found.arrays), "arrays", "Every array as the lamp sees it; arrows: "
+                                                               "where its "
+                    "elements face. Below: sum of the variances, smaller is better; a factor of 4 is half "
+                    "the error.",
+                    "Arrays side by side",
+                )
+            ],
+            f"Root mean square bounds over the poses of the task ({found.task}).",
+            ["array", "elements", "A", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in best.sigma)],
+            rows,
+        ),
+        Section(
+            f"Elements of {best.name}",
+            (),
+            "Places and tilts towards +x and +y.",
+            ("", "x (mm)", "y (mm)", "z (mm)", "tilt x (deg)", "tilt y (deg)"),
+            places,
+        ),
+    ]  # fmt: skip
+    verdict = (
+        f"{len(best.elements)} elements ({best.name}) know the pose "
+        f"{np.sqrt(worst.criterion / best.criterion):.2g} times "
+        f"as well as the {len(worst.elements)} of {worst.name}."
+    )
+    lead = [
+        "Compared by A: the sum of the variances of the pose in units of 1 cm across, 10 cm along, 1 degree."
+    ]
+    origin = [("light", light_in_words(found.traced)), ("task", found.task)]
+    return write(path, "Detector arrays", verdict, lead, sections, found.scene, origin)

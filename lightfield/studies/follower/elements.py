@@ -32,6 +32,16 @@ class Elements:
     def __len__(self) -> int:
         return len(self.place_m)
 
+    def as_csv(self) -> str:
+        """The table that a scene reads with layout = "table"."""
+        rows = np.concatenate([self.place_m, self.normal], axis=1)
+        return "\n".join([",".join(COLUMNS), *(",".join(f"{v:.6g}" for v in row) for row in rows), ""])
+
+    @property
+    def tilts_deg(self) -> Array:
+        """Towards +x and +y, of the normals (tan tx, tan ty, -1), degrees, shape (n, 2)."""
+        return np.asarray(np.degrees(np.arctan2(self.normal[:, :2], -self.normal[:, 2:])))
+
     @property
     def reach_m(self) -> float:
         """Distance of the element that is farthest from the middle, m."""

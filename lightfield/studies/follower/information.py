@@ -191,6 +191,30 @@ def bounds_together(
     ]
 
 
+def bound_pair(
+    model: Model, pose: Array, names: Sequence[str], noise: Noise, nuisances: Mapping[str, float]
+) -> tuple[Bound, Bound]:
+    """What noise scatters of an estimate that seeks the gain, too; and the bound with the nuisances unknown.
+
+    With H the information of pose and gain, its prior included, and B what of it the readings brought,
+    the scatter from one reading to the next is H^-1 B H^-1: the prior is the same in all.
+    """
+    n = len(names)
+    readings, whole = information(model, pose, [*names, *nuisances], noise)
+    sought = [*range(n), *(n + k for k, name in enumerate(nuisances) if name == "gain")]
+    brought = whole[np.ix_(sought, sought)]
+    prior = float(nuisances.get("gain", UNKNOWN)) ** -2.0
+    back = inverse(brought + np.diag([0.0] * n + [prior] * (len(sought) - n)))
+    known = np.isfinite(np.diag(back))
+    scatter = np.where(known[:, None] & known, back, 0.0)
+    scatter = scatter @ brought @ scatter + np.diag(np.where(known, 0.0, np.inf))
+    alone = Bound(pose, tuple(names), scatter[:n, :n], {}, readings)
+    whole = whole + np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()])
+    covariance = inverse(whole)
+    spread = dict(zip(nuisances, np.sqrt(np.diag(covariance)[n:]).tolist(), strict=True))
+    return alone, Bound(pose, tuple(names), covariance[:n, :n], spread, readings)
+
+
 def information(model: Model, pose: Array, names: Sequence[str], noise: Noise) -> tuple[Array, Array]:
     """Readings at a pose, and the Fisher information of `names`, shape (len(names), len(names))."""
     readings, error = model.with_errors(pose)

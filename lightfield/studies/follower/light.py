@@ -44,6 +44,8 @@ class Light(Protocol):
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]: ...
 
+    def batches(self, place_m: Array, normal: Array) -> Array: ...
+
     def in_water_of(self, scene: Scene) -> Light: ...
 
 
@@ -61,6 +63,10 @@ class FormulaLight:
         """`reading`, and errors of zero."""
         found = self.reading(place_m, normal)
         return found, np.zeros_like(found)
+
+    def batches(self, place_m: Array, normal: Array) -> Array:
+        """`reading`, once: nothing is traced."""
+        return self.reading(place_m, normal)[None]
 
     def in_water_of(self, scene: Scene) -> FormulaLight:
         return FormulaLight(scene)
@@ -144,6 +150,11 @@ class Model:
         place, normal = placed(self.elements, pose[None])
         read, error = self.light.irradiance(place[0], normal[0])
         return self.gain * read, self.gain * error
+
+    def batches(self, pose: Array) -> Array:
+        """Readings at one pose of independent parts of the trace, shape (n_batches, n_elements)."""
+        place, normal = placed(self.elements, pose[None])
+        return self.gain * self.light.batches(place[0], normal[0])
 
     def slopes(self, pose: Array, names: Sequence[str]) -> Array:
         """Derivatives of the readings, shape (n_elements, len(names)).

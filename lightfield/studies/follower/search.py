@@ -21,7 +21,7 @@ from lightfield.studies.follower.light import MARGIN_M, Model, Space
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
 DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
 #: A search ends when a step gains less than this of chi2, in sigma^2, or is as stiff as this.
-LITTLE, STIFFEST = 1e-9, 1e10
+LITTLE, STIFFEST = 1e-6, 1e10
 MOST_STEPS = 60
 #: Largest change of the logarithm of the gain in one step (chosen).
 LONGEST_GAIN_STEP = 0.5
