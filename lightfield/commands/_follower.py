@@ -15,7 +15,7 @@ from lightfield.storage.files import atomic_path, output_file
 if TYPE_CHECKING:
     from lightfield.studies.follower.light import Space
 
-PHOTONS = 4e6
+PHOTONS = 1e7
 
 
 def add_space(parser: argparse.ArgumentParser) -> None:

@@ -161,6 +161,16 @@ class TracedField:
         other.__dict__["_splines"] = self._splines
         return other
 
+    def leave_one_out(self) -> list[TracedField]:
+        """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
+        mean, batches = self._splines
+        found = []
+        for one in batches:
+            other = TracedField(self.scene, self.grid, self.response)
+            other.__dict__["_splines"] = (len(batches) * mean - one) / (len(batches) - 1), batches
+            found.append(other)
+        return found
+
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """Readings and their standard errors, 1/m^2, shape (n,).
 

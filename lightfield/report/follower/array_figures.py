@@ -65,17 +65,8 @@ def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = Non
     """Elements as the lamp sees them; arrows: where they face."""
     x, y, _ = elements.place_m.T
     light = None if readings is None else 100 * readings / readings.max()
-    points = axis.scatter(
-        x,
-        y,
-        s=45,
-        c=SERIES[0] if light is None else light,
-        cmap="magma",
-        vmin=0,
-        vmax=100,
-        edgecolors=MUTED,
-        zorder=3,
-    )
+    colours = {"color": SERIES[0]} if light is None else {"c": light, "cmap": "magma", "vmin": 0, "vmax": 100}
+    points = axis.scatter(x, y, s=45, edgecolors=MUTED, zorder=3, **colours)
     size = max(elements.reach_m, 1e-6)
     axis.quiver(
         x, y, elements.normal[:, 0], elements.normal[:, 1], color=MUTED, angles="xy", scale_units="xy",

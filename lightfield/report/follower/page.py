@@ -71,7 +71,11 @@ def light_in_words(traced: bool) -> str:
 
 def bound_row(title: str, one: Bound) -> list[str]:
     """Standard deviations, the correlation of x and yaw, and the sum of variances."""
-    cells = [f"{SHOWN[n][1] * s:.3g}" if np.isfinite(s) else "unknown" for n, s in one.sigma.items()]
+    cells = []
+    for name, sigma in one.sigma.items():
+        doubt = one.doubt.get(name, 0.0)
+        shown = f"{SHOWN[name][1] * sigma:.3g}" if np.isfinite(sigma) else "unknown"
+        cells.append(shown + (f" ± {100 * doubt:.0f} %" if doubt and np.isfinite(sigma) else ""))
     tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
     return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 
@@ -150,7 +154,7 @@ def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
         [
             one.name,
             str(len(one.elements)),
-            f"{one.criterion:.3g}",
+            f"{one.criterion:.3g} ± {100 * one.doubt:.0f} %",
             *(f"{SHOWN[n][1] * s:.3g}" for n, s in one.sigma.items()),
         ]
         for one in found.arrays

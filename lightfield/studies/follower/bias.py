@@ -238,7 +238,7 @@ def bias_study(
     space: Space | None = None,
     scattering_per_m: Sequence[float] = SCATTERING_PER_M,
     *,
-    photons: float = 4e6,
+    photons: float = 1e7,
     seed: int = 0,
 ) -> BiasStudy:
     """The error of a follower that believes the formula, over waters, calibrations and places.

@@ -16,7 +16,8 @@ so that all candidates cost one product. Then the candidates close in on the bes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,7 @@ from lightfield.errors import SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import TASK_UNITS, nuisances_of
+from lightfield.studies.follower.information import TASK_UNITS, jackknife, nuisances_of
 from lightfield.studies.follower.light import Light, Model, Space, light_of, pose_names
 from lightfield.studies.follower.noise import Noise
 from lightfield.studies.follower.survey import array_of
@@ -86,6 +87,11 @@ class Setting:
     noise: Noise
     nuisances: Mapping[str, float]
 
+    @cached_property
+    def leave_one_out(self) -> list[Setting]:
+        """The same in the light of the trace without one of its batches, for each in turn."""
+        return [replace(self, light=light) for light in self.light.leave_one_out()]
+
     def whitened(self, elements: Elements) -> Array:
         """Derivatives over noise of every element alone, in units of the task, shape (n_poses, n, k).
 
@@ -132,18 +138,21 @@ class Setting:
 
 @dataclass(frozen=True)
 class Judged:
-    """An array in a task: A, and root mean square bounds over its poses, m and rad, by name."""
+    """An array in a task: A, root mean square bounds over its poses, m and rad, and the relative error of A
+    by the noise of the trace (see `information.with_doubt`)."""
 
     name: str
     elements: Elements
     criterion: float
     sigma: dict[str, float]
+    doubt: float
 
     def as_data(self) -> dict[str, Any]:
         return {
             "name": self.name,
             "elements": len(self.elements),
             "A": self.criterion,
+            "A_relative_error_of_trace": self.doubt,
             "rms_m_rad": self.sigma,
             "places_m": self.elements.place_m.tolist(),
             "normals": self.elements.normal.tolist(),
@@ -154,7 +163,8 @@ class Judged:
             f"{n} {1e3 * s:.3g} mm" if n in POSE[:3] else f"{n} {np.degrees(s):.3g} deg"
             for n, s in self.sigma.items()
         )
-        return f"{self.name:<32} {len(self.elements):>3} elements  A {self.criterion:8.3g}  rms {known}"
+        doubt = f"A {self.criterion:8.3g} +- {100 * self.doubt:.0f} %"
+        return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 
 def judged(name: str, elements: Elements, setting: Setting) -> Judged:
@@ -162,7 +172,9 @@ def judged(name: str, elements: Elements, setting: Setting) -> Judged:
     covariances = setting.covariances(setting.whitened(elements))
     squares = np.einsum("pkk->pk", covariances)[:, : len(setting.names)].mean(axis=0)
     sigma = {n: float(TASK_UNITS[n] * np.sqrt(v)) for n, v in zip(setting.names, squares, strict=True)}
-    return Judged(name, elements, float(squares.sum()), sigma)
+    parts = [one.criterion(one.whitened(elements)) for one in setting.leave_one_out]
+    doubt = jackknife(float(squares.sum()), parts)
+    return Judged(name, elements, float(squares.sum()), sigma, doubt)
 
 
 @dataclass(frozen=True)
@@ -198,7 +210,7 @@ def compare(
     space: Space | None = None,
     task: Task = "formation",
     *,
-    photons: float = 4e6,
+    photons: float = 1e7,
     seed: int = 0,
 ) -> Comparison:
     """Arrays of several scenes in the light, noise and task of the first.
@@ -244,7 +256,7 @@ def optimise(
     spacing_m: float = 0.025,
     task: Task = "formation",
     space: Space | None = None,
-    photons: float = 4e6,
+    photons: float = 1e7,
     seed: int = 0,
 ) -> Comparison:
     """The best places and tilts of so many elements in a square, beside the scene's own array.

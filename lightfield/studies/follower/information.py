@@ -13,7 +13,7 @@ for a relative noise m. The bound is local: rivals far away are another question
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,8 @@ class Bound:
     nuisances : dict of str to float
         Standard deviations of what else was unknown, after the reading.
     readings : array, shape (n_elements,)
+    doubt : dict of str to float
+        Relative errors of the standard deviations, by the noise of the trace; see `with_doubt`.
     """
 
     pose: Array
@@ -73,6 +75,7 @@ class Bound:
     covariance: Array
     nuisances: dict[str, float]
     readings: Array
+    doubt: dict[str, float] = field(default_factory=dict)
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -105,6 +108,7 @@ class Bound:
         return {
             "pose": dict(zip(_with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
             "sigma": shown,
+            "sigma_relative_error_of_trace": {name: _finite(v) for name, v in self.doubt.items()},
             "nuisances": self.nuisances,
             "correlation_x_yaw": _finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
             "criteria": {name: _finite(value) for name, value in self.criteria.items()},
@@ -114,7 +118,10 @@ class Bound:
     def as_text(self) -> str:
         """One line."""
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
-        known = ", ".join(_words(name, value) for name, value in self.sigma.items())
+        known = ", ".join(
+            _words(name, value) + (f" +- {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) else "")
+            for name, value in self.sigma.items()
+        )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
 
 
@@ -158,6 +165,45 @@ def bound(
         What else is not known, by the standard deviation beforehand (`UNKNOWN`: nothing), see `Model.slopes`.
     """
     return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
+
+
+def with_doubt(
+    model: Model,
+    parts: Sequence[Model],
+    pose: Array,
+    names: Sequence[str],
+    noise: Noise,
+    nuisances: Mapping[str, float],
+) -> Bound:
+    """A bound with its error by the noise of the trace, whose derivatives look like information.
+
+    Parameters
+    ----------
+    parts : sequence of Model
+        The model without one of the batches of the trace, for each in turn; others as of `bound`.
+    """
+    whole = bound(model, pose, names, noise, nuisances)
+    others = [bound(part, pose, names, noise, nuisances).sigma for part in parts]
+    doubt = {name: jackknife(sigma, [one[name] for one in others]) for name, sigma in whole.sigma.items()}
+    return replace(whole, doubt=doubt)
+
+
+def jackknife(whole: float, parts: Sequence[float]) -> float:
+    """Relative error of a number, bias included, from its values without one batch (Efron 1982, section 2).
+
+    Parameters
+    ----------
+    whole : float
+        With all batches.
+    parts : sequence of float
+        Empty: known exactly.
+    """
+    if not parts or not np.isfinite(whole):
+        return 0.0
+    ratios = np.asarray(parts) / whole
+    if not np.isfinite(ratios).all():
+        return 1.0
+    return float((len(parts) - 1) * np.hypot(ratios.std() / np.sqrt(len(parts) - 1), ratios.mean() - 1))
 
 
 def bounds_together(

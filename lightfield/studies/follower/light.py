@@ -46,6 +46,8 @@ class Light(Protocol):
 
     def batches(self, place_m: Array, normal: Array) -> Array: ...
 
+    def leave_one_out(self) -> Sequence[Light]: ...
+
     def in_water_of(self, scene: Scene) -> Light: ...
 
 
@@ -67,6 +69,10 @@ class FormulaLight:
     def batches(self, place_m: Array, normal: Array) -> Array:
         """`reading`, once: nothing is traced."""
         return self.reading(place_m, normal)[None]
+
+    def leave_one_out(self) -> list[FormulaLight]:
+        """None: nothing is traced."""
+        return []
 
     def in_water_of(self, scene: Scene) -> FormulaLight:
         return FormulaLight(scene)
@@ -155,6 +161,10 @@ class Model:
         """Readings at one pose of independent parts of the trace, shape (n_batches, n_elements)."""
         place, normal = placed(self.elements, pose[None])
         return self.gain * self.light.batches(place[0], normal[0])
+
+    def leave_one_out(self) -> list[Model]:
+        """The same in the light of the trace without one of its batches, for each in turn."""
+        return [replace(self, light=light) for light in self.light.leave_one_out()]
 
     def slopes(self, pose: Array, names: Sequence[str]) -> Array:
         """Derivatives of the readings, shape (n_elements, len(names)).

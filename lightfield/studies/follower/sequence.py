@@ -95,7 +95,7 @@ def poses_of(
     space: Space | None = None,
     *,
     filtered: bool = False,
-    photons: float = 4e6,
+    photons: float = 1e7,
     seed: int = 0,
 ) -> Poses:
     """Poses of the samples of a table.

@@ -12,7 +12,7 @@ from lightfield.errors import SceneError
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, pose_of
-from lightfield.studies.follower.information import Bound, bound, nuisances_of
+from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
 from lightfield.studies.follower.light import Model, Space, light_of, pose_names
 from lightfield.studies.follower.noise import Noise
 from lightfield.studies.follower.rivals import Rival, rivals
@@ -117,7 +117,7 @@ def array_of(scene: Scene) -> DetectorArray:
     return scene.array
 
 
-def survey(scene: Scene, space: Space | None = None, *, photons: float = 4e6, seed: int = 0) -> Survey:
+def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, seed: int = 0) -> Survey:
     """What the array of a scene can know of its pose.
 
     Parameters
@@ -141,12 +141,13 @@ def survey(scene: Scene, space: Space | None = None, *, photons: float = 4e6, se
     light = light_of(scene, space, elements, photons=photons, seed=seed)
     model, noise, nuisances = Model(light, elements), Noise.of_scene(scene), nuisances_of(scene)
     names, pose = pose_names(scene), pose_of(scene.follower)
+    parts = model.leave_one_out()
     near = np.linspace(space.near_m, space.far_m, 3)
     return Survey(
         scene,
         elements,
-        bound(model, pose, names, noise, nuisances),
-        [bound(model, np.array([0, 0, z, 0, 0, 0.0]), names, noise, nuisances) for z in near],
+        with_doubt(model, parts, pose, names, noise, nuisances),
+        [with_doubt(model, parts, np.array([0, 0, z, 0, 0, 0.0]), names, noise, nuisances) for z in near],
         bound_map(model, space, names, noise, nuisances),
         rivals(model, pose, names, noise, box_of(space), gain_sigma=nuisances.get("gain", 0.0), seed=seed),
         nuisances,

@@ -8,7 +8,7 @@ import pytest
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together
+from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, jackknife
 from lightfield.studies.follower.light import FormulaLight, Model
 from lightfield.studies.follower.noise import Noise
 
@@ -173,3 +173,14 @@ def test_electrical_noise_adds_as_variances() -> None:
     electric = 2 * 1.602176634e-19 * (current + 2e-9) * 10 + 5e-12**2 * 10
     step = 0.01 / 256
     np.testing.assert_allclose(noise.variance(light), electric / noise.ampere**2 + step**2 / 12, rtol=1e-12)
+
+
+def test_jackknife_is_the_error_of_a_mean_and_finds_the_bias_of_a_square() -> None:
+    """Of a mean sigma / sqrt(n); of its square, whose bias is the variance of the mean, both together."""
+    values = np.random.default_rng(1).normal(10.0, 1.0, 12)
+    without = (values.sum() - values) / 11
+    error = values.std(ddof=1) / np.sqrt(12)
+    assert jackknife(values.mean(), list(without)) * values.mean() == pytest.approx(error, rel=1e-9)
+    square = jackknife(values.mean() ** 2, list(without**2)) * values.mean() ** 2
+    assert square == pytest.approx(np.hypot(2 * values.mean() * error, error**2), rel=0.02)
+    assert jackknife(1.0, []) == 0.0 and jackknife(1.0, [1.0, np.inf]) == 1.0

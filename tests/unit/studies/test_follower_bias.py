@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import (
     CALIBRATIONS,
+    CLEAR,
     EXACT,
     FITTED,
     RELATIVE,
@@ -75,7 +77,10 @@ def test_the_right_model_has_no_bias_and_the_spread_of_the_bound() -> None:
         found = belief(model, model, POSE_0, FIVE, NOISE, prior)
         np.testing.assert_allclose(found.bias, 0, atol=1e-9)
         expected = bound(model, POSE_0, FIVE, NOISE, {"gain": UNKNOWN} if prior else {})
-        np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-3, atol=1e-9)
+        # The curvature is a difference of differences: step 1e-3 m over light that changes within some 0.05
+        # m.
+        sigma = np.sqrt(np.diag(found.covariance))
+        np.testing.assert_allclose(sigma, list(expected.sigma.values()), rtol=2e-3)
 
 
 def test_calibrations_of_a_formula_that_is_right_are_right() -> None:
@@ -89,19 +94,23 @@ def test_calibrations_of_a_formula_that_is_right_are_right() -> None:
 
 
 def test_a_study_has_every_water_calibration_and_place() -> None:
-    """The formula is its own truth: only the calibration of other water errs, by exp(-0.08 z) at b = 0.1."""
+    """The formula is its own truth here: in the water of its calibration nothing is wrong."""
     found = bias_study(SCENE, SPACE, (0.02, 0.1), photons=0)
     assert found.axis.bias_z.shape == (2, len(CALIBRATIONS), 3)
     assert found.plane.bias_x.shape == (len(CALIBRATIONS), 5, 5)
     assert np.abs(found.axis.bias_z.isel(scattering_per_m=0)).max() < 1e-6
-    wrong = found.axis.bias_z.sel(scattering_per_m=0.1, calibration=CALIBRATIONS[2]).values
-    for z, error in zip((4.5, 6.5, 8.5), wrong, strict=True):
-        # One element on the axis would believe z + d with (z + d)^2 exp(0.07 d) = z^2 exp(0.08 z).
-        d = np.linspace(0, 6, 60001)
-        single = d[np.argmin(np.abs(2 * np.log(1 + d / z) + 0.07 * d - 0.08 * z))]
-        assert error == pytest.approx(single, rel=0.02)
     assert "K and gain from clear water" in found.as_text()
     assert len(found.as_data()["axis"]["bias_z"]) == 2
+
+
+@pytest.mark.parametrize("z", [4.5, 6.5, 8.5])
+def test_a_calibration_that_is_kept_errs_by_what_the_water_swallows(z: float) -> None:
+    """On the axis it believes z + d with (z + d)^2 exp(0.07 (z + d)) = z^2 exp(0.15 z), at b = 0.1."""
+    one, truth = grid((1, 1), 0.1), FormulaLight(SCENE.with_values({"water.scattering_per_m": 0.1}))
+    formula, prior = believed(truth, one, CLEAR, SPACE)
+    found = belief(Model(truth, one), formula, np.array([0, 0, z, 0, 0, 0.0]), ("z",), NOISE, prior)
+    expected = brentq(lambda d: 2 * np.log(1 + d / z) + 0.07 * d - 0.08 * z, 0, 20)
+    assert found.bias[2] == pytest.approx(expected, rel=1e-4)
 
 
 def test_water_that_is_more_than_a_number_is_refused() -> None:
