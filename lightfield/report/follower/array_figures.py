@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from lightfield.report.style import BAD, GOOD, INK, MUTED, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.report.style import BAD, GOOD, INK, MUTED, PAPER, SERIES, WIDTH, figure, label, plain_log_axis
 from lightfield.studies.follower.design import Judged
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
@@ -49,8 +49,10 @@ def survey_figure(survey: Survey) -> Figure:
                     rotation=90,
                 )
         bars.axhline(1, color=BAD, linestyle=(0, (5, 2)))
-        bars.annotate("what docking allows", (1, 1), (-2, 3), xycoords=("axes fraction", "data"),
-                      textcoords="offset points", ha="right", color=BAD, fontsize=9)  # fmt: skip
+        bars.annotate(
+            "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
+            color=BAD, fontsize=9, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},
+        )  # fmt: skip
         bars.set_yscale("log")
         low, high = bars.get_ylim()
         bars.set_ylim(low, max(high, 2.0) * 6)

@@ -138,7 +138,8 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
             "everywhere",
         )[int(survey.reaches > 0) + int(survey.reaches == 1)]
         + (f"; blind to {', '.join(blind)}" if blind else "")
-        + (f"; {len(survey.rivals)} other poses look alike" if survey.rivals else "")
+        + ("; another pose looks alike" if len(survey.rivals) == 1 else "")
+        + (f"; {len(survey.rivals)} other poses look alike" if len(survey.rivals) > 1 else "")
         + "."
     )
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
