@@ -138,15 +138,17 @@ def test_bounds_of_a_hemisphere_in_turbid_water(field) -> None:
 
 
 def test_the_array_is_its_own_meter_of_turbidity(field) -> None:
-    """Flat 0.6 m, b unknown: 0.011 1/m and 88 mm at 6.5 m alone; five distances halve that."""
+    """Flat 0.6 m, b unknown: 0.011 1/m and 88 mm at 6.5 m; from five places 0.0055 1/m and 25 to 60 mm."""
     model = Model(water(field, 0.15), FLAT)
-    poses = np.array([[0, 0, z, 0, 0, 0.0] for z in (4.5, 5.5, 6.5, 7.5, 8.5)])
-    one = bound(model, poses[2], ("x", "y", "z"), NOISE, {"scattering": UNKNOWN})
+    poses = np.array([[0.1 * k, 0, 4.5 + k, 0, 0, 0.0] for k in range(5)])
+    middle = np.array([0, 0, 6.5, 0, 0, 0.0])
+    one = bound(model, middle, ("x", "y", "z"), NOISE, {"scattering": UNKNOWN})
     assert 0.15 * one.nuisances["scattering"] == pytest.approx(0.011, rel=SIGMAS * SLOPES)
     assert one.sigma["z"] == pytest.approx(0.088, rel=SIGMAS * SLOPES)
     five = bounds_together(model, poses, ("x", "y", "z"), NOISE, {"scattering": UNKNOWN})
-    assert five[0].nuisances["scattering"] < 0.5 * one.nuisances["scattering"]
-    assert all(0.02 < each.sigma["z"] < 0.06 for each in five)
+    assert 0.15 * five[0].nuisances["scattering"] == pytest.approx(0.0055, rel=SIGMAS * SLOPES)
+    assert five[0].sigma["z"] == pytest.approx(0.025, rel=SIGMAS * SLOPES)
+    assert five[-1].sigma["z"] == pytest.approx(0.060, rel=SIGMAS * SLOPES)
 
 
 #: A over the prototype's twelve poses.

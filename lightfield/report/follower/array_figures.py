@@ -50,8 +50,8 @@ def survey_figure(survey: Survey) -> Figure:
                 )
         bars.axhline(1, color=BAD, linestyle=(0, (5, 2)))
         bars.annotate(
-            "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
-            color=BAD, fontsize=9, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},
+            "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), color=BAD, fontsize=9,
+            textcoords="offset points", bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},
         )  # fmt: skip
         bars.set_yscale("log")
         low, high = bars.get_ylim()
