@@ -26,8 +26,8 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
         for name in axis.calibration.values:
             one = axis.sel(scattering_per_m=b, calibration=name)
             cells = [
-                f"{1e3 * v:+.0f} ± {1e3 * s:.0f}".replace("-", "\N{MINUS SIGN}")
-                for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
+                f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}".replace("-", "\N{MINUS SIGN}")
+                for v, s, t in zip(one.bias_z.values, one.sigma_z.values, one.trace_z.values, strict=True)
             ]
             rows.append([f"b = {b:g}", str(name), *cells, f"{one.misfit.values.max():.1f}"])
     own = study.scene.water.scattering_per_m
@@ -46,17 +46,15 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             "Along the beam, in ever more turbid water",
             [
                 page_figure(
-                    bias_figure(study), "bias", "Above zero the follower believes to be farther away than "
-                                                "it is, and "
-                    "comes too near. Bars: two standard deviations of the noise of one reading. Grey: 0.3 m.",
+                    bias_figure(study), "bias", "Above zero the follower believes to be farther away "
+                    "than it is, and comes too near. Bars: two standard deviations of the noise of "
+                    "one reading. Grey: 0.3 m.",
                     "Bias against scattering",
                 )
             ],
-            "Believed less true distance on the axis, mm, with one standard deviation of one reading. "
-            "Last: by how much "
-            "the formula fails to explain the readings, chi2 per degree of freedom without noise; below 1 "
-            "nobody "
-            "notices.",
+            "Believed less true distance on the axis, mm, ± noise of one reading ± error of the trace. "
+            "Last: how badly the formula explains the readings, chi2 per degree of freedom without noise; "
+            "below 1 nobody notices.",
             ["water", "calibration", *(f"z = {z:g} m" for z in axis.z_m.values), "misfit"],
             rows,
         ),
@@ -64,19 +62,17 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             f"Over the formation space, b = {own:g} per metre",
             [
                 page_figure(
-                    plane_figure(study), "plane", "From above, lamp below. Every arrow begins where the "
-                                                  "follower is and "
-                    "ends where it believes to be.", "Map of the bias",
+                    plane_figure(study), "plane", "From above, lamp below. Every arrow begins where "
+                    "the follower is and ends where it believes to be.", "Map of the bias",
                 )
             ],
         ),
     ]  # fmt: skip
     lead = [
         "Readings without noise of the true light, explained by Gaussian beam, inverse square and "
-        "Beer-Lambert. The "
-        "formula is calibrated in four ways: with the true c = a + b; with K fitted on the axis in this "
-        "water; with K "
-        f"and gain from water of b = {CLEAR_PER_M:g} per metre; and with relative readings only."
+        "Beer-Lambert. The formula is calibrated in four ways: with the true c = a + b; with K fitted on the "
+        f"axis in this water; with K and gain from water of b = {CLEAR_PER_M:g} per metre; and with relative "
+        "readings only."
     ]
     return write(
         path,
