@@ -31,6 +31,8 @@ COMMANDS = {
     "band": "which band of wavelengths serves best",
     "link": "how far the lamp carries data, and is seen, in clear and turbid water",
     "plan": "what a measurement layout can detect and tell apart, before measuring",
+    "array": "what a follower's detectors can know of its pose",
+    "pose": "where a follower is by its readings, and where it would be by the formula",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",
     "export": "write cases of a sweep as spectral EXR",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import RuleError
 from lightfield.scene.detector import Detector
+from lightfield.scene.follower import Follower
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import told
 from lightfield.scene.tank import Tank
@@ -124,13 +125,25 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
             )
 
 
-def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str) -> None:
+def check_follower_inside(follower: Follower, tank: Tank) -> None:
+    """Refuse a follower outside the tank.
+
+    Raises
+    ------
+    RuleError
+        The middle of its array is not in the water.
+    """
+    place = (follower.x_m, follower.y_m, follower.z_m)
+    _check_place(place, tank, "move it, or enlarge the tank", "follower")
+
+
+def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str, what: str = "detector") -> None:
     for axis, value, (low, high), sizes in zip("xyz", place, tank.box_m, SIZES, strict=True):
         if not low <= value <= high:
             x, y, z = place
             why = ", ".join(told(tank, name) for name in sizes)
             raise RuleError(
-                f"detector at [{x:g}, {y:g}, {z:g}] is outside the tank, {low:g} <= {axis} <= {high:g} "
+                f"{what} at [{x:g}, {y:g}, {z:g}] is outside the tank, {low:g} <= {axis} <= {high:g} "
                 f"by {why}",
                 remedy,
             )

@@ -12,6 +12,8 @@ from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.parameters import bounds
 
 RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+#: Parts that a scene may lack, and what needs them.
+ABSENT = {"tank": "walls need", "array": "a follower's detectors need", "follower": "a pose needs"}
 NUMBER_ERRORS = {"float_type", "int_type", "int_from_float"}
 
 
@@ -31,6 +33,15 @@ def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> S
     if len(lines) == 1:
         return SceneError(lines[0], where=where)
     return SceneError(f"{len(lines)} problems in the scene", where=where, problems=lines)
+
+
+def absent_error(path: str, part: str) -> SceneError:
+    """A parameter of a part that this scene does not have."""
+    return SceneError(
+        f"{path}: this scene has no {part}",
+        rule=f"{ABSENT[part]} a [{part}]",
+        remedy=f"add a [{part}] table to the scene",
+    )
 
 
 def nearest(path: str, valid: Iterable[str]) -> str:

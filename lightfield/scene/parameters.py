@@ -213,6 +213,15 @@ def bounds(model: type[BaseModel], name: str) -> tuple[float, float]:
     return low, high
 
 
+def without_minus_zero(value: Any) -> Any:
+    """-0.0 is the same scene as 0.0."""
+    if isinstance(value, dict):
+        return {key: without_minus_zero(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [without_minus_zero(inner) for inner in value]
+    return value + 0.0 if isinstance(value, float) else value
+
+
 def _resolve(value: str, info: ValidationInfo) -> str:
     """A table's path as an absolute path, taken from the scene file's folder."""
     folder = (info.context or {}).get(FOLDER_KEY, os.curdir)

@@ -15,7 +15,14 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from lightfield.errors import RuleError, SceneError
 from lightfield.scene.detector import Detector
-from lightfield.scene.in_tank import check_inside, check_lamp_inside, plane_size_m, room_for_lamp_m
+from lightfield.scene.follower import DetectorArray, Follower
+from lightfield.scene.in_tank import (
+    check_follower_inside,
+    check_inside,
+    check_lamp_inside,
+    plane_size_m,
+    room_for_lamp_m,
+)
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
     AT_FIELD,
@@ -25,16 +32,16 @@ from lightfield.scene.listed import (
     listed_value,
     with_listed,
 )
-from lightfield.scene.messages import nearest, scene_error
+from lightfield.scene.messages import ABSENT, absent_error, nearest, scene_error
 from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
-from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of
+from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of, without_minus_zero
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
 from lightfield.scene.water.water import Water
 from lightfield.storage import inputs, toml
 from lightfield.storage.files import atomic_path
 
-__all__ = ["Detector", "Lamp", "Parameter", "Scene", "Tank", "Water"]
+__all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
 #: Fields that the first scenes did not have; empty, they say nothing.
 CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
@@ -44,7 +51,10 @@ TABLES = (
     ("lamp", "spectrum_table"),
     ("water", "table"),
     ("water", "phase", "file"),
+    ("array", "table"),
 )
+#: Parts that change nothing of the light.
+LIGHTLESS = {"array", "follower"}
 
 
 class Scene(Part):
@@ -56,6 +66,8 @@ class Scene(Part):
     water: Water = Field(default_factory=Water, description="the medium")
     tank: Tank | None = Field(None, description="the box; absent: unbounded water")
     detector: Detector = Field(default_factory=Detector, description="the receivers")
+    array: DetectorArray | None = Field(None, description="the follower's detectors; absent: none")
+    follower: Follower | None = Field(None, description="where they are; absent: on the axis")
     effect: tuple[OwnEffect, ...] = Field((), max_length=MOST_EFFECTS, description="hypotheses of one's own")
 
     @model_validator(mode="after")
@@ -70,6 +82,8 @@ class Scene(Part):
         if self.tank is not None:
             check_inside(self.detector, self.tank)
             check_lamp_inside(self.lamp, self.tank)
+            if self.follower is not None:
+                check_follower_inside(self.follower, self.tank)
         return self
 
     @model_validator(mode="after")
@@ -315,8 +329,8 @@ class Scene(Part):
 
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""
-        data = self.model_dump(mode="json", exclude={"name", "description"})
-        for *parents, leaf in TABLES:
+        data = self.model_dump(mode="json", exclude={"name", "description", *LIGHTLESS})
+        for *parents, leaf in (path for path in TABLES if path[0] not in LIGHTLESS):
             owner: Any = data
             for key in parents:
                 owner = owner[key]
@@ -328,7 +342,7 @@ class Scene(Part):
         if not data[OWN_FIELD]:
             del data[OWN_FIELD]
         data["detector"]["width_m"] = self.plane_size_m[0]
-        text = json.dumps(_without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        text = json.dumps(without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -369,12 +383,9 @@ class Scene(Part):
         return self
 
     def _no_such(self, path: str) -> SceneError:
-        if self.tank is None and path.startswith("tank."):
-            return SceneError(
-                f"{path}: this scene has no tank",
-                rule="walls need a [tank]",
-                remedy="add a [tank] table to the scene",
-            )
+        part = path.partition(".")[0]
+        if part in ABSENT and getattr(self, part) is None:
+            return absent_error(path, part)
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
         return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
 
@@ -387,12 +398,3 @@ def _dumped(value: Any) -> Any:
 def _plain(value: Any) -> Any:
     """NumPy scalars as Python numbers."""
     return value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value
-
-
-def _without_minus_zero(value: Any) -> Any:
-    """-0.0 is the same scene as 0.0."""
-    if isinstance(value, dict):
-        return {key: _without_minus_zero(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_without_minus_zero(inner) for inner in value]
-    return value + 0.0 if isinstance(value, float) else value

@@ -42,6 +42,15 @@ def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
     return _read(path, tuple(columns), state.st_mtime_ns, state.st_size)
 
 
+def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
+    """Named columns of a CSV file whose rows have no order: numbers of either sign, one row and more.
+
+    Parameters, results and errors as of `read_columns`.
+    """
+    state = os.stat(path)
+    return _read(path, tuple(columns), state.st_mtime_ns, state.st_size, ordered=False)
+
+
 def readable(reader: Callable[..., Any], *arguments: Any) -> None:
     """Try to read a table while a scene is checked; its complaint becomes one of the scene's.
 
@@ -64,7 +73,9 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
 
 
 @lru_cache(maxsize=64)
-def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tuple[Array, ...]:
+def _read(
+    path: str, columns: tuple[str, ...], _modified: int, _size: int, *, ordered: bool = True
+) -> tuple[Array, ...]:
     try:
         lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -91,17 +102,25 @@ def _read(path: str, columns: tuple[str, ...], _modified: int, _size: int) -> tu
         except (ValueError, IndexError):
             problems.append(f"line {number}: not numbers: {','.join(cells)}")
             continue
-        if not all(math.isfinite(value) and value >= 0 for value in row):
+        if not ordered and not all(abs(value) <= LARGEST for value in row):
+            problems.append(f"line {number}: too large or not finite: {','.join(cells)}")
+        elif not ordered:
+            pass
+        elif not all(math.isfinite(value) and value >= 0 for value in row):
             problems.append(f"line {number}: negative or not finite: {','.join(cells)}")
         elif any(value > most for value, most in zip(row, largest, strict=True)):
             problems.append(f"line {number}: too large: {','.join(cells)}")
         elif values and row[0] <= values[-1][0]:
             problems.append(f"line {number}: {columns[0]} must rise, {row[0]:g} after {values[-1][0]:g}")
         values.append(row)
-    if not problems and len(values) < 2:
-        problems.append("fewer than two rows")
+    if not problems and len(values) < 1 + ordered:
+        problems.append("fewer than two rows" if ordered else "no row")
     if problems:
-        rule = f"numbers from 0 to {LARGEST:g} ({LARGEST_PER_M:g} per m), first column rising"
+        rule = (
+            f"numbers up to {LARGEST:g}"
+            if not ordered
+            else f"numbers from 0 to {LARGEST:g} ({LARGEST_PER_M:g} per m), first column rising"
+        )
         raise SceneError(
             f"{len(problems)} bad line(s) in a table", where=path, rule=rule, remedy="correct the table",
             problems=problems,

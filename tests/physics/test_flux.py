@@ -149,6 +149,18 @@ def test_direct_flux_is_the_direct_field() -> None:
     assert (on_receivers(direct_flux(lit, place), np.tile([0.0, 0.0, 1.0], (3, 1))) == 0).all()
 
 
+def test_parts_of_a_trace_make_the_whole(field: TracedField) -> None:
+    """Batches average to the field, and so do fields that lack one of them; what they lack is that batch."""
+    place = np.array([[0.2, 0.1, 3.4], [0.0, -0.3, 3.9]])
+    normal = np.tile([0.0, 0.0, -1.0], (2, 1))
+    whole, batches = field.reading(place, normal), field.batches(place, normal)
+    without = np.array([part.reading(place, normal) for part in field.leave_one_out()])
+    np.testing.assert_allclose(batches.mean(axis=0), whole, rtol=1e-5)
+    np.testing.assert_allclose(
+        without * (len(batches) - 1) + batches, len(batches) * np.tile(whole, (len(batches), 1)), rtol=1e-5
+    )
+
+
 def test_a_region_beyond_the_walls_is_refused() -> None:
     narrow = Scene.from_dict(
         {**SCENE.model_dump(exclude={"tank"}), "tank": {"width_m": 1.4, "wall_albedo": 0.2}}

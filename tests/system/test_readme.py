@@ -29,6 +29,8 @@ SHORT = {
     "band": "--max-photons 1e4",
     "range": "--no-trace",
     "link": "--max-photons 1e4 --to 20",
+    "array": "--no-trace",
+    "pose": "--no-trace",
     "picture": "--samples 2 --size 64x36",
 }
 

@@ -161,6 +161,16 @@ class TracedField:
         other.__dict__["_splines"] = self._splines
         return other
 
+    def leave_one_out(self) -> list[TracedField]:
+        """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
+        mean, batches = self._splines
+        found = []
+        for one in batches:
+            other = TracedField(self.scene, self.grid, self.response)
+            other.__dict__["_splines"] = (len(batches) * mean - one) / (len(batches) - 1), batches
+            found.append(other)
+        return found
+
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """Readings and their standard errors, 1/m^2, shape (n,).
 
@@ -172,8 +182,13 @@ class TracedField:
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
         diffuse = on_receivers(self._at(self._mean[:3], place), normal)
-        spread = [on_receivers(self._at(one[:3], place), normal) for one in self._batches]
+        spread = self.batches(place, normal)
         return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
+
+    def batches(self, place_m: Array, normal: Array) -> Array:
+        """`reading` of every independent part of the trace, shape (n_batches, n)."""
+        direct = on_receivers(direct_flux(self.scene, place_m), normal)
+        return direct + np.stack([on_receivers(self._at(one[:3], place_m), normal) for one in self._batches])
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""

@@ -1,0 +1,66 @@
+"""What the commands of the follower share: where it may be, how its light is traced, where results go."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lightfield.commands._options import add_option
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+if TYPE_CHECKING:
+    from lightfield.studies.follower.light import Space
+
+PHOTONS = 1e7
+
+
+def add_space(parser: argparse.ArgumentParser) -> None:
+    """Declare where the follower may be, and how its light is traced."""
+    parser.add_argument(
+        "--half-width", type=float, metavar="M",
+        help="of the formation space in x and y (default 0.4 m); in z from the first to the last plane",
+    )  # fmt: skip
+    add_option(parser, "--max-photons", PHOTONS)
+    add_option(parser, "--seed", 0)
+    add_option(parser, "--no-trace")
+
+
+def space_of(scene: Scene, args: argparse.Namespace) -> Space:
+    """The formation space that the options describe."""
+    from lightfield.studies.follower.light import Space
+
+    half = args.half_width
+    if half is None:
+        return Space.of_scene(scene)
+    if not 0 < half <= 100:
+        raise UsageError("impossible half width", where="--half-width", found=half, rule="above 0 to 100 m")
+    return Space.of_scene(scene, half)
+
+
+def photons_of(args: argparse.Namespace) -> float:
+    """How many photons to trace; none where only the formula is asked for."""
+    if args.no_trace:
+        return 0.0
+    photons = PHOTONS if args.max_photons is None else args.max_photons
+    if not 1e3 <= photons <= 1e12:
+        raise UsageError(
+            "impossible number of photons", where="--max-photons", found=photons, rule="1e3 to 1e12"
+        )
+    return float(photons)
+
+
+def write_json(data: object, path: Path) -> None:
+    """Whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def outputs_of(args: argparse.Namespace, *inputs: Path) -> None:
+    """Make sure, before any work, that results can be written and overwrite no input."""
+    given = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(given):
+        output_file(file, *inputs, *given[:k])

@@ -1,0 +1,137 @@
+"""`lightfield array`: what a follower's detectors can know of its pose, compared and designed."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of, write_json
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+if TYPE_CHECKING:
+    from lightfield.studies.follower.design import Comparison
+
+#: Name of the array that `optimise` finds.
+BEST = "the best found"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the tasks and their options."""
+    tasks = parser.add_subparsers(dest="task_name", metavar="TASK", required=True)
+    show = tasks.add_parser(
+        "show", help="what the array can know of its pose, here and over the formation space"
+    )
+    _common(show)
+    compare = tasks.add_parser("compare", help="arrays of several scenes in the light of the first")
+    _common(compare)
+    compare.add_argument(
+        "--with", dest="others", type=Path, action="append", required=True, metavar="SCENE",
+        help="scene whose array to compare with; may be repeated",
+    )  # fmt: skip
+    _task(compare)
+    optimise = tasks.add_parser("optimise", help="the best places and tilts of so many elements")
+    _common(optimise)
+    optimise.add_argument("--elements", type=int, default=8, metavar="N", help="how many (default 8)")
+    optimise.add_argument(
+        "--box", type=float, default=0.4, metavar="M", help="side of the square they lie in (default 0.4 m)"
+    )
+    optimise.add_argument(
+        "--tilt-max", type=float, default=40.0, metavar="DEG", help="largest tilt in x and in y (default 40)"
+    )
+    optimise.add_argument(
+        "--spacing", type=float, default=0.025, metavar="M", help="least distance of two (default 0.025 m)"
+    )
+    optimise.add_argument(
+        "--table", type=Path, metavar="OUT.csv", help="write the best as a table of elements"
+    )
+    _task(optimise)
+
+
+def _task(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--task", choices=("formation", "docking"), default="formation",
+        help="poses that count: the whole formation space, or the way home near the lamp (default formation)",
+    )  # fmt: skip
+
+
+def _common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_space(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Answer, print, write."""
+    scene = Scene.load(args.scene)
+    outputs_of(args, args.scene)
+    tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
+    return tasks[args.task_name](scene, args)
+
+
+def _show(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.studies.follower.survey import survey
+
+    found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
+    print(found.as_text())
+    if args.json:
+        write_json(found.as_data(), args.json)
+    if args.report:
+        from lightfield.report.follower.page import write_survey
+
+        print(f"report: {write_survey(found, args.report).resolve()}")
+    return 0
+
+
+def _compare(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.studies.follower.design import compare
+
+    others = {str(path): Scene.load(path) for path in args.others}
+    space = space_of(scene, args)
+    found = compare(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
+    return _compared(found, args)
+
+
+def _optimise(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.studies.follower.design import optimise
+
+    for name, value, low, high in (
+        ("--elements", args.elements, 2, 200),
+        ("--box", args.box, 0.01, 10.0),
+        ("--tilt-max", args.tilt_max, 0.0, 80.0),
+        ("--spacing", args.spacing, 0.0, 10.0),
+    ):
+        if not low <= value <= high:
+            raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
+    if args.table:
+        output_file(args.table, args.scene, *(file for file in (args.json, args.report) if file))
+    found = optimise(
+        scene,
+        args.elements,
+        args.box,
+        tilt_max_deg=args.tilt_max,
+        spacing_m=args.spacing,
+        task=args.task,
+        space=space_of(scene, args),
+        photons=photons_of(args),
+        seed=args.seed or 0,
+    )
+    if args.table:
+        best = next(one for one in found.arrays if one.name == BEST)
+        with atomic_path(args.table) as temporary:
+            temporary.write_text(best.elements.as_csv(), encoding="utf-8")
+    return _compared(found, args)
+
+
+def _compared(found: Comparison, args: argparse.Namespace) -> int:
+    print(found.as_text())
+    if args.json:
+        write_json(found.as_data(), args.json)
+    if args.report:
+        from lightfield.report.follower.page import write_comparison
+
+        print(f"report: {write_comparison(found, args.report).resolve()}")
+    return 0

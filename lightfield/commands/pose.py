@@ -1,0 +1,84 @@
+"""`lightfield pose`: where a follower is by its readings, and where it would be by the formula."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of, write_json
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the tasks and their options."""
+    tasks = parser.add_subparsers(dest="task_name", metavar="TASK", required=True)
+    estimate = tasks.add_parser("estimate", help="poses from the readings of an array")
+    estimate.add_argument(
+        "readings", type=Path, metavar="READINGS", help="CSV, a column per element: e1, e2, ..., and time_s"
+    )
+    estimate.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    estimate.add_argument("--filter", action="store_true", help="follow a sequence with a Kalman filter, too")
+    bias = tasks.add_parser("bias", help="the error of a follower that believes the formula")
+    bias.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    bias.add_argument(
+        "--scattering", metavar="B,B,...", help="waters on the axis, 1/m (default 0,0.05,0.1,0.15,0.2,0.3)"
+    )
+    for task in (estimate, bias):
+        task.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+        task.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+        add_space(task)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Answer, print, write."""
+    scene = Scene.load(args.scene)
+    return _estimate(scene, args) if args.task_name == "estimate" else _bias(scene, args)
+
+
+def _estimate(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.studies.follower.sequence import poses_of
+
+    outputs_of(args, args.scene, args.readings)
+    found = poses_of(
+        args.readings,
+        scene,
+        space_of(scene, args),
+        filtered=args.filter,
+        photons=photons_of(args),
+        seed=args.seed or 0,
+    )
+    print(found.as_text())
+    if args.json:
+        write_json(found.as_data(), args.json)
+    if args.report:
+        from lightfield.report.follower.pose_page import write_poses
+
+        print(f"report: {write_poses(found, args.report).resolve()}")
+    return 0
+
+
+def _bias(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.studies.follower.bias import SCATTERING_PER_M, bias_study
+
+    outputs_of(args, args.scene)
+    waters = SCATTERING_PER_M if args.scattering is None else _numbers(args.scattering)
+    found = bias_study(scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0)
+    print(found.as_text())
+    if args.json:
+        write_json(found.as_data(), args.json)
+    if args.report:
+        from lightfield.report.follower.pose_page import write_bias
+
+        print(f"report: {write_bias(found, args.report).resolve()}")
+    return 0
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or not all(0 <= value <= 10 for value in values):
+        raise UsageError("no waters", where="--scattering", found=text, rule="numbers, 0 to 10 1/m: B,B,...")
+    return values

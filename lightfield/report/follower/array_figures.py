@@ -1,0 +1,140 @@
+"""Figures of an array: its elements as the lamp sees them, and what they tell of the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from lightfield.report.style import BAD, GOOD, INK, MUTED, PAPER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.studies.follower.design import Judged
+from lightfield.studies.follower.elements import Elements
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.survey import DOCKING, Survey
+
+#: In which unit a coordinate is shown, and its factor.
+SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
+LEVELS = 13  # of a map
+MOST_ARRAYS = 4  # side by side
+WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
+
+
+def survey_figure(survey: Survey) -> Figure:
+    """The array, and the bound on the beam's axis beside what docking asks for."""
+    with figure(WIDTH, 3.9) as fig:
+        array, bars = fig.subplots(1, 2, width_ratios=(1, 1.6))
+        draw_array(array, survey.elements, survey.here.readings)
+        names = survey.here.names
+        shown = [*survey.axis, survey.here]
+        width = 0.8 / len(shown)
+        for k, one in enumerate(shown):
+            parts = [one.sigma[n] / DOCKING[n] for n in names]
+            known = np.where(np.isfinite(parts), parts, np.nan)
+            at = np.arange(len(names)) + (k - 0.5 * (len(shown) - 1)) * width
+            title = "the scene's pose" if one is survey.here else f"on the axis, z = {one.pose[2]:g} m"
+            bars.bar(at, known, 0.92 * width, color=SERIES[k % len(SERIES)], label=title)
+            for place, part, name in zip(at, parts, names, strict=True):
+                text = f"{SHOWN[name][1] * one.sigma[name]:.3g}" if np.isfinite(part) else "unknown"
+                height = part if np.isfinite(part) else 1.0
+                bars.annotate(
+                    text,
+                    (place, height),
+                    (0, 2),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=8,
+                    rotation=90,
+                )
+        bars.axhline(1, color=BAD, linestyle=(0, (5, 2)))
+        bars.annotate(
+            "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), color=BAD, fontsize=9,
+            textcoords="offset points", bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},
+        )  # fmt: skip
+        bars.set_yscale("log")
+        low, high = bars.get_ylim()
+        bars.set_ylim(low, max(high, 2.0) * 6)
+        bars.set_xticks(range(len(names)), [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names])
+        bars.grid(False, axis="x")
+        bars.legend(loc="upper left", ncols=2, fontsize=8.5)
+        label(bars, "", "smallest error / what docking allows", "What one reading can tell at best")
+    return fig
+
+
+def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = None) -> None:
+    """Elements as the lamp sees them; arrows: where they face."""
+    x, y, _ = elements.place_m.T
+    light = None if readings is None else 100 * readings / readings.max()
+    colours = {"color": SERIES[0]} if light is None else {"c": light, "cmap": "magma", "vmin": 0, "vmax": 100}
+    points = axis.scatter(x, y, s=45, edgecolors=MUTED, zorder=3, **colours)
+    size = max(elements.reach_m, 1e-6)
+    axis.quiver(
+        x, y, elements.normal[:, 0], elements.normal[:, 1], color=MUTED, angles="xy", scale_units="xy",
+        scale=3 / size, width=0.005, zorder=4,
+    )  # fmt: skip
+    if light is not None:
+        axis.figure.colorbar(points, ax=axis, shrink=0.75, label="reading at the scene's pose (%)")
+    axis.set_aspect("equal")
+    axis.margins(0.15)
+    label(axis, "x (m)", "y (m)", f"{len(elements)} elements, as the lamp sees them")
+
+
+def map_figure(survey: Survey) -> Figure:
+    """Bounds over the formation space, seen from above; the line is what docking allows."""
+    names = [n for n in ("x", "z", "yaw") if n in survey.here.names]
+    x, z = survey.space.x_m.values, survey.space.z_m.values
+    with figure(WIDTH, 3.6) as fig:
+        axes = fig.subplots(1, len(names), squeeze=False, sharey=True)[0]
+        for axis, name in zip(axes, names, strict=True):
+            unit, factor = SHOWN[name]
+            values = factor * survey.space[f"sigma_{name}"].values
+            lit = np.where(np.isfinite(values) & (values > 0), values, np.nan)
+            if np.isfinite(lit).any():
+                low, high = np.nanmin(lit), np.nanmax(lit)
+                norm = LogNorm(low, max(high, 1.01 * low))
+                levels = np.geomspace(low, max(high, 1.01 * low), LEVELS)
+                picture = axis.contourf(x, z, lit, levels, cmap="viridis_r", norm=norm)
+                bar = fig.colorbar(picture, ax=axis, label=f"{unit}")
+                plain_log_axis(bar.ax.yaxis)
+                limit = factor * DOCKING[name]
+                if low < limit < high:
+                    axis.contour(x, z, lit, [limit], colors=BAD, linewidths=2)
+            axis.plot(
+                survey.here.pose[0], survey.here.pose[2], "o", color="none", markeredgecolor=INK, markersize=9
+            )
+            axis.grid(False)
+            label(axis, "x (m)", "", f"{WORDS[name].capitalize()}: within {100 * _met(survey, name):.0f} %")
+        axes[0].set_ylabel("distance from the lamp z (m)")
+    return fig
+
+
+def _met(survey: Survey, name: str) -> float:
+    return float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
+
+
+def comparison_figure(arrays: Sequence[Judged]) -> Figure:
+    """The arrays, best first, over bars of their criterion."""
+    shown = arrays[:MOST_ARRAYS]
+    reach = 1.25 * max(one.elements.reach_m for one in shown)
+    with figure(WIDTH, 3.4 + 0.45 * len(shown)) as fig:
+        ratios = (2.6, 0.5 + 0.45 * len(shown))
+        upper, lower = fig.subfigures(2, 1, squeeze=False, height_ratios=ratios)[:, 0]
+        for axis, one in zip(upper.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+            draw_array(axis, one.elements)
+            axis.set_xlim(-reach, reach)
+            axis.set_ylim(-reach, reach)
+            axis.set_title(f"{one.name}\n{len(one.elements)} elements", fontsize=9)
+        axis = lower.subplots()
+        values = [one.criterion for one in shown]
+        colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
+        axis.barh([one.name for one in shown], values, color=colours)
+        for k, value in enumerate(values):
+            axis.annotate(f"{value:.3g}", (value, k), (4, 0), textcoords="offset points", va="center")
+        axis.set_xscale("log")
+        axis.set_xlim(0.5 * min(values), 2 * max(values))
+        axis.invert_yaxis()
+        axis.grid(False, axis="y")
+        label(axis, "A, sum of variances in units of the task", "")
+    return fig

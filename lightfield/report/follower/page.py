@@ -1,0 +1,200 @@
+"""Pages of the follower, of one template: sections with figures and a table each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.report.follower.array_figures import (
+    SHOWN,
+    WORDS,
+    comparison_figure,
+    map_figure,
+    survey_figure,
+)
+from lightfield.report.page import PageFigure, fill, page_figure, write_page
+from lightfield.scene import Scene
+from lightfield.studies.follower.design import Comparison
+from lightfield.studies.follower.frames import in_degrees
+from lightfield.studies.follower.information import Bound
+from lightfield.studies.follower.survey import Survey
+
+NOT_MODELLED = (
+    "shadow and reflections of the follower itself, receivers that accept less than a half space, and light "
+    "that reaches an element from behind its plane"
+)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, its figures, and a table with a caption."""
+
+    title: str
+    figures: Sequence[PageFigure] = ()
+    caption: str = ""
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = field(default_factory=tuple)
+
+
+def write(
+    path: str | os.PathLike[str],
+    title: str,
+    verdict: str,
+    lead: Sequence[str],
+    sections: Sequence[Section],
+    scene: Scene,
+    provenance: Sequence[tuple[str, str]] = (),
+) -> Path:
+    """Write a page, whole or not at all."""
+    html = fill(
+        "follower.html",
+        title=f"{title}: {scene.name}" if scene.name else title,
+        verdict=verdict,
+        lead=lead,
+        sections=sections,
+        provenance=[*provenance, ("scene", scene.digest()[:16]), ("left out", NOT_MODELLED)],
+        scene_toml=scene.to_toml(),
+    )
+    return write_page(html, path)
+
+
+def light_in_words(traced: bool) -> str:
+    """Which light a study used, for its table of origins."""
+    if traced:
+        return "traced: direct, scattered and reflected, as a flux vector on cosine receivers"
+    return "formula: Gaussian beam, inverse square, Beer-Lambert; nothing scattered"
+
+
+def bound_row(title: str, one: Bound) -> list[str]:
+    """Standard deviations, the correlation of x and yaw, and the sum of variances."""
+    cells = []
+    for name, sigma in one.sigma.items():
+        doubt = one.doubt.get(name, 0.0)
+        shown = f"{SHOWN[name][1] * sigma:.3g}" if np.isfinite(sigma) else "unknown"
+        cells.append(shown + (f" ± {100 * doubt:.0f} %" if doubt and np.isfinite(sigma) else ""))
+    tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
+    return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
+
+
+def bound_head(one: Bound) -> list[str]:
+    return ["where", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in one.names), "x with yaw", "A"]
+
+
+def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
+    """Page of `array show`."""
+    place = in_degrees(survey.here.pose)
+    rows = [bound_row(f"axis, z = {one.pose[2]:g} m", one) for one in survey.axis]
+    rows.append(bound_row(f"scene: x {place[0]:g}, z {place[2]:g} m, yaw {place[3]:g} deg", survey.here))
+    rival = [
+        [f"{r.sigma:.1f}", *(f"{v:.3g}" for v in in_degrees(r.pose)), f"{r.gain:.3g}"] for r in survey.rivals
+    ]
+    sections = [
+        Section(
+            "What one reading can tell",
+            [
+                page_figure(
+                    survey_figure(survey),
+                    "array",
+                    "Left: the elements and where they face. Right: the smallest error any method can have "
+                    "(Cramer-Rao), as a part of what docking allows; numbers in mm and degrees.",
+                    "Array and bounds",
+                )
+            ],
+            "One standard deviation of the best unbiased estimate from one reading of all elements. A: sum "
+            "of the variances in units of 1 cm across, 10 cm along, 1 degree.",
+            bound_head(survey.here),
+            rows,
+        ),
+        Section(
+            "Over the formation space",
+            [
+                page_figure(
+                    map_figure(survey),
+                    "maps",
+                    "From above, lamp below, follower facing along the tank. Dark: poorly known. Red line: "
+                    "what docking allows. Circle: the scene's pose. Per cent: part of the space good enough.",
+                    "Maps of the bounds",
+                )
+            ],
+        ),
+        Section(
+            "Poses that look alike" if rival else "No other pose looks alike",
+            (),
+            "Poses whose readings differ by less than 5 sigma from those at the scene's pose.",
+            ("sigma", "x (m)", "y (m)", "z (m)", "yaw (deg)", "pitch (deg)", "roll (deg)", "gain"),
+            rival,
+        ),
+    ]
+    blind = [WORDS[n] for n, s in survey.here.sigma.items() if not np.isfinite(s)]
+    verdict = (
+        f"{len(survey.elements)} elements know where they are well enough to dock "
+        + (
+            "nowhere in the formation space",
+            f"in {100 * survey.reaches:.0f} % of the formation space",
+            "everywhere",
+        )[int(survey.reaches > 0) + int(survey.reaches == 1)]
+        + (f"; blind to {', '.join(blind)}" if blind else "")
+        + ("; another pose looks alike" if len(survey.rivals) == 1 else "")
+        + (f"; {len(survey.rivals)} other poses look alike" if len(survey.rivals) > 1 else "")
+        + "."
+    )
+    unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
+    origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
+    lead = ["Docking asks for 0.1 m across, 0.3 m along the beam and 5 degrees."]
+    return write(path, "Detector array", verdict, lead, sections, survey.scene, origin)
+
+
+def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
+    """Page of `array compare` and `array optimise`."""
+    best, worst = found.arrays[0], found.arrays[-1]
+    rows = [
+        [
+            one.name,
+            str(len(one.elements)),
+            f"{one.criterion:.3g} ± {100 * one.doubt:.0f} %",
+            *(f"{SHOWN[n][1] * s:.3g}" for n, s in one.sigma.items()),
+        ]
+        for one in found.arrays
+    ]
+    places = [
+        [str(k + 1), *(f"{1e3 * v:.0f}" for v in place), *(f"{v:+.0f}" for v in tilts)]
+        for k, (place, tilts) in enumerate(zip(best.elements.place_m, best.elements.tilts_deg, strict=True))
+    ]
+    sections = [
+        Section(
+            "Side by side",
+            [
+                page_figure(
+                    comparison_figure(found.arrays), "arrays", "Every array as the lamp sees it; arrows: "
+                                                               "where its "
+                    "elements face. Below: sum of the variances, smaller is better; a factor of 4 is half "
+                    "the error.",
+                    "Arrays side by side",
+                )
+            ],
+            f"Root mean square bounds over the poses of the task ({found.task}).",
+            ["array", "elements", "A", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in best.sigma)],
+            rows,
+        ),
+        Section(
+            f"Elements of {best.name}",
+            (),
+            "Places and tilts towards +x and +y.",
+            ("", "x (mm)", "y (mm)", "z (mm)", "tilt x (deg)", "tilt y (deg)"),
+            places,
+        ),
+    ]  # fmt: skip
+    verdict = (
+        f"{len(best.elements)} elements ({best.name}) know the pose "
+        f"{np.sqrt(worst.criterion / best.criterion):.2g} times "
+        f"as well as the {len(worst.elements)} of {worst.name}."
+    )
+    lead = [
+        "Compared by A: the sum of the variances of the pose in units of 1 cm across, 10 cm along, 1 degree."
+    ]
+    origin = [("light", light_in_words(found.traced)), ("task", found.task)]
+    return write(path, "Detector arrays", verdict, lead, sections, found.scene, origin)

@@ -1,0 +1,124 @@
+"""Pages of poses and of their bias."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.report.follower.page import Section, light_in_words, write
+from lightfield.report.follower.pose_figures import bias_figure, plane_figure, sequence_figure
+from lightfield.report.page import page_figure
+from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy
+from lightfield.studies.follower.frames import in_degrees
+from lightfield.studies.follower.sequence import Poses
+
+#: Samples that a table shows.
+MOST_ROWS = 40
+
+
+def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
+    """Page of `pose bias`."""
+    axis = study.axis
+    rows = []
+    for b in axis.scattering_per_m.values:
+        for name in axis.calibration.values:
+            one = axis.sel(scattering_per_m=b, calibration=name)
+            cells = [
+                f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}".replace("-", "\N{MINUS SIGN}")
+                for v, s, t in zip(one.bias_z.values, one.sigma_z.values, one.trace_z.values, strict=True)
+            ]
+            rows.append([f"b = {b:g}", str(name), *cells, f"{one.misfit.values.max():.1f}"])
+    own = study.scene.water.scattering_per_m
+    worst = {
+        str(name): float(np.abs(study.plane.sel(calibration=name).bias_z.values).max())
+        for name in study.plane.calibration.values
+    }
+    most, least = max(worst, key=worst.__getitem__), min(worst, key=worst.__getitem__)
+    verdict = (
+        f"In water that scatters {own:g} per metre a follower that believes the formula is up to "
+        f"{worst[most]:.2f} m "
+        f"wrong along the beam ({most}), at best {worst[least]:.2f} m ({least})."
+    )
+    sections = [
+        Section(
+            "Along the beam, in ever more turbid water",
+            [
+                page_figure(
+                    bias_figure(study), "bias", "Above zero the follower believes to be farther away "
+                    "than it is, and comes too near. Bars: two standard deviations of the noise of "
+                    "one reading. Grey: 0.3 m.",
+                    "Bias against scattering",
+                )
+            ],
+            "Believed less true distance on the axis, mm, ± noise of one reading ± error of the trace. "
+            "Last: how badly the formula explains the readings, chi2 per degree of freedom without noise; "
+            "below 1 nobody notices.",
+            ["water", "calibration", *(f"z = {z:g} m" for z in axis.z_m.values), "misfit"],
+            rows,
+        ),
+        Section(
+            f"Over the formation space, b = {own:g} per metre",
+            [
+                page_figure(
+                    plane_figure(study), "plane", "From above, lamp below. Every arrow begins where "
+                    "the follower is and ends where it believes to be.", "Map of the bias",
+                )
+            ],
+        ),
+    ]  # fmt: skip
+    lead = [
+        "Readings without noise of the true light, explained by Gaussian beam, inverse square and "
+        "Beer-Lambert. The formula is calibrated in four ways: with the true c = a + b; with K fitted on the "
+        f"axis in this water; with K and gain from water of b = {CLEAR_PER_M:g} per metre; and with relative "
+        "readings only."
+    ]
+    return write(
+        path,
+        "Bias of the formula",
+        verdict,
+        lead,
+        sections,
+        study.scene,
+        [("light", light_in_words(study.traced))],
+    )
+
+
+def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
+    """Page of `pose estimate`."""
+    rows = []
+    for k, one in enumerate(poses.estimates[:MOST_ROWS]):
+        if one.lost or one.total is None:
+            rows.append([f"{poses.time_s[k]:.2f}", *["–"] * len(poses.names), "light lost"])
+            continue
+        values = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), in_degrees(one.pose), strict=True))
+        cells = [
+            f"{values[n]:.3f} ± {s if n in 'xyz' else np.degrees(s):.3f}" for n, s in one.total.sigma.items()
+        ]
+        state = one.status
+        state += f", {len(one.rivals)} rivals" if one.rivals else ""
+        rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
+    verdict = f"{len(poses.estimates)} readings: " + (
+        "all fit the light that is believed in."
+        if not poses.lost + poses.misfits
+        else f"{poses.lost} without light, {poses.misfits} that do not fit the light that is believed in."
+    )
+    sections = [
+        Section(
+            "The way",
+            [
+                page_figure(
+                    sequence_figure(poses), "way", "Points: every reading by itself, with its noise. Line "
+                                                   "and band: the "
+                    "filter, with two standard deviations of all that is not known. Red: light lost, or "
+                    "readings that "
+                    "do not fit.", "Poses over time",
+                )
+            ],
+            "Pose, with one standard deviation of all that is not known (noise, gain, water).",
+            ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "chi2"],
+            rows,
+        )
+    ]  # fmt: skip
+    return write(path, "Pose", verdict, [], sections, poses.scene, [("light", light_in_words(poses.traced))])

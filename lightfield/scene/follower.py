@@ -1,0 +1,144 @@
+"""What a scene says about the follower: its detectors, and where it is. Nothing of it changes the light."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lightfield.errors import RuleError
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import Part, TablePath, declare, number
+from lightfield.storage.tables import read_rows, readable
+
+#: Neither array nor follower acts on the light or on the scene's own detectors.
+NOTHING = Acts(0)
+#: More would take minutes and gigabytes, and tell no more (Eren 2015: nothing gained beyond 7 x 7).
+MOST_ELEMENTS = 2500
+COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
+Count = Annotated[int, Field(strict=True, ge=1, le=1000)]
+
+
+class DetectorArray(Part):
+    """Cosine receivers on the follower, looking along its axis; flat, on a sphere, or one by one."""
+
+    layout: Literal["grid", "ring", "hemisphere", "table"] = declare(
+        "grid", "rows and columns, rings, spread evenly over a half sphere, or a table", NOTHING
+    )
+    table: TablePath | None = declare(None, f"CSV of layout table: {', '.join(COLUMNS)}", NOTHING)
+    count: tuple[Count, Count] = declare(
+        (5, 5),
+        "of a grid columns and rows, of rings elements and rings; a hemisphere has the product",
+        NOTHING,
+    )
+    size_m: float = number(
+        0.6,
+        "m",
+        "from the first to the last element of a row, diameter of a ring",
+        NOTHING,
+        above=0.0,
+        high=10.0,
+    )
+    radius_m: float = number(
+        0.0, "m", "of the sphere that the elements lie on; 0: they lie flat", NOTHING, low=0.0, high=100.0,
+        neutral=0.0,
+    )  # fmt: skip
+    element_area_mm2: float = number(13.0, "mm2", "light-sensitive area", NOTHING, above=0.0, high=1e6)
+    responsivity_a_per_w: float = number(0.25, "A/W", "current per light", NOTHING, above=0.0, high=10.0)
+    gain: float = number(
+        1.0, "reading m2", "reading per irradiance over the lamp's intensity on its axis", NOTHING, above=0.0
+    )
+    noise_percent: float = number(
+        1.0,
+        "%",
+        "noise of every reading, of the brightest element's",
+        NOTHING,
+        low=0.0,
+        high=100.0,
+        neutral=0.0,
+    )
+    gain_mismatch_percent: float = number(
+        0.8, "%", "scatter of the elements' gains", NOTHING, low=0.0, high=100.0, neutral=0.0
+    )
+    gain_drift_percent: float = number(
+        5.0, "%", "how well the gain common to all elements, or the lamp's power, is known; 0: exactly",
+        NOTHING, low=0.0, high=1e6, neutral=0.0,
+    )  # fmt: skip
+    read_noise_a_per_sqrt_hz: float = number(
+        5e-12, "A/Hz^0.5", "noise of the amplifier", NOTHING, low=0.0, high=1.0, neutral=0.0
+    )
+    dark_current_a: float = number(
+        2e-9, "A", "without light; its shot noise counts", NOTHING, low=0.0, high=1.0, neutral=0.0
+    )
+    adc_bits: int = number(
+        10,
+        "1",
+        "of a converter that the brightest element fills; 0: exact",
+        NOTHING,
+        low=0,
+        high=32,
+        neutral=0,
+    )
+    sample_hz: float = number(
+        10.0, "Hz", "readings of the whole array a second", NOTHING, above=0.0, high=1e6
+    )
+
+    @model_validator(mode="after")
+    def _can_be_built(self) -> DetectorArray:
+        if self.layout == "table" and self.table is None:
+            raise RuleError("layout table needs a table", f"give table = a CSV of {', '.join(COLUMNS)}")
+        if self.layout == "table" and self.table is not None:
+            readable(read_rows, self.table, COLUMNS)
+            *_, nx, ny, nz = read_rows(self.table, COLUMNS)
+            if len(nx) > MOST_ELEMENTS:
+                raise RuleError(f"{self.table}: {len(nx)} elements", f"at most {MOST_ELEMENTS}")
+            if not (nx**2 + ny**2 + nz**2 > 0).all():
+                raise RuleError(f"{self.table}: a normal of length zero", "say where every element faces")
+        if self.layout == "hemisphere" and not self.radius_m:
+            raise RuleError("a hemisphere needs a radius", "give radius_m")
+        if self.count[0] * self.count[1] > MOST_ELEMENTS:
+            raise RuleError(
+                f"count makes {self.count[0] * self.count[1]} elements", f"at most {MOST_ELEMENTS}"
+            )
+        reach = 0.5 * self.size_m * (2**0.5 if self.layout == "grid" else 1.0)
+        if self.layout in ("grid", "ring") and self.radius_m and reach >= self.radius_m:
+            raise RuleError(
+                f"an array of size_m = {self.size_m:g} reaches {reach:.4g} m from its middle, too far "
+                f"for a sphere of radius_m = {self.radius_m:g}",
+                "a larger radius, or a smaller size",
+            )
+        return self
+
+
+class Follower(Part):
+    """Pose of the array's middle, and what the follower knows of the water and the lamp.
+
+    Lamp at the origin, z along the tank's axis, x horizontal, y up. At rest the array looks along -z; yaw
+    turns
+    it towards +x, pitch lifts it, roll leans it to +x; in this order, about its own axes.
+    """
+
+    x_m: float = number(0.0, "m", "across, horizontally", NOTHING, low=-1e4, high=1e4, neutral=0.0)
+    y_m: float = number(0.0, "m", "across, upwards", NOTHING, low=-1e4, high=1e4, neutral=0.0)
+    z_m: float = number(6.5, "m", "along the beam", NOTHING, above=0.0, high=1e4)
+    yaw_deg: float = number(0.0, "deg", "turned towards +x", NOTHING, low=-180.0, high=180.0, neutral=0.0)
+    pitch_deg: float = number(0.0, "deg", "looking up", NOTHING, low=-90.0, high=90.0, neutral=0.0)
+    roll_deg: float = number(0.0, "deg", "leaning to +x", NOTHING, low=-180.0, high=180.0, neutral=0.0)
+    water_known_percent: float = number(
+        20.0,
+        "%",
+        "how well it knows absorption and scattering; 0: exactly",
+        NOTHING,
+        low=0.0,
+        high=1e6,
+        neutral=0.0,
+    )
+    lamp_tilt_known_deg: float = number(
+        0.0,
+        "deg",
+        "how well it knows where the lamp points; 0: exactly",
+        NOTHING,
+        low=0.0,
+        high=90.0,
+        neutral=0.0,
+    )

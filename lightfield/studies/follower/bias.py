@@ -1,0 +1,327 @@
+"""Where does a follower believe it is that trusts the formula, in water that scatters?
+
+    p0 = argmin over p of  sum (mu(truth) - G E_formula(p))^2 / variance              (bias: p0 - truth)
+    spread of the estimates  A^-1 B A^-1,   B = J^T W J,   A = B - sum of residuals times second derivatives
+
+p0 is what the maximum likelihood estimate tends to, and the spread is the misspecified Cramer-Rao bound
+(Vuong 1986,
+Caltech working paper 652; Fortunati et al. 2017, IEEE Signal Process. Mag. 34, 142,
+doi:10.1109/MSP.2017.2738017).
+The formula is calibrated in one of four ways.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+from lightfield.scene import Scene, Water
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.follower.elements import Elements, elements_of
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.light import STEP, FormulaLight, Light, Model, Space, light_of, pose_names
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.search import search
+from lightfield.studies.follower.survey import array_of
+
+#: Ways to calibrate the formula, in words.
+EXACT, FITTED, CLEAR, RELATIVE = (
+    "exact c, gain set near the lamp",
+    "K fitted in this water",
+    "K and gain from clear water",
+    "relative readings only",
+)
+CALIBRATIONS = (EXACT, FITTED, CLEAR, RELATIVE)
+#: Scattering, 1/m, of the water in which a calibration that is then kept was made (follower at home, chosen).
+CLEAR_PER_M = 0.02
+#: Waters that are looked at where none are named, 1/m: from none to that of a harbour.
+SCATTERING_PER_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
+#: Places of a map across and along the formation space.
+ACROSS, ALONG = 5, 5
+
+
+def on_axis(light: Light, z_m: float) -> float:
+    """Reading of a receiver on the axis that faces the lamp, 1/m^2."""
+    return float(light.reading(np.array([[0.0, 0.0, z_m]]), np.array([[0.0, 0.0, -1.0]]))[0])
+
+
+def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
+    """K of ln(E z^2) on the axis between two distances, 1/m: what a fit of Beer-Lambert there gives."""
+    first, last = (on_axis(light, z) * z**2 for z in (near_m, far_m))
+    return float(np.log(first / last) / (far_m - near_m))
+
+
+def believed(truth: Light, elements: Elements, calibration: str, space: Space) -> tuple[Model, float]:
+    """The formula as a follower has it, and the standard deviation of its gain.
+
+    Parameters
+    ----------
+    truth : Light
+    elements : Elements
+    calibration : str
+        Of `CALIBRATIONS`.
+    space : Space
+        Its first and last distance are those of the calibration.
+    """
+    made_in = truth
+    if calibration == CLEAR:
+        made_in = truth.in_water_of(truth.scene.with_values({"water.scattering_per_m": CLEAR_PER_M}))
+    if calibration == EXACT:
+        at = middles_nm(truth.scene)[0].mean(keepdims=True)
+        slope = float(sum(f(truth.scene.water, at)[0] for f in (absorption_per_m, scattering_per_m)))
+    else:
+        slope = slope_per_m(made_in, space.near_m, space.far_m)
+    formula = FormulaLight(truth.scene.model_copy(update={"water": Water(absorption_per_m=max(slope, 0.0))}))
+    gain = on_axis(made_in, space.near_m) / on_axis(formula, space.near_m)
+    return Model(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What a follower takes its pose for.
+
+    Parameters
+    ----------
+    pose, believed : array, shape (6,), m and rad
+    gain : float
+    covariance : array, shape (n, n), m and rad
+        Spread of the estimates by noise about `believed`, of the coordinates `names`.
+    trace_sigma : array, shape (n,), m and rad
+        Standard error of the bias that the trace's readings have; not that of a K fitted to them.
+    misfit : float
+        Sum of the squared residuals that noise did not make, over the degrees of freedom.
+    """
+
+    pose: Array
+    believed: Array
+    names: tuple[str, ...]
+    gain: float
+    covariance: Array
+    trace_sigma: Array
+    misfit: float
+
+    @property
+    def bias(self) -> Array:
+        """Believed less true pose, m and rad, shape (6,)."""
+        return np.asarray(self.believed - self.pose)
+
+
+def belief(
+    truth: Model, formula: Model, pose: Array, names: Sequence[str], noise: Noise, gain_sigma: float = 0.0
+) -> Belief:
+    """Bias and spread of the pose from the wrong model, at one pose.
+
+    Parameters
+    ----------
+    truth, formula : Model
+        The readings, and what explains them.
+    pose : array, shape (6,), m and rad
+    names : sequence of str
+        Coordinates that are sought; the rest is known.
+    gain_sigma : float
+        Of the formula's gain beforehand; infinite: only relative readings count.
+    """
+    readings = truth.readings(pose[None])[0]
+    variance = noise.variance(readings)
+    found = search(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
+    best, gain = found.poses[0], float(found.gains[0])
+    covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
+    # What the trace does not know of the readings moves the belief as noise of the readings would.
+    moved = lever @ (truth.batches(pose) - readings).T
+    trace = moved.std(axis=1) / np.sqrt(max(moved.shape[1] - 1, 1))
+    free = len(readings) - len(names) - (gain_sigma > 0)
+    return Belief(pose, best, tuple(names), gain, covariance, trace, float(found.chi2[0]) / max(free, 1))
+
+
+def _spread(
+    model: Model, readings: Array, weight: Array, pose: Array, gain: float, names: Sequence[str], prior: float
+) -> tuple[Array, Array]:
+    """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W."""
+    at, free = [POSE.index(name) for name in names], prior > 0
+    size = len(at) + free
+
+    def slopes_and_gradient(poses: Array, gains: Array) -> tuple[Array, Array]:
+        read = gains[:, None] * model.readings(poses)
+        slopes = gains[:, None, None] * model.by_pose(poses, names)
+        if free:
+            slopes = np.concatenate([slopes, read[:, :, None]], axis=2)
+        gradient = -np.einsum("snk,n,sn->sk", slopes, weight, readings - read)
+        if free:
+            gradient[:, -1] += np.log(gains) * prior**-2.0
+        return slopes, gradient
+
+    poses, gains = np.tile(pose, (2 * size, 1)), np.full(2 * size, gain)
+    # The gradient is itself a difference with `STEP`: its own step is larger, so that rounding stays small.
+    step = 10 * STEP
+    for k in range(size):
+        for row, sign in ((k, 1), (size + k, -1)):
+            if k < len(at):
+                poses[row, at[k]] += sign * step
+            else:
+                gains[row] *= np.exp(sign * step)
+    _, gradients = slopes_and_gradient(poses, gains)
+    a = (gradients[:size] - gradients[size:]) / (2 * step)
+    slopes, _ = slopes_and_gradient(pose[None], np.array([gain]))
+    b = np.einsum("nk,n,nl->kl", slopes[0], weight, slopes[0])
+    if free:
+        b[-1, -1] += prior**-2.0
+    back = np.linalg.pinv(0.5 * (a + a.T), hermitian=True)
+    lever = back @ (slopes[0] * weight[:, None]).T
+    return (back @ b @ back)[: len(at), : len(at)], lever[: len(at)]
+
+
+@dataclass(frozen=True)
+class BiasStudy:
+    """Beliefs over waters, calibrations and places.
+
+    Parameters
+    ----------
+    scene : Scene
+    names : tuple of str
+    axis : xarray.Dataset
+        `bias_x`, `sigma_x`, ... (m and rad) and `misfit`; dimensions (scattering_per_m, calibration, z_m).
+    plane : xarray.Dataset
+        The same in the scene's own water; dimensions (calibration, z_m, x_m).
+    traced : bool
+    """
+
+    scene: Scene
+    names: tuple[str, ...]
+    axis: xr.Dataset
+    plane: xr.Dataset
+    traced: bool
+
+    def as_data(self) -> dict[str, Any]:
+        return {"axis": _data(self.axis), "plane": _data(self.plane), "sought": list(self.names)}
+
+    def as_text(self) -> str:
+        """Bias along the beam on the axis, mm, and the worst sideways in the scene's own water."""
+        z = self.axis.z_m.values
+        lines = [
+            "bias of the formula along the beam on the axis, mm (believed less true distance), at z = "
+            + ", ".join(f"{v:g}" for v in z)
+            + " m; +- noise of one reading"
+        ]
+        for b in self.axis.scattering_per_m.values:
+            lines.append(f"scattering {b:g} 1/m")
+            for name in self.axis.calibration.values:
+                one = self.axis.sel(scattering_per_m=b, calibration=name)
+                cells = [
+                    f"{1e3 * v:+.0f} +- {1e3 * s:.0f}"
+                    for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
+                ]
+                lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))
+        doubt = 1e3 * float(self.axis.sel(calibration=CALIBRATIONS[0]).trace_z.max())
+        lines.append(f"errors of the trace: up to {doubt:.0f} mm where the gain is known")
+        for name in self.plane.calibration.values:
+            sideways = 1e3 * np.abs(self.plane.sel(calibration=name).bias_x.values).max()
+            lines.append(f"in the scene's own water, {name}: sideways wrong by up to {sideways:.0f} mm")
+        return "\n".join(lines)
+
+
+def _data(found: xr.Dataset) -> dict[str, Any]:
+    values = {
+        str(k): np.where(np.isfinite(v.values), v.values, 0.0).tolist() for k, v in found.data_vars.items()
+    }
+    return {**{str(k): v.values.tolist() for k, v in found.coords.items()}, **values}
+
+
+def bias_study(
+    scene: Scene,
+    space: Space | None = None,
+    scattering_per_m: Sequence[float] = SCATTERING_PER_M,
+    *,
+    photons: float = 1e7,
+    seed: int = 0,
+) -> BiasStudy:
+    """The error of a follower that believes the formula, over waters, calibrations and places.
+
+    Parameters
+    ----------
+    scene : Scene
+        With an array; its own water is that of the map.
+    scattering_per_m : sequence of float, 1/m
+        Waters on the axis.
+    photons : float
+        Of the trace, which all waters share.
+
+    Raises
+    ------
+    SceneError
+        No array; water whose scattering comes from its constituents.
+    """
+    elements = elements_of(array_of(scene))
+    if scene.water.base != "none":
+        raise SceneError(
+            "the scattering of this water is not one number", where="water.base", found=scene.water.base,
+            rule="the bias is asked for over water.scattering_per_m", remedy='set water.base = "none"',
+        )  # fmt: skip
+    space = Space.of_scene(scene) if space is None else space
+    most = max(*scattering_per_m, scene.water.scattering_per_m)
+    widest = scene.with_values({"water.scattering_per_m": 0.5 * most} if photons else {})
+    light = light_of(widest, space, elements, photons=photons, seed=seed)
+    names, noise = pose_names(scene), Noise.of_scene(scene)
+    z = np.linspace(space.near_m, space.far_m, 3)
+    poses = np.array([[0, 0, v, 0, 0, 0.0] for v in z])
+    waters = [
+        light.in_water_of(scene.with_values({"water.scattering_per_m": float(b)})) for b in scattering_per_m
+    ]
+    on_beam = np.array([_beliefs(one, elements, poses, names, noise, space) for one in waters])
+    x = np.linspace(-space.half_width_m, space.half_width_m, ACROSS)
+    along = np.linspace(space.near_m, space.far_m, ALONG)
+    places = np.array([[u, 0, v, 0, 0, 0.0] for v in along for u in x])
+    own = _beliefs(light.in_water_of(scene), elements, places, names, noise, space)
+    shape = (len(CALIBRATIONS), ALONG, ACROSS)
+    coords = {"calibration": list(CALIBRATIONS)}
+    return BiasStudy(
+        scene,
+        names,
+        _dataset(
+            np.moveaxis(on_beam, -1, 0), names, ("scattering_per_m", "calibration", "z_m"),
+            {"scattering_per_m": list(scattering_per_m), **coords, "z_m": z},
+        ),
+        _dataset(
+            np.moveaxis(own, -1, 0).reshape(-1, *shape), names, ("calibration", "z_m", "x_m"),
+            {**coords, "z_m": along, "x_m": x},
+        ),
+        bool(photons),
+    )  # fmt: skip
+
+
+def _beliefs(
+    light: Light, elements: Elements, poses: Array, names: Sequence[str], noise: Noise, space: Space
+) -> Array:
+    """Shape (n_calibrations, n_poses, 3 n + 1): biases, standard deviations, errors of the trace, misfit."""
+    truth = Model(light, elements)
+    rows = []
+    for calibration in CALIBRATIONS:
+        formula, prior = believed(light, elements, calibration, space)
+        found = [belief(truth, formula, pose, names, noise, prior) for pose in poses]
+        at = [POSE.index(n) for n in names]
+        rows.append([[*b.bias[at], *np.sqrt(np.diag(b.covariance)), *b.trace_sigma, b.misfit] for b in found])
+    return np.array(rows)
+
+
+def _dataset(
+    values: Array, names: Sequence[str], dims: tuple[str, ...], coords: dict[str, Any]
+) -> xr.Dataset:
+    n = len(names)
+    units = {name: "m" if name in POSE[:3] else "rad" for name in names}
+    found = {f"bias_{name}": (dims, values[k], {"units": units[name]}) for k, name in enumerate(names)}
+    found |= {f"sigma_{name}": (dims, values[n + k], {"units": units[name]}) for k, name in enumerate(names)}
+    found |= {
+        f"trace_{name}": (dims, values[2 * n + k], {"units": units[name]}) for k, name in enumerate(names)
+    }
+    found["misfit"] = (
+        dims,
+        values[3 * n],
+        {"units": "1", "long_name": "chi2 of the model's error per degree"},
+    )
+    return xr.Dataset(found, coords=coords)

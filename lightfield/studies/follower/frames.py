@@ -1,0 +1,111 @@
+"""Poses and frames.
+
+A pose is (x, y, z, yaw, pitch, roll), m and rad, in the tank's frame: lamp at the origin, z along the tank's
+axis, x horizontal, y up. At rest the follower looks along -z. Seen from the follower, positive angles turn
+it to
+starboard, lift its nose, and lower its starboard side: these are the vehicle's Euler angles (Fossen 2021,
+section 2.2, ZYX).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene import Follower
+from lightfield.studies.follower.elements import Elements
+
+POSE = ("x", "y", "z", "yaw", "pitch", "roll")
+Frame = Literal["tank", "vehicle", "ros"]
+#: Rows: axes of a frame in the tank's coordinates. Vehicle: forward, starboard, down. ROS (REP 103): forward,
+#: left, up.
+AXES = {
+    "tank": np.eye(3),
+    "vehicle": np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+    "ros": np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
+
+
+def pose_of(follower: Follower | None) -> Array:
+    """Pose that a scene gives, m and rad, shape (6,); on the axis, at the default distance, if none."""
+    f = follower or Follower()
+    return np.array([f.x_m, f.y_m, f.z_m, *np.radians([f.yaw_deg, f.pitch_deg, f.roll_deg])])
+
+
+def in_degrees(pose: Array) -> Array:
+    """Poses, m and degrees, shape as given (..., 6)."""
+    return np.concatenate([pose[..., :3], np.degrees(pose[..., 3:])], axis=-1)
+
+
+def rotations(angles: Array) -> Array:
+    """Matrices that turn directions of the array's frame into the tank's, shape (..., 3, 3).
+
+    Parameters
+    ----------
+    angles : array, shape (..., 3), rad
+        Yaw, pitch and roll.
+    """
+    angles = np.asarray(angles, float)
+    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    # Yaw about -y, then pitch about x, then roll about -z: forward is -z. Written out, for speed.
+    found = np.empty((*angles.shape[:-1], 3, 3))
+    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = (
+        cy * cr + sy * sp * sr,
+        cy * sr - sy * sp * cr,
+        -sy * cp,
+    )
+    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = -cp * sr, cp * cr, -sp
+    found[..., 2, 0], found[..., 2, 1], found[..., 2, 2] = (
+        sy * cr - cy * sp * sr,
+        sy * sr + cy * sp * cr,
+        cy * cp,
+    )
+    return found
+
+
+def placed(elements: Elements, poses: Array) -> tuple[Array, Array]:
+    """Places and normals of the elements in the tank, m, shape (m, n, 3) each, at poses of shape (m, 6)."""
+    turn = np.swapaxes(rotations(poses[:, 3:]), -1, -2)
+    return elements.place_m @ turn + poses[:, None, :3], elements.normal @ turn
+
+
+@dataclass(frozen=True)
+class FramedPose:
+    """A pose in another frame whose origin is the lamp.
+
+    Parameters
+    ----------
+    position_m : array, shape (3,)
+    rotation : array, shape (3, 3)
+        Columns: the follower's axes of the same kind, in the frame.
+    """
+
+    position_m: Array
+    rotation: Array
+
+    @property
+    def quaternion(self) -> Array:
+        """(x, y, z, w), w >= 0, as ROS has it (Shepperd 1978, J. Guid. Control 1, 223)."""
+        m = self.rotation
+        squares = np.array([1 + 2 * m[k, k] - np.trace(m) for k in range(3)] + [1 + np.trace(m)])
+        off = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+        q = np.zeros(4)
+        k = int(squares.argmax())
+        q[k] = 0.5 * np.sqrt(squares[k])
+        if k == 3:
+            q[:3] = off / (4 * q[3])
+        else:
+            for j in range(3):
+                if j != k:
+                    q[j] = (m[j, k] + m[k, j]) / (4 * q[k])
+            q[3] = off[k] / (4 * q[k])
+        return q if q[3] >= 0 else -q
+
+
+def in_frame(pose: Array, frame: Frame) -> FramedPose:
+    """A pose in the vehicle's frame (forward, starboard, down) or in that of ROS (forward, left, up)."""
+    axes = AXES[frame]
+    return FramedPose(axes @ pose[:3], axes @ rotations(pose[3:]) @ axes.T)

@@ -1,0 +1,285 @@
+"""What an array can tell of a pose at best: Fisher information and the Cramer-Rao bound.
+
+    F = J^T Sigma^-1 J + prior,        Sigma = noise + errors of the field
+
+J holds the derivatives of the readings by the pose and by what else is not known exactly (gain, water, the
+lamp's
+direction); the bound on the pose is the Schur complement of F (Kay 1993, Fundamentals of Statistical Signal
+Processing I, section 3). What the noise itself tells by its dependence on the pose is left out: 2 m^2 of the
+whole
+for a relative noise m. The bound is local: rivals far away are another question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene import Scene
+from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.light import Model
+from lightfield.studies.follower.noise import PERCENT, Noise
+
+#: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
+TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))
+#: Smallest eigenvalue of an information matrix of unit diagonal that is not rounding of its derivatives
+#: (1e-6).
+LEAST_EIGENVALUE = 1e-11
+#: Information of a coordinate that is none: known to 100 m, 100 rad, or a factor of e^100 (rounding leaves
+#: more than 0).
+LEAST_INFORMATION = 1e-4
+#: An element that reads less than this part of the brightest tells nothing (rounding of derivatives).
+DARK = 1e-9
+#: Prior, by its standard deviation, of a coordinate that is not known at all.
+UNKNOWN = np.inf
+
+
+def nuisances_of(scene: Scene) -> dict[str, float]:
+    """What a follower does not know exactly: standard deviations by name, see `Model.slopes`."""
+    found = {}
+    if scene.array is not None:
+        found["gain"] = PERCENT * scene.array.gain_drift_percent
+    if scene.follower is not None:
+        water = PERCENT * scene.follower.water_known_percent
+        found |= {"absorption": water, "scattering": water}
+        tilt = float(np.radians(scene.follower.lamp_tilt_known_deg))
+        found |= {"lamp tilt x": tilt, "lamp tilt y": tilt}
+    return {name: sigma for name, sigma in found.items() if sigma > 0}
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Smallest covariance of an unbiased estimate.
+
+    Parameters
+    ----------
+    pose : array, shape (6,), m and rad
+        Where.
+    names : tuple of str
+        Coordinates of the pose that are sought.
+    covariance : array, shape (n, n), m and rad
+        Infinite on the diagonal, zero beside it, where nothing is known.
+    nuisances : dict of str to float
+        Standard deviations of what else was unknown, after the reading.
+    readings : array, shape (n_elements,)
+    doubt : dict of str to float
+        Relative errors of the standard deviations, by the noise of the trace; see `with_doubt`.
+    """
+
+    pose: Array
+    names: tuple[str, ...]
+    covariance: Array
+    nuisances: dict[str, float]
+    readings: Array
+    doubt: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviations, m and rad."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def correlation(self, one: str, other: str) -> float:
+        """Of two coordinates; NaN where one is not known at all."""
+        i, j = self.names.index(one), self.names.index(other)
+        c = self.covariance
+        with np.errstate(invalid="ignore"):
+            return float(c[i, j] / np.sqrt(c[i, i] * c[j, j])) if np.isfinite(c[i, i] * c[j, j]) else np.nan
+
+    @property
+    def criteria(self) -> dict[str, float]:
+        """In units of the task: A, sum of the variances; D, n-th root of the volume; E, worst direction."""
+        units = np.array([TASK_UNITS[name] for name in self.names])
+        scaled = self.covariance / np.outer(units, units)
+        if not np.isfinite(scaled).all():
+            return dict.fromkeys("ADE", np.inf)
+        values = np.maximum(np.linalg.eigvalsh(scaled), 0.0)
+        return {
+            "A": float(values.sum()),
+            "D": float(np.prod(values) ** (1 / len(values))),
+            "E": float(values[-1]),
+        }
+
+    def as_data(self) -> dict[str, Any]:
+        shown = {name: _finite(v) for name, v in _printed(self.sigma).items()}
+        return {
+            "pose": dict(zip(_with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
+            "sigma": shown,
+            "sigma_relative_error_of_trace": {name: _finite(v) for name, v in self.doubt.items()},
+            "nuisances": self.nuisances,
+            "correlation_x_yaw": _finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
+            "criteria": {name: _finite(value) for name, value in self.criteria.items()},
+            "brightest": float(self.readings.max()),
+        }
+
+    def as_text(self) -> str:
+        """One line."""
+        x, y, z, yaw, pitch, _ = in_degrees(self.pose)
+        known = ", ".join(
+            _words(name, value) + (f" +- {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) else "")
+            for name, value in self.sigma.items()
+        )
+        return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _with_units(names: Sequence[str]) -> list[str]:
+    return [f"{name}_m" if name in POSE[:3] else f"{name}_deg" for name in names]
+
+
+def _printed(sigma: Mapping[str, float]) -> dict[str, float]:
+    """In m and degrees, by names with units."""
+    values = [v if name in POSE[:3] else np.degrees(v) for name, v in sigma.items()]
+    return dict(zip(_with_units(list(sigma)), map(float, values), strict=True))
+
+
+def _words(name: str, sigma: float) -> str:
+    if not np.isfinite(sigma):
+        return f"{name} unknown"
+    return f"{name} {1000 * sigma:.3g} mm" if name in POSE[:3] else f"{name} {np.degrees(sigma):.3g} deg"
+
+
+def bound(
+    model: Model,
+    pose: Array,
+    names: Sequence[str],
+    noise: Noise,
+    nuisances: Mapping[str, float] | None = None,
+) -> Bound:
+    """Cramer-Rao bound of one reading of an array.
+
+    Parameters
+    ----------
+    model : Model
+    pose : array, shape (6,), m and rad
+    names : sequence of str
+        Coordinates of the pose that are sought; the rest is known.
+    noise : Noise
+    nuisances : mapping of str to float, optional
+        What else is not known, by the standard deviation beforehand (`UNKNOWN`: nothing), see `Model.slopes`.
+    """
+    return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
+
+
+def with_doubt(
+    model: Model,
+    parts: Sequence[Model],
+    pose: Array,
+    names: Sequence[str],
+    noise: Noise,
+    nuisances: Mapping[str, float],
+) -> Bound:
+    """A bound with its error by the noise of the trace, whose derivatives look like information.
+
+    Parameters
+    ----------
+    parts : sequence of Model
+        The model without one of the batches of the trace, for each in turn; others as of `bound`.
+    """
+    whole = bound(model, pose, names, noise, nuisances)
+    others = [bound(part, pose, names, noise, nuisances).sigma for part in parts]
+    doubt = {name: jackknife(sigma, [one[name] for one in others]) for name, sigma in whole.sigma.items()}
+    return replace(whole, doubt=doubt)
+
+
+def jackknife(whole: float, parts: Sequence[float]) -> float:
+    """Relative error of a number, bias included, from its values without one batch (Efron 1982, section 2).
+
+    Parameters
+    ----------
+    whole : float
+        With all batches.
+    parts : sequence of float
+        Empty: known exactly.
+    """
+    if not parts or not np.isfinite(whole):
+        return 0.0
+    ratios = np.asarray(parts) / whole
+    if not np.isfinite(ratios).all():
+        return 1.0
+    return float((len(parts) - 1) * np.hypot(ratios.std() / np.sqrt(len(parts) - 1), ratios.mean() - 1))
+
+
+def bounds_together(
+    model: Model,
+    poses: Array,
+    names: Sequence[str],
+    noise: Noise,
+    nuisances: Mapping[str, float] | None = None,
+) -> list[Bound]:
+    """Bounds of several readings in which the nuisances are the same, poses each of their own.
+
+    Parameters
+    ----------
+    poses : array, shape (m, 6), m and rad
+    """
+    others = dict(nuisances or {})
+    n, k = len(names), len(others)
+    size = len(poses) * n + k
+    whole = np.diag([0.0] * (size - k) + [float(s) ** -2.0 for s in others.values()])
+    read = []
+    for i, pose in enumerate(poses):
+        readings, single = information(model, pose, [*names, *others], noise)
+        at = np.r_[i * n : (i + 1) * n, size - k : size]
+        whole[np.ix_(at, at)] += single
+        read.append(readings)
+    covariance = inverse(whole)
+    spread = dict(zip(others, np.sqrt(np.diag(covariance)[size - k :]).tolist(), strict=True))
+    return [
+        Bound(pose, tuple(names), covariance[i * n : (i + 1) * n, i * n : (i + 1) * n], spread, read[i])
+        for i, pose in enumerate(poses)
+    ]
+
+
+def bound_pair(
+    model: Model, pose: Array, names: Sequence[str], noise: Noise, nuisances: Mapping[str, float]
+) -> tuple[Bound, Bound]:
+    """What noise scatters of an estimate that seeks the gain, too; and the bound with the nuisances unknown.
+
+    With H the information of pose and gain, its prior included, and B what of it the readings brought,
+    the scatter from one reading to the next is H^-1 B H^-1: the prior is the same in all.
+    """
+    n = len(names)
+    readings, whole = information(model, pose, [*names, *nuisances], noise)
+    sought = [*range(n), *(n + k for k, name in enumerate(nuisances) if name == "gain")]
+    brought = whole[np.ix_(sought, sought)]
+    prior = float(nuisances.get("gain", UNKNOWN)) ** -2.0
+    back = inverse(brought + np.diag([0.0] * n + [prior] * (len(sought) - n)))
+    known = np.isfinite(np.diag(back))
+    scatter = np.where(known[:, None] & known, back, 0.0)
+    scatter = scatter @ brought @ scatter + np.diag(np.where(known, 0.0, np.inf))
+    alone = Bound(pose, tuple(names), scatter[:n, :n], {}, readings)
+    whole = whole + np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()])
+    covariance = inverse(whole)
+    spread = dict(zip(nuisances, np.sqrt(np.diag(covariance)[n:]).tolist(), strict=True))
+    return alone, Bound(pose, tuple(names), covariance[:n, :n], spread, readings)
+
+
+def information(model: Model, pose: Array, names: Sequence[str], noise: Noise) -> tuple[Array, Array]:
+    """Readings at a pose, and the Fisher information of `names`, shape (len(names), len(names))."""
+    readings, error = model.with_errors(pose)
+    slopes = model.slopes(pose, names)
+    variance = noise.variance(readings) + error**2
+    lit = readings > DARK * readings.max(initial=0.0)
+    weighed = slopes[lit] / np.sqrt(variance[lit])[:, None]
+    return readings, weighed.T @ weighed
+
+
+def inverse(information: Array) -> Array:
+    """Covariance from information; infinite variance, and no covariance, of what is not known."""
+    told = np.diag(information) > LEAST_INFORMATION
+    size = np.sqrt(np.where(told, np.diag(information), 1.0))
+    values, vectors = np.linalg.eigh(information * np.outer(told, told) / np.outer(size, size))
+    known = values > LEAST_EIGENVALUE
+    covariance = (vectors[:, known] / values[known]) @ vectors[:, known].T / np.outer(size, size)
+    # What has a part in a direction that the readings do not tell is itself unknown.
+    lost = (vectors[:, ~known] ** 2).sum(axis=1) > LEAST_EIGENVALUE
+    covariance[lost, :] = covariance[:, lost] = 0.0
+    covariance[lost, lost] = np.inf
+    return covariance

@@ -1,0 +1,226 @@
+"""What a follower reads, and what it believes that it reads: the traced field, or the formula."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.response.response import Reference
+from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.frame import is_round
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.follower.elements import Elements
+from lightfield.studies.follower.frames import POSE, placed, rotations
+
+#: Step of numerical derivatives, m and rad, and of a logarithm: the light changes over decimetres and
+#: degrees, so
+#: the relative error of a central difference is about (step / length)^2 = 1e-6.
+STEP = 1e-4
+#: Relative step of the water's coefficients: their derivatives are smooth.
+WATER_STEP = 1e-2
+#: Water of the trace from which others are weighed, where the scene's own scatters less: below it a trace
+#: is clean
+#: (chosen; the errors of the field say how it went).
+LEAST_TRACED_PER_M = 0.1
+#: Room around the formation space in which a search may look, m (chosen).
+MARGIN_M = 0.3
+
+
+class Light(Protocol):
+    """Light on cosine receivers for unit radiant intensity on the lamp's axis, 1/m^2, in any water."""
+
+    @property
+    def scene(self) -> Scene: ...
+
+    def reading(self, place_m: Array, normal: Array) -> Array: ...
+
+    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]: ...
+
+    def batches(self, place_m: Array, normal: Array) -> Array: ...
+
+    def leave_one_out(self) -> Sequence[Light]: ...
+
+    def in_water_of(self, scene: Scene) -> Light: ...
+
+
+@dataclass(frozen=True)
+class FormulaLight:
+    """Gaussian beam, inverse square and Beer-Lambert: no scattered light, no walls."""
+
+    scene: Scene
+
+    def reading(self, place_m: Array, normal: Array) -> Array:
+        """Readings, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
+        return on_receivers(direct_flux(self.scene, place_m), normal)
+
+    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
+        """`reading`, and errors of zero."""
+        found = self.reading(place_m, normal)
+        return found, np.zeros_like(found)
+
+    def batches(self, place_m: Array, normal: Array) -> Array:
+        """`reading`, once: nothing is traced."""
+        return self.reading(place_m, normal)[None]
+
+    def leave_one_out(self) -> list[FormulaLight]:
+        """None: nothing is traced."""
+        return []
+
+    def in_water_of(self, scene: Scene) -> FormulaLight:
+        return FormulaLight(scene)
+
+
+@dataclass(frozen=True)
+class Space:
+    """Where the follower may be: |x|, |y| up to a half width, z between two distances, m."""
+
+    half_width_m: float = 0.4
+    near_m: float = 4.5
+    far_m: float = 8.5
+
+    @classmethod
+    def of_scene(cls, scene: Scene, half_width_m: float = 0.4) -> Space:
+        """From the first to the last plane of a scene's detector."""
+        planes = scene.detector.planes_m
+        return cls(half_width_m, min(planes), max(planes))
+
+
+def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, seed: int = 0) -> Light:
+    """The traced field of a scene wherever an array may reach from the formation space.
+
+    Parameters
+    ----------
+    photons : float
+        Zero: the formula.
+
+    Raises
+    ------
+    RenderError
+        The space reaches into a wall, or behind the lamp.
+    """
+    if not photons:
+        return FormulaLight(scene)
+    reach = elements.reach_m + MARGIN_M
+    across, near = space.half_width_m + reach, max(space.near_m - 2 * reach, 0.5 * space.near_m)
+    far = space.far_m + 2 * reach
+    step = Region(1, 1, 2).step_m
+    if scene.tank is not None:
+        (left, right), (low, high), (_, end) = scene.tank.box_m
+        # Whole steps, and one and a half of them between the region and every wall.
+        room = min(-left, right, -low, high)
+        across = min(across, step * (np.floor(room / step - 0.5) - 1))
+        far = min(far, end - step)
+    at = middles_nm(scene)[0].mean(keepdims=True)
+    (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+    reference = Reference(float(a), max(float(b), LEAST_TRACED_PER_M), max(scene.reflectances))
+    return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)
+
+
+def pose_names(scene: Scene) -> tuple[str, ...]:
+    """What can be known of a pose: about the axis of a round beam nothing turns anything."""
+    return POSE[:5] if is_round(scene.lamp) else POSE
+
+
+@dataclass(frozen=True)
+class Model:
+    """Readings of an array in some light.
+
+    Parameters
+    ----------
+    light : Light
+    elements : Elements
+    gain : float, reading m^2
+        Reading per unit of irradiance over the lamp's intensity on its axis.
+    """
+
+    light: Light
+    elements: Elements
+    gain: float = 1.0
+
+    def readings(self, poses: Array) -> Array:
+        """Shape (m, n_elements), at poses of shape (m, 6), m and rad."""
+        place, normal = placed(self.elements, poses)
+        read = self.light.reading(place.reshape(-1, 3), normal.reshape(-1, 3))
+        return self.gain * read.reshape(len(poses), len(self.elements))
+
+    def with_errors(self, pose: Array) -> tuple[Array, Array]:
+        """Readings at one pose and the standard errors that a trace leaves them, shape (n_elements,)."""
+        place, normal = placed(self.elements, pose[None])
+        read, error = self.light.irradiance(place[0], normal[0])
+        return self.gain * read, self.gain * error
+
+    def batches(self, pose: Array) -> Array:
+        """Readings at one pose of independent parts of the trace, shape (n_batches, n_elements)."""
+        place, normal = placed(self.elements, pose[None])
+        return self.gain * self.light.batches(place[0], normal[0])
+
+    def leave_one_out(self) -> list[Model]:
+        """The same in the light of the trace without one of its batches, for each in turn."""
+        return [replace(self, light=light) for light in self.light.leave_one_out()]
+
+    def slopes(self, pose: Array, names: Sequence[str]) -> Array:
+        """Derivatives of the readings, shape (n_elements, len(names)).
+
+        Parameters
+        ----------
+        pose : array, shape (6,), m and rad
+        names : sequence of str
+            Of `POSE`, by m and rad; "gain", "absorption" and "scattering" by their logarithms; "lamp tilt x"
+            and "lamp tilt y" by rad, all of the light turned about the lamp.
+        """
+        wanted = [name for name in names if name in POSE]
+        by_pose = dict(zip(wanted, self.by_pose(pose[None], wanted)[0].T, strict=True))
+        return np.stack([by_pose[n] if n in by_pose else self._by(pose, n) for n in names], axis=1)
+
+    def _by(self, pose: Array, name: str) -> Array:
+        if name == "gain":
+            return self.readings(pose[None])[0]
+        return self._by_tilt(pose, name[-1]) if name.startswith("lamp tilt") else self._by_water(pose, name)
+
+    def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
+        """Derivatives by coordinates of the pose, shape (m, n_elements, len(names))."""
+        step = STEP * np.eye(len(POSE))[[POSE.index(name) for name in names]]
+        both = np.concatenate([poses[:, None] + step, poses[:, None] - step], axis=1)
+        flat = self.readings(both.reshape(-1, len(POSE)))
+        read = flat.reshape(len(poses), 2, len(names), len(self.elements))
+        return np.swapaxes(read[:, 0] - read[:, 1], 1, 2) / (2 * STEP)
+
+    @cached_property
+    def _waters(self) -> dict[str, tuple[Model, Model]]:
+        """The same in water of a little more, and of a little less, absorption or scattering."""
+        scene = self.light.scene
+        at = middles_nm(scene)[0].mean(keepdims=True)
+        found = {}
+        for name, coefficient in (("absorption", absorption_per_m), ("scattering", scattering_per_m)):
+            path, (now,) = f"water.{name}_per_m", coefficient(scene.water, at)
+            more, less = (
+                self.light.in_water_of(
+                    scene.with_values({path: scene.get(path) + sign * WATER_STEP * now}, validate=False)
+                )
+                for sign in (1, -1)
+            )
+            found[name] = replace(self, light=more), replace(self, light=less)
+        return found
+
+    def _by_water(self, pose: Array, name: str) -> Array:
+        more, less = (model.readings(pose[None])[0] for model in self._waters[name])
+        return (more - less) / (2 * WATER_STEP)
+
+    def _by_tilt(self, pose: Array, axis: str) -> Array:
+        """A lamp that turns towards +x, or up, is a follower that turns the other way about the lamp."""
+        read = []
+        for sign in (1, -1):
+            # Forward of an array is -z, of the lamp z: +yaw turns the lamp's light towards -x, +pitch down.
+            angles = np.array([sign * STEP, 0.0, 0.0] if axis == "x" else [0.0, sign * STEP, 0.0])
+            turn = rotations(angles)
+            place, normal = placed(self.elements, pose[None])
+            read.append(self.light.reading(place[0] @ turn.T, normal[0] @ turn.T))
+        return self.gain * (read[0] - read[1]) / (2 * STEP)

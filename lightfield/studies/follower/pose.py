@@ -1,0 +1,219 @@
+"""Which pose do these readings come from, how well is it known, and what else could it be?
+
+One reading at a time, by maximum likelihood over the light that the follower believes in; a sequence besides
+by a
+filter that knows that a vehicle does not jump (`tracking`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from lightfield.arrays import Array
+from lightfield.scene import Scene
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import POSE, in_degrees, in_frame
+from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
+from lightfield.studies.follower.light import Light, Model, Space, pose_names
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.rivals import Rival, others
+from lightfield.studies.follower.search import Found, box_of, search, starts_in
+from lightfield.studies.follower.survey import array_of
+
+#: Poses a first search starts from: one in every eighth of the formation space.
+FIRST_STARTS = 8
+#: Readings that are this unlikely do not come from the light that is believed in (as of a diagnosis: 1 %).
+UNLIKELY = 0.01
+#: Light is lost where the brightest element is less than this many sigma of darkness (Rose 1948: 5).
+LOST_SIGMA = 5.0
+#: A start from the last pose that ends this far up, in chi2 over its degrees of freedom, begins anew
+#: (chosen).
+ASTRAY = 3.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A pose from one reading of an array.
+
+    Parameters
+    ----------
+    pose : array, shape (6,), m and rad
+        NaN where light is lost.
+    gain : float
+        Common gain that goes with it.
+    chi2, probability : float
+        Sum of squared residuals, and how probable one as large is if the light is right.
+    noise_only : Bound or None
+        What noise scatters from one reading to the next; None where light is lost.
+    total : Bound or None
+        With gain, water and lamp unknown as far as the scene says.
+    rivals : list of Rival
+        Other minima within 5 sigma.
+    lost : bool
+    edge : bool
+        At the edge of where it was looked for: the light is another, or the follower is beyond.
+    """
+
+    pose: Array
+    gain: float
+    chi2: float
+    probability: float
+    noise_only: Bound | None
+    total: Bound | None
+    rivals: list[Rival] = field(default_factory=list)
+    lost: bool = False
+    edge: bool = False
+
+    @property
+    def fits(self) -> bool:
+        return not self.lost and not self.edge and self.probability >= UNLIKELY
+
+    @property
+    def status(self) -> str:
+        """In words."""
+        if self.lost:
+            return "light lost"
+        if self.edge:
+            return "at the edge of the space looked in"
+        return "found" if self.fits else "readings do not fit the light"
+
+    def as_data(self) -> dict[str, Any]:
+        if self.lost or self.total is None:
+            return {"status": self.status}
+        frames = {frame: in_frame(self.pose, frame) for frame in ("vehicle", "ros")}
+        return {
+            "status": self.status,
+            **self.total.as_data(),
+            "covariance_m_rad": np.where(
+                np.isfinite(self.total.covariance), self.total.covariance, 1e9
+            ).tolist(),
+            "gain": self.gain,
+            "chi2": self.chi2,
+            "probability": self.probability,
+            "rivals": [rival.as_data() for rival in self.rivals],
+            "frames": {
+                name: {"position_m": one.position_m.tolist(), "quaternion_xyzw": one.quaternion.tolist()}
+                for name, one in frames.items()
+            },
+        }
+
+    def as_text(self) -> str:
+        """One line."""
+        if self.lost or self.total is None:
+            return "light lost: no element reads more than darkness"
+        values, sigma = in_degrees(self.pose), self.total.sigma
+        words = []
+        for name, value in zip(POSE, values, strict=True):
+            if name in sigma:
+                unit, s = ("m", sigma[name]) if name in POSE[:3] else ("deg", np.degrees(sigma[name]))
+                words.append(f"{name} {value:.3f} +- {s:.3f} {unit}")
+        line = ", ".join(words) + f"; chi2 {self.chi2:.0f}, probability {self.probability:.2g}"
+        if not self.fits:
+            line += f": {self.status}"
+        return line + (f"; {len(self.rivals)} rivals, {self.rivals[0].as_text()}" if self.rivals else "")
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """Poses from readings, one after the other or each by itself.
+
+    Parameters
+    ----------
+    model : Model
+        Light that is believed in, and elements.
+    noise : Noise
+    names : tuple of str
+        Coordinates that are sought.
+    nuisances : mapping of str to float
+        What is not known exactly; the gain is sought with the pose.
+    space : Space
+        Where the follower may be.
+    """
+
+    model: Model
+    noise: Noise
+    names: tuple[str, ...]
+    nuisances: Mapping[str, float]
+    space: Space
+
+    @classmethod
+    def of_scene(cls, scene: Scene, light: Light, space: Space) -> Estimator:
+        """As the scene's array, follower and lamp say."""
+        model = Model(light, elements_of(array_of(scene)))
+        return cls(model, Noise.of_scene(scene), pose_names(scene), nuisances_of(scene), space)
+
+    def starts(self) -> Array:
+        """Poses of a first search: the corners of the formation space, and rolls where they count."""
+        s = self.space
+        places = [
+            (x, y, z)
+            for z in (s.near_m + 0.25 * (s.far_m - s.near_m), s.near_m + 0.75 * (s.far_m - s.near_m))
+            for x in (-0.5 * s.half_width_m, 0.5 * s.half_width_m)
+            for y in (-0.5 * s.half_width_m, 0.5 * s.half_width_m)
+        ]
+        poses = np.zeros((FIRST_STARTS, len(POSE)))
+        poses[:, :3] = places
+        if "roll" in self.names:
+            poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS)
+        return poses
+
+    def fit(self, readings: Array, starts: Array) -> Found:
+        """Minima from the starts; see `search`."""
+        return search(
+            self.model,
+            readings,
+            self.noise.variance(readings),
+            self.names,
+            starts,
+            gain_sigma=self.nuisances.get("gain", 0.0),
+            box=box_of(self.space),
+        )
+
+    def estimate(
+        self, readings: Array, last: Array | None = None, *, more_starts: int = 0, seed: int = 0
+    ) -> Estimate:
+        """Pose of one reading.
+
+        Parameters
+        ----------
+        readings : array, shape (n_elements,), 1/m^2
+        last : array, shape (6,), optional
+            Pose to start from; without one, or where that leads astray, from several.
+        more_starts : int
+            Random starts beside, to look for rivals.
+        """
+        readings = np.asarray(readings, float)
+        dark = np.sqrt(self.noise.variance(np.zeros_like(readings)))
+        if readings.max() <= LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
+            return Estimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
+        free = max(len(readings) - len(self.names), 1)
+        found = self.fit(readings, last[None]) if last is not None else None
+        if found is None or found.chi2[0] > ASTRAY * free or more_starts:
+            begin = [self.starts()]
+            if more_starts:
+                begin.append(starts_in(box_of(self.space), self.names, more_starts, seed))
+            if last is not None:
+                begin.append(last[None])
+            found = self.fit(readings, np.concatenate(begin))
+        pose, chi2 = found.poses[0], float(found.chi2[0])
+        alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
+        return Estimate(
+            pose,
+            float(found.gains[0]),
+            chi2,
+            float(chi2_distribution.sf(chi2, free)),
+            alone,
+            total,
+            others(found, pose, chi2),
+            edge=self._at_edge(pose),
+        )
+
+    def _at_edge(self, pose: Array) -> bool:
+        low, high = box_of(self.space)
+        at = [POSE.index(name) for name in self.names if name != "roll"]
+        return bool(((pose <= low) | (pose >= high))[at].any())

@@ -1,0 +1,74 @@
+"""Poses far from the true one that give nearly the same readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.light import Model
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.search import Found, search, starts_in
+
+#: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).
+NEAR_SIGMA = 5.0
+#: Poses closer than this, m and rad, are the same minimum (chosen: three task units and more).
+APART = np.array([0.03, 0.03, 0.15, 0.05, 0.05, 0.05])
+STARTS = 40
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A pose, m and rad, shape (6,), the gain that goes with it, and how many sigma it is away."""
+
+    pose: Array
+    gain: float
+    sigma: float
+
+    def as_data(self) -> dict[str, Any]:
+        return {
+            "pose_m_deg": dict(zip(POSE, in_degrees(self.pose).tolist(), strict=True)),
+            "gain": self.gain,
+            "sigma": self.sigma,
+        }
+
+    def as_text(self) -> str:
+        x, y, z, yaw, pitch, _ = in_degrees(self.pose)
+        return (
+            f"x {x:.2f}, y {y:.2f}, z {z:.2f} m, yaw {yaw:.0f}, pitch {pitch:.0f} deg "
+            f"with gain x {self.gain:.2f} is {self.sigma:.1f} sigma away"
+        )
+
+
+def rivals(
+    model: Model,
+    pose: Array,
+    names: Sequence[str],
+    noise: Noise,
+    box: tuple[Array, Array],
+    *,
+    gain_sigma: float = 0.0,
+    starts: int = STARTS,
+    seed: int = 0,
+) -> list[Rival]:
+    """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
+    readings = model.readings(pose[None])[0]
+    begin = starts_in(box, names, starts, seed)
+    found = search(model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box)
+    return others(found, pose)
+
+
+def others(found: Found, pose: Array, least: float = 0.0) -> list[Rival]:
+    """Minima other than a pose, whose chi2 is at most `NEAR_SIGMA` squared above the least."""
+    kept: list[Rival] = []
+    for other, gain, chi2 in zip(found.poses, found.gains, found.chi2, strict=True):
+        near = max(chi2 - least, 0.0) ** 0.5
+        if near < NEAR_SIGMA and all(
+            (np.abs(other - p) > APART).any() for p in (pose, *(k.pose for k in kept))
+        ):
+            kept.append(Rival(other, float(gain), near))
+    return kept

@@ -1,0 +1,138 @@
+"""`pose estimate`: the poses of a table of readings, one by one or through the filter."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene import Scene
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.light import Space, light_of
+from lightfield.studies.follower.pose import Estimate, Estimator
+from lightfield.studies.follower.survey import array_of
+from lightfield.studies.follower.table import read_samples
+from lightfield.studies.follower.tracking import Tracked, Tracker
+
+#: Random starts that look for rivals of the first pose.
+RIVAL_STARTS = 32
+#: Samples that a text shows.
+SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of a sequence.
+
+    Parameters
+    ----------
+    scene : Scene
+    names : tuple of str
+    time_s : array, shape (n,)
+    estimates : list of Estimate
+    tracked : list of Tracked or None
+        With the filter.
+    traced : bool
+        Light that was believed in: traced, or the formula.
+    """
+
+    scene: Scene
+    names: tuple[str, ...]
+    time_s: Array
+    estimates: list[Estimate]
+    tracked: list[Tracked] | None
+    traced: bool
+
+    @property
+    def lost(self) -> int:
+        return sum(one.lost for one in self.estimates)
+
+    @property
+    def misfits(self) -> int:
+        return sum(not one.lost and not one.fits for one in self.estimates)
+
+    def as_data(self) -> dict[str, Any]:
+        found: list[dict[str, Any]] = []
+        for k, one in enumerate(self.estimates):
+            row = {"time_s": float(self.time_s[k]), **one.as_data()}
+            if self.tracked is not None and np.isfinite(self.tracked[k].pose).all():
+                state = self.tracked[k]
+                row["filtered"] = {
+                    "pose_m_deg": dict(zip(POSE, in_degrees(state.pose).tolist(), strict=True)),
+                    "rate_m_deg_per_s": dict(zip(POSE, in_degrees(state.rate).tolist(), strict=True)),
+                    "covariance_m_rad": np.where(np.isfinite(state.total), state.total, 1e9).tolist(),
+                    "used": state.used,
+                }
+            found.append(row)
+        return {"light": "traced field" if self.traced else "formula", "samples": found}
+
+    def as_text(self) -> str:
+        """One line per sample, and what did not go well."""
+        lines = [f"light believed in: {'traced field' if self.traced else 'formula'}"]
+        for k, one in enumerate(self.estimates[:SHOWN]):
+            lines.append(f"{self.time_s[k]:8.2f} s  {one.as_text()}")
+        if len(self.estimates) > SHOWN:
+            lines.append(f"and {len(self.estimates) - SHOWN} more")
+        if self.tracked is not None and np.isfinite(self.tracked[-1].pose).all():
+            x, y, z, yaw, pitch, _ = in_degrees(self.tracked[-1].pose)
+            lines.append(
+                f"filtered, at the end: x {x:.3f}, y {y:.3f}, z {z:.3f} m, yaw {yaw:.2f}, pitch "
+                f"{pitch:.2f} deg"
+            )
+        lines.append(
+            f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit"
+        )
+        return "\n".join(lines)
+
+
+def poses_of(
+    path: str | os.PathLike[str],
+    scene: Scene,
+    space: Space | None = None,
+    *,
+    filtered: bool = False,
+    photons: float = 1e7,
+    seed: int = 0,
+) -> Poses:
+    """Poses of the samples of a table.
+
+    Parameters
+    ----------
+    path : path-like
+        See `table.read_samples`.
+    scene : Scene
+        With an array.
+    space : Space, optional
+        Where the follower may be; by default as far as the detector's planes.
+    filtered : bool
+        Let the filter go over them, too.
+    photons : float
+        Of the trace; zero: believe the formula.
+
+    Raises
+    ------
+    SceneError, MeasurementError, RenderError
+        No array, a table that is none, a space that is not in the water.
+    """
+    array = array_of(scene)
+    elements = elements_of(array)
+    samples = read_samples(path, len(elements), array.sample_hz)
+    space = Space.of_scene(scene) if space is None else space
+    estimator = Estimator.of_scene(scene, light_of(scene, space, elements, photons=photons, seed=seed), space)
+    readings = samples.readings / array.gain
+    tracked = None
+    if filtered:
+        tracker = Tracker(estimator)
+        tracked = [tracker.update(one, float(t)) for one, t in zip(readings, samples.time_s, strict=True)]
+        estimates = [one.estimate for one in tracked]
+    else:
+        estimates, last = [], None
+        for k, one in enumerate(readings):
+            found = estimator.estimate(one, last, more_starts=0 if k else RIVAL_STARTS, seed=seed)
+            last = None if found.lost else found.pose
+            estimates.append(found)
+    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons))

@@ -1,0 +1,175 @@
+"""What an array can know of its pose, here and over the formation space, and which poses look alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.errors import SceneError
+from lightfield.scene import DetectorArray, Scene
+from lightfield.studies.follower.elements import Elements, elements_of
+from lightfield.studies.follower.frames import POSE, pose_of
+from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
+from lightfield.studies.follower.light import Model, Space, light_of, pose_names
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.rivals import Rival, rivals
+from lightfield.studies.follower.search import box_of
+
+#: Places across and along the formation space of a map.
+ACROSS, ALONG = 9, 9
+#: What docking asks for: 0.1 m and 5 degrees (Eren 2015, thesis, University of New Hampshire); 0.3 m along
+#: the beam.
+DOCKING = dict(zip(POSE, (0.1, 0.1, 0.3, *np.radians([5.0, 5.0, 5.0])), strict=True))
+
+
+@dataclass(frozen=True)
+class Survey:
+    """An array in a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    elements : Elements
+    here : Bound
+        At the scene's pose.
+    axis : list of Bound
+        On the beam's axis, near, middle and far.
+    space : xarray.Dataset
+        Standard deviations over the formation space, dimensions (z_m, x_m), and `A`.
+    rivals : list of Rival
+        Of the scene's pose.
+    nuisances : dict of str to float
+        What was not known exactly.
+    traced : bool
+        With scattered and reflected light.
+    """
+
+    scene: Scene
+    elements: Elements
+    here: Bound
+    axis: list[Bound]
+    space: xr.Dataset
+    rivals: list[Rival]
+    nuisances: dict[str, float]
+    traced: bool
+
+    @property
+    def reaches(self) -> float:
+        """Part of the map where docking's demands are met, 0 to 1."""
+        met = [self.space[f"sigma_{name}"].values <= DOCKING[name] for name in self.here.names]
+        return float(np.mean(np.all(met, axis=0)))
+
+    def as_data(self) -> dict[str, Any]:
+        return {
+            "elements": len(self.elements),
+            "spacing_m": self.elements.spacing_m if len(self.elements) > 1 else None,
+            "light": "traced field" if self.traced else "formula",
+            "unknown": self.nuisances,
+            "here": self.here.as_data(),
+            "axis": [one.as_data() for one in self.axis],
+            "rivals": [rival.as_data() for rival in self.rivals],
+            "docking_met": self.reaches,
+            "map": {
+                **{name: self.space[name].values.tolist() for name in ("x_m", "z_m")},
+                **{str(name): _listed(values.values) for name, values in self.space.data_vars.items()},
+            },
+        }
+
+    def as_text(self) -> str:
+        known = ", ".join(f"{name} {sigma:.3g}" for name, sigma in self.nuisances.items()) or "nothing else"
+        lines = [
+            f"{len(self.elements)} elements; light: {'traced' if self.traced else 'formula'}; unknown beside "
+            f"the pose (standard deviation): {known}",
+            "best that can be known (one reading, one standard deviation):",
+            f"  {self.here.as_text()}",
+            *(f"  {one.as_text()}" for one in self.axis),
+            f"docking (0.1 m across, 0.3 m along, 5 deg) is met in {100 * self.reaches:.0f} % of the space",
+        ]
+        if self.rivals:
+            lines.append(
+                f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0].as_text()}"
+            )
+        else:
+            lines.append("no other pose looks alike")
+        return "\n".join(lines)
+
+
+def _listed(values: np.ndarray) -> list[list[float | None]]:
+    """JSON has no infinity: null, where nothing is known."""
+    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
+
+
+def array_of(scene: Scene) -> DetectorArray:
+    """The array of a scene.
+
+    Raises
+    ------
+    SceneError
+        It has none.
+    """
+    if scene.array is None:
+        raise SceneError(
+            "the scene has no array", rule="a follower needs an [array]", remedy="add the table [array]"
+        )
+    return scene.array
+
+
+def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, seed: int = 0) -> Survey:
+    """What the array of a scene can know of its pose.
+
+    Parameters
+    ----------
+    scene : Scene
+        With an array.
+    space : Space, optional
+        Formation space; by default as far as the detector's planes.
+    photons : float
+        Of the trace; zero: the formula, without scattered light.
+
+    Raises
+    ------
+    SceneError
+        No array.
+    RenderError
+        A space that is not in the water.
+    """
+    elements = elements_of(array_of(scene))
+    space = Space.of_scene(scene) if space is None else space
+    light = light_of(scene, space, elements, photons=photons, seed=seed)
+    model, noise, nuisances = Model(light, elements), Noise.of_scene(scene), nuisances_of(scene)
+    names, pose = pose_names(scene), pose_of(scene.follower)
+    parts = model.leave_one_out()
+    near = np.linspace(space.near_m, space.far_m, 3)
+    return Survey(
+        scene,
+        elements,
+        with_doubt(model, parts, pose, names, noise, nuisances),
+        [with_doubt(model, parts, np.array([0, 0, z, 0, 0, 0.0]), names, noise, nuisances) for z in near],
+        bound_map(model, space, names, noise, nuisances),
+        rivals(model, pose, names, noise, box_of(space), gain_sigma=nuisances.get("gain", 0.0), seed=seed),
+        nuisances,
+        bool(photons),
+    )
+
+
+def bound_map(
+    model: Model, space: Space, names: tuple[str, ...], noise: Noise, nuisances: dict[str, float]
+) -> xr.Dataset:
+    """Bounds over the horizontal plane of the axis, the follower facing along the tank."""
+    x = np.linspace(-space.half_width_m, space.half_width_m, ACROSS)
+    z = np.linspace(space.near_m, space.far_m, ALONG)
+    values = np.empty((len(names) + 1, ALONG, ACROSS))
+    for i, along in enumerate(z):
+        for j, across in enumerate(x):
+            one = bound(model, np.array([across, 0, along, 0, 0, 0.0]), names, noise, nuisances)
+            values[:, i, j] = [*one.sigma.values(), one.criteria["A"]]
+    dims = ("z_m", "x_m")
+    found = {
+        f"sigma_{name}": (dims, values[k], {"units": "m" if name in POSE[:3] else "rad"})
+        for k, name in enumerate(names)
+    }
+    found["A"] = (dims, values[-1], {"units": "1", "long_name": "sum of variances in units of the task"})
+    return xr.Dataset(found, coords={"x_m": ("x_m", x, {"units": "m"}), "z_m": ("z_m", z, {"units": "m"})})

@@ -1,0 +1,94 @@
+"""Readings of an array from a CSV file: one line per sample, one column per element."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
+from lightfield.storage.inputs import READINGS, read_bytes
+
+TIME = "time_s"
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Readings of all elements at rising times.
+
+    Parameters
+    ----------
+    time_s : array, shape (n,), s
+    readings : array, shape (n, n_elements)
+    """
+
+    time_s: Array
+    readings: Array
+
+
+def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) -> Samples:
+    """Read a table with the columns e1, e2, ... in the order of the array's elements, and time_s if known.
+
+    Parameters
+    ----------
+    path : path-like
+        CSV with a header line; lines that begin with # are comments.
+    elements : int
+        How many the array has.
+    rate_hz : float, Hz
+        Of samples without times.
+
+    Raises
+    ------
+    MeasurementError
+        Not such a table: all bad lines at once.
+    """
+    where = os.fspath(path)
+    try:
+        lines = read_bytes(path, READINGS).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise MeasurementError("not a text file", where=where, rule="a UTF-8 CSV file") from error
+    rows = [(k, line.split(",")) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    header = [name.strip() for name in rows[0][1]] if rows else []
+    wanted = [f"e{k + 1}" for k in range(elements)]
+    missing = [name for name in wanted if name not in header]
+    if missing or len(set(header)) < len(header):
+        raise MeasurementError(
+            f"column {missing[0]} is missing" if missing else "a column stands there twice",
+            where=where,
+            found=",".join(header)[:80],
+            rule=f"one column per element, e1 to e{elements}, and {TIME} if it is known",
+            remedy="name the columns in the first line, in the order of the array's elements",
+        )
+    timed = TIME in header
+    columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]
+    problems: list[str] = []
+    values: list[list[float]] = []
+    for number, cells in rows[1:]:
+        try:
+            row = [float(cells[k]) for k in columns]
+        except (ValueError, IndexError):
+            problems.append(f"line {number}: not {len(columns)} numbers")
+            continue
+        if not np.isfinite(row).all() or max(map(abs, row)) > LARGEST:
+            problems.append(f"line {number}: not finite, or too large")
+        elif timed and values and row[0] <= values[-1][0]:
+            problems.append(f"line {number}: {TIME} must rise, {row[0]:g} after {values[-1][0]:g}")
+        values.append(row)
+    if not problems and not values:
+        problems.append("no line with readings")
+    if problems:
+        raise MeasurementError(
+            f"{len(problems)} bad line(s)", where=where, rule=f"finite numbers, {TIME} rising",
+            remedy="correct the table", problems=problems,
+        )  # fmt: skip
+    found = np.array(values)
+    if timed:
+        return Samples(found[:, 0], found[:, 1:])
+    return Samples(np.arange(len(found)) / rate_hz, found)
+
+
+#: Readings and times whose squares must not overflow.
+LARGEST = 1e30

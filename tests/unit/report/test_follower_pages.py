@@ -1,0 +1,57 @@
+"""Pages of the follower are whole, say the verdict, and hold what is infinite without a crash."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.report.follower.page import write_comparison, write_survey
+from lightfield.report.follower.pose_page import write_poses
+from lightfield.scene import Scene
+from lightfield.studies.follower.design import compare, optimise
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.light import FormulaLight, Model, Space
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.pose import Estimator
+from lightfield.studies.follower.sequence import Poses
+from lightfield.studies.follower.survey import survey
+from lightfield.studies.follower.tracking import Tracker
+
+SCENE = Scene.from_dict(
+    {"name": "two <diodes>", "water": {"absorption_per_m": 0.1}, "array": {"count": [2, 1], "size_m": 0.4}}
+)
+ROUND = {"count": [3, 3], "size_m": 0.26, "radius_m": 0.19}
+
+
+def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
+    html = write_survey(survey(SCENE, photons=0), tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "2 elements know where they are well enough to dock nowhere" in html and "blind to" in html
+    assert "two &lt;diodes&gt;" in html and html.count("<svg") == 2
+
+
+def test_a_comparison_names_the_best(tmp_path: Path) -> None:
+    good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
+    html = write_comparison(compare(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
+        encoding="utf-8"
+    )
+    assert "9 elements (good) know the pose" in html
+    found = optimise(good, 6, 0.3, photons=0)
+    assert found.arrays[0].name == "the best found"
+    assert "Elements of the best found" in write_comparison(found, tmp_path / "o.html").read_text(
+        encoding="utf-8"
+    )
+
+
+def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
+    scene = Scene.from_dict({**SCENE.to_dict(), "array": {**ROUND, "count": [5, 5]}})
+    assert scene.array is not None
+    model = Model(FormulaLight(scene), elements_of(scene.array))
+    noise = Noise(brightest=0.01, ampere=1.0, amplifier=1e-9)
+    tracker = Tracker(Estimator(model, noise, POSE[:5], {"gain": 0.05}, Space()))
+    readings = model.readings(np.array([[0.1, 0, 6, 0, 0, 0.0]]))[0]
+    states = [tracker.update(readings * (t != 2), 0.1 * t) for t in range(4)]
+    poses = Poses(scene, POSE[:5], 0.1 * np.arange(4), [s.estimate for s in states], states, False)
+    html = write_poses(poses, tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "1 without light, 0 that do not fit" in html and "light lost" in html

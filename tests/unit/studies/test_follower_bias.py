@@ -1,0 +1,119 @@
+"""Bias and spread of estimates from a wrong model, against estimates from many noisy readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from lightfield.errors import SceneError
+from lightfield.scene import Scene
+from lightfield.studies.follower.bias import (
+    CALIBRATIONS,
+    CLEAR,
+    EXACT,
+    FITTED,
+    RELATIVE,
+    belief,
+    believed,
+    bias_study,
+    slope_per_m,
+)
+from lightfield.studies.follower.elements import grid, on_sphere
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.information import UNKNOWN, bound
+from lightfield.studies.follower.light import FormulaLight, Model, Space
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.search import search
+
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 3.81},
+        "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05},
+        "array": {"size_m": 0.26, "radius_m": 0.19},
+    }
+)
+WIDER = SCENE.with_values({"lamp.hwhm_deg": 4.2, "water.absorption_per_m": 0.1})
+HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
+NOISE, FIVE = Noise(brightest=0.01), POSE[:5]
+POSE_0 = np.array([0.25, 0.1, 6.0, 0.05, 0.0, 0.0])
+SPACE = Space(0.4, 4.5, 8.5)
+
+
+@pytest.mark.parametrize("prior", [0.0, np.inf])
+def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
+    """The wrong formula is fitted to 400 noisy readings of another lamp in other water."""
+    truth, formula = (Model(FormulaLight(s), HEMISPHERE) for s in (WIDER, SCENE))
+    found = belief(truth, formula, POSE_0, FIVE, NOISE, prior)
+    readings, rng = truth.readings(POSE_0[None])[0], np.random.default_rng(7)
+    variance = NOISE.variance(readings)
+    draws = np.array(
+        [
+            search(
+                formula,
+                readings + np.sqrt(variance) * rng.standard_normal(25),
+                variance,
+                FIVE,
+                found.believed[None],
+                gain_sigma=prior,
+            ).poses[0, :5]
+            for _ in range(400)
+        ]
+    )
+    sigma = np.sqrt(np.diag(found.covariance))
+    # Means to sigma / sqrt(400), deviations to 1 / sqrt(800) of themselves, at 4 of these; the cost is not
+    # quite a
+    # parabola over its own noise where the gain is free.
+    np.testing.assert_array_less(
+        np.abs(draws.mean(axis=0) - found.believed[:5]), (0.2 + 0.1 * (prior > 0)) * sigma
+    )
+    np.testing.assert_allclose(draws.std(axis=0), sigma, rtol=4 / np.sqrt(800) + 0.05 * (prior > 0))
+    assert np.abs(found.bias[:3]).max() > 5 * sigma[0]  # there is something to see
+
+
+def test_the_right_model_has_no_bias_and_the_spread_of_the_bound() -> None:
+    model = Model(FormulaLight(SCENE), HEMISPHERE)
+    for prior in (0.0, np.inf):
+        found = belief(model, model, POSE_0, FIVE, NOISE, prior)
+        np.testing.assert_allclose(found.bias, 0, atol=1e-9)
+        expected = bound(model, POSE_0, FIVE, NOISE, {"gain": UNKNOWN} if prior else {})
+        # The curvature is a difference of differences: step 1e-3 m over light that changes within some 0.05
+        # m.
+        sigma = np.sqrt(np.diag(found.covariance))
+        np.testing.assert_allclose(sigma, list(expected.sigma.values()), rtol=2e-3)
+
+
+def test_calibrations_of_a_formula_that_is_right_are_right() -> None:
+    """Where nothing scatters K is c, and every gain one; the wrong water is off by what its K says."""
+    light = FormulaLight(SCENE)
+    assert slope_per_m(light, 4.5, 8.5) == pytest.approx(0.1, rel=1e-12)
+    for calibration in (EXACT, FITTED, RELATIVE):
+        model, prior = believed(light, HEMISPHERE, calibration, SPACE)
+        assert model.gain == pytest.approx(1.0, rel=1e-12)
+        assert np.isinf(prior) == (calibration == RELATIVE)
+
+
+def test_a_study_has_every_water_calibration_and_place() -> None:
+    """The formula is its own truth here: in the water of its calibration nothing is wrong."""
+    found = bias_study(SCENE, SPACE, (0.02, 0.1), photons=0)
+    assert found.axis.bias_z.shape == (2, len(CALIBRATIONS), 3)
+    assert found.plane.bias_x.shape == (len(CALIBRATIONS), 5, 5)
+    assert np.abs(found.axis.bias_z.isel(scattering_per_m=0)).max() < 1e-6
+    assert "K and gain from clear water" in found.as_text()
+    assert len(found.as_data()["axis"]["bias_z"]) == 2
+
+
+@pytest.mark.parametrize("z", [4.5, 6.5, 8.5])
+def test_a_calibration_that_is_kept_errs_by_what_the_water_swallows(z: float) -> None:
+    """On the axis it believes z + d with (z + d)^2 exp(0.07 (z + d)) = z^2 exp(0.15 z), at b = 0.1."""
+    one, truth = grid((1, 1), 0.1), FormulaLight(SCENE.with_values({"water.scattering_per_m": 0.1}))
+    formula, prior = believed(truth, one, CLEAR, SPACE)
+    found = belief(Model(truth, one), formula, np.array([0, 0, z, 0, 0, 0.0]), ("z",), NOISE, prior)
+    expected = brentq(lambda d: 2 * np.log(1 + d / z) + 0.07 * d - 0.08 * z, 0, 20)
+    assert found.bias[2] == pytest.approx(expected, rel=1e-4)
+
+
+def test_water_that_is_more_than_a_number_is_refused() -> None:
+    pure = SCENE.with_values({"water.base": "pure", "water.absorption_per_m": 0.0})
+    with pytest.raises(SceneError, match=r"water\.base"):
+        bias_study(pure, SPACE, photons=0)

@@ -1,0 +1,81 @@
+"""Arrays compared and designed: against plain matrix algebra, and against arrays that people build."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.errors import SceneError
+from lightfield.scene import Scene
+from lightfield.studies.follower.design import Setting, candidates, compare, designed, judged, task_poses
+from lightfield.studies.follower.elements import grid, on_sphere
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.light import FormulaLight, Model, Space
+from lightfield.studies.follower.noise import Noise
+
+SCENE = Scene.from_dict(
+    {"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05}}
+)
+POSES = task_poses(Space(0.4, 4.5, 8.5))
+SETTING = Setting(FormulaLight(SCENE), POSES, POSE[:5], Noise(brightest=0.01), {"gain": 0.05})
+
+
+def test_an_exchange_is_a_new_array() -> None:
+    """The closed form of every exchange against the array made anew."""
+    some = candidates(np.array([-0.2, 0.0, 0.2]), np.array([-0.2, 0.2]), np.array([-30.0, 0.0, 30.0]))
+    whitened = SETTING.whitened(some)
+    rest = [0, 11, 25, 38, 47, 53]
+    quick = SETTING.exchanged(whitened, whitened[:, rest])
+    slow = [SETTING.criterion(whitened[:, [*rest, k]]) for k in range(len(some))]
+    np.testing.assert_allclose(quick, slow, rtol=1e-8)
+
+
+def test_the_criterion_is_the_mean_of_bounds() -> None:
+    """By plain inversion, with derivatives by one-sided differences of the formula."""
+    elements, total = on_sphere(grid((5, 5), 0.4), 0.32), 0.0
+    model = Model(FormulaLight(SCENE), elements)
+    units = np.array([0.01, 0.01, 0.1, np.radians(1), np.radians(1), 1.0])
+    for pose in POSES:
+        base = model.readings(pose[None])[0]
+        steps = pose + 1e-6 * np.eye(6)[:5]
+        slopes = np.column_stack([(model.readings(steps) - base).T / 1e-6, base]) * units
+        x, y, z, yaw, _, _ = pose
+        facing = np.array([np.sin(yaw), 0.0, -np.cos(yaw)])
+        r = np.sqrt(x * x + y * y + z * z)
+        theta = np.degrees(np.arctan2(np.hypot(x, y), z))
+        top = 0.5 ** ((theta / 3.81) ** 2) * np.exp(-0.1 * r) / r**2 * -(facing @ pose[:3]) / r
+        whole = slopes.T @ slopes / (0.01 * top) ** 2
+        whole[5, 5] += 0.05**-2
+        total += np.trace(np.linalg.inv(whole)[:5, :5])
+    assert judged("", elements, SETTING).criterion == pytest.approx(total / len(POSES), rel=1e-3)
+
+
+def test_eight_elements_well_placed_beat_twenty_five() -> None:
+    """And they keep their distance, their box and their tilts."""
+    best = designed(SETTING, 8, 0.4, 40.0, 0.025)
+    assert best.spacing_m >= 0.025 - 1e-9
+    assert np.abs(best.place_m).max() <= 0.2 + 1e-12 and np.abs(best.tilts_deg).max() <= 40 + 1e-9
+    hemisphere = judged("", on_sphere(grid((5, 5), 0.26), 0.19), SETTING).criterion
+    assert 3 * judged("", best, SETTING).criterion < hemisphere
+    # No other element in the place of any of them would do better by a part in a hundred, on a grid of its
+    # own.
+    other = candidates(np.linspace(-0.2, 0.2, 5), np.linspace(-0.2, 0.2, 5), np.linspace(-40, 40, 5))
+    whitened, mine = SETTING.whitened(other), SETTING.whitened(best)
+    now = SETTING.criterion(mine)
+    for k in range(8):
+        rest = [j for j in range(8) if j != k]
+        apart = np.linalg.norm(other.place_m[:, None] - best.place_m[rest], axis=2).min(axis=1) >= 0.025
+        assert SETTING.exchanged(whitened, mine[:, rest])[apart].min() > 0.97 * now
+
+
+def test_more_than_fit_are_refused() -> None:
+    with pytest.raises(SceneError, match="do not fit"):
+        designed(SETTING, 20, 0.05, 0.0, 0.025)
+
+
+def test_arrays_of_scenes_are_sorted() -> None:
+    flat = SCENE.to_dict() | {"name": "flat", "array": {"size_m": 0.6}}
+    round_ = SCENE.to_dict() | {"array": {"size_m": 0.26, "radius_m": 0.19}}
+    found = compare(Scene.from_dict(flat), {"round": Scene.from_dict(round_)}, photons=0)
+    assert [one.name for one in found.arrays] == ["round", "flat"]
+    assert found.as_data()["arrays"][1]["elements"] == 25 and "flat" in found.as_text()

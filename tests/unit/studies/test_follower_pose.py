@@ -1,0 +1,196 @@
+"""Poses from readings: unbiased, as scattered as the bound says, with rivals, and over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lightfield.errors import MeasurementError
+from lightfield.scene import Scene
+from lightfield.studies.follower.elements import Elements, grid, on_sphere
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.light import FormulaLight, Model, Space
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.pose import Estimator
+from lightfield.studies.follower.rivals import rivals
+from lightfield.studies.follower.search import box_of
+from lightfield.studies.follower.sequence import poses_of
+from lightfield.studies.follower.table import read_samples
+from lightfield.studies.follower.tracking import Tracker
+
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 3.81},
+        "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05},
+        "array": {"size_m": 0.26, "radius_m": 0.19},
+    }
+)
+LIGHT = FormulaLight(SCENE)
+FLAT = grid((5, 5), 0.6)
+HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
+NOISE = Noise(brightest=0.01, ampere=1.0, amplifier=1e-9)
+SPACE = Space(0.5, 4.5, 8.5)
+FIVE = POSE[:5]
+POSE_0 = np.array([0.2, 0.1, 6.0, 0.1, -0.05, 0.0])
+
+
+def estimator(elements: Elements = HEMISPHERE, gain: float = 0.05) -> Estimator:
+    nuisances = {"gain": gain} if gain else {}
+    return Estimator(Model(LIGHT, elements), NOISE, FIVE, nuisances, SPACE)
+
+
+def noisy(pose: np.ndarray, rng: np.random.Generator, elements: Elements = HEMISPHERE) -> np.ndarray:
+    readings = Model(LIGHT, elements).readings(pose[None])[0]
+    return readings + np.sqrt(NOISE.variance(readings)) * rng.standard_normal(len(readings))
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.1])
+def test_readings_without_noise_give_their_pose(gain: float) -> None:
+    """From no idea where, also when the gain is off and not known beforehand."""
+    readings = gain * Model(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
+    found = estimator(gain=np.inf).estimate(readings)
+    np.testing.assert_allclose(found.pose, POSE_0, atol=2e-4)
+    assert found.gain == pytest.approx(gain, rel=1e-4) and found.fits and not found.rivals
+
+
+def test_estimates_scatter_as_the_bound_says_and_fit_as_chi2() -> None:
+    """200 draws: squared distances from the truth, and chi2, are those of their degrees of freedom."""
+    rng, one = np.random.default_rng(2), estimator(gain=0.0)
+    draws = [one.estimate(noisy(POSE_0, rng), POSE_0) for _ in range(200)]
+    distances = []
+    for d in draws:
+        assert d.total is not None
+        apart = (d.pose - POSE_0)[:5]
+        distances.append(apart @ np.linalg.solve(d.total.covariance, apart))
+    assert stats.kstest(distances, stats.chi2(5).cdf).pvalue > 1e-3
+    assert stats.kstest([d.chi2 for d in draws], stats.chi2(20).cdf).pvalue > 1e-3
+    assert np.mean([d.fits for d in draws]) > 0.95
+
+
+def test_an_unknown_gain_is_in_the_error_and_not_in_the_scatter() -> None:
+    """Readings of a gain 4 % high: one after the other hardly differs along the beam, but all are off."""
+    rng, one = np.random.default_rng(3), estimator(HEMISPHERE, 0.02)
+    draws = [one.estimate(1.04 * noisy(POSE_0, rng), POSE_0) for _ in range(100)]
+    z = np.array([d.pose[2] for d in draws])
+    first = draws[0]
+    assert first.noise_only is not None and first.total is not None
+    assert z.std() == pytest.approx(first.noise_only.sigma["z"], rel=4 / np.sqrt(200))
+    assert abs(z.mean() - POSE_0[2]) > z.std() and abs(z.mean() - POSE_0[2]) < 4 * first.total.sigma["z"]
+
+
+def test_what_went_wrong_is_said() -> None:
+    """A dead element, another lamp, darkness."""
+    readings = Model(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
+    dead = readings.copy()
+    dead[int(readings.argmax())] = 0.0
+    found = estimator().estimate(dead)
+    assert not found.fits and found.as_data()["status"] == "readings do not fit the light"
+    # A wider beam in darker water is explained well enough by a place that is too far away to be looked at.
+    other = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "water": {"absorption_per_m": 0.3}})
+    found = estimator(FLAT).estimate(Model(FormulaLight(other), FLAT).readings(POSE_0[None])[0])
+    assert not found.fits and found.edge and "edge" in found.as_text()
+    lost = estimator().estimate(np.zeros(25))
+    assert lost.lost and lost.as_data() == {"status": "light lost"} and "light lost" in lost.as_text()
+
+
+def test_rival_of_a_flat_array() -> None:
+    """With the gain unknown, 10 degrees of yaw at 0.30 m look like -20 degrees at 0.34 m (prototype: 1.2
+    sigma).
+
+    The prototype's light scatters (b = 0.05 1/m), this formula does not: the distance is somewhat larger.
+    """
+    pose = np.array([0.3, 0.0, 6.5, np.radians(10), 0.0, 0.0])
+    noise, box = Noise(brightest=0.01), box_of(SPACE)
+    found = rivals(Model(LIGHT, FLAT), pose, FIVE, noise, box, gain_sigma=np.inf)
+    assert len(found) == 1 and found[0].sigma < 2.0
+    assert found[0].pose[0] == pytest.approx(0.34, abs=0.01)
+    assert np.degrees(found[0].pose[3]) == pytest.approx(-20, abs=2)
+    assert rivals(Model(LIGHT, FLAT), pose, FIVE, noise, box) == []
+    assert rivals(Model(LIGHT, HEMISPHERE), pose, FIVE, noise, box, gain_sigma=np.inf) == []
+    # Four readings for five unknowns: as many rivals as one looks for.
+    assert len(rivals(Model(LIGHT, grid((2, 2), 0.4)), pose, FIVE, noise, box)) > 10
+
+
+ASIDE = np.array([0.4, 0, 0, 0, 0, 0])
+
+
+def way(t: float) -> np.ndarray:
+    return np.array([0.1 * np.sin(t), 0.05 * t, 6.5 - 0.1 * t, 0.05 * np.sin(t), 0.0, 0.0])
+
+
+def test_a_filter_is_better_than_single_readings_and_knows_how_good_it_is() -> None:
+    """Innovations and errors have the size that the filter says (NIS and NEES), over a smooth way."""
+    rng, tracker = np.random.default_rng(4), Tracker(estimator(gain=0.0))
+    times = 0.1 * np.arange(60)
+    states = [tracker.update(noisy(way(t), rng), float(t)) for t in times]
+    late = states[15:]
+    errors = np.array([s.pose - way(s.time_s) for s in late])[:, :5]
+    single = np.array([s.estimate.pose - way(s.time_s) for s in late])[:, :5]
+    assert (errors.std(axis=0) < 0.9 * single.std(axis=0)).sum() >= 4
+    # The motion allowed for is livelier than this way: distances are smaller than chi2 of 5, and never
+    # larger.
+    nis = np.mean([s.innovation for s in late])
+    nees = np.mean([e @ np.linalg.solve(s.covariance, e) for e, s in zip(errors, late, strict=True)])
+    assert 0.5 * 5 < nis < 5 + 4 * np.sqrt(10 / len(late))
+    assert 0.2 * 5 < nees < 5 + 4 * np.sqrt(10 / 10)  # neighbours share readings: some ten are independent
+    assert all(s.used for s in states)
+
+
+def test_a_filter_outlives_darkness_and_refuses_what_cannot_be() -> None:
+    rng, tracker = np.random.default_rng(5), Tracker(estimator())
+    for t in 0.1 * np.arange(20):
+        last = tracker.update(noisy(way(t), rng), float(t))
+    dark = tracker.update(np.zeros(25), 2.0)
+    assert dark.estimate.lost and not dark.used and np.isfinite(dark.pose).all()
+    assert (np.diag(dark.covariance) > np.diag(last.covariance)).all()
+    jump = tracker.update(noisy(way(2.1) + ASIDE, rng), 2.1)
+    assert not jump.used and abs(jump.pose[0] - way(2.1)[0]) < 0.1
+    for t in 2.2 + 0.1 * np.arange(12):  # it was true after all: the filter begins anew
+        last = tracker.update(noisy(way(t) + ASIDE, rng), float(t))
+    assert abs(last.pose[0] - way(last.time_s)[0] - 0.4) < 0.1
+
+
+def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -> Path:
+    header = [*([] if times is None else ["time_s"]), *(f"e{k + 1}" for k in range(readings.shape[1]))]
+    rows = readings if times is None else np.column_stack([times, readings])
+    path.write_text(
+        "\n".join([",".join(header), *(",".join(f"{v:.9g}" for v in row) for row in rows)]) + "\n"
+    )
+    return path
+
+
+def test_a_table_of_readings(tmp_path: Path) -> None:
+    rng, times = np.random.default_rng(6), np.array([0.0, 0.1, 0.2])
+    readings = np.array([noisy(way(t), rng) for t in times])
+    scene = SCENE.with_values({"array.gain": 3.0})
+    for filtered in (False, True):
+        path = written(tmp_path / "way.csv", 3.0 * readings, times)
+        found = poses_of(path, scene, SPACE, filtered=filtered, photons=0)
+        assert [one.fits for one in found.estimates] == 3 * [True]
+        assert abs(found.estimates[2].pose[0] - way(0.2)[0]) < 0.1
+        assert "3 samples, 0 without light, 0 that do not fit" in found.as_text()
+        assert found.as_data()["samples"][0]["frames"]["ros"]["position_m"][0] < -6
+    np.testing.assert_allclose(
+        read_samples(written(tmp_path / "b.csv", readings), 25, 5.0).time_s, [0, 0.2, 0.4]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time_s,e1\n0,1\n", "column e2 is missing"),
+        ("e1,e2,e2\n1,2,3\n", "twice"),
+        ("e1,e2\n", "no line with readings"),
+        ("e1,e2\n1,nan\n", "line 2"),
+        ("e1,e2\n1\n", "line 2"),
+        ("time_s,e1,e2\n1,1,1\n1,1,1\n", "must rise"),
+    ],
+)
+def test_tables_that_are_none(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text(text)
+    with pytest.raises(MeasurementError, match=says):
+        read_samples(path, 2, 10.0)
