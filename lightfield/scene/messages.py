@@ -44,6 +44,10 @@ def absent_error(path: str, part: str) -> SceneError:
     )
 
 
+#: Of so many valid keys each is named.
+_LISTED = 40
+
+
 def nearest(path: str, valid: Iterable[str]) -> str:
     """Remedy for a key that does not exist: the nearest valid ones.
 
@@ -60,6 +64,8 @@ def nearest(path: str, valid: Iterable[str]) -> str:
     near = near or difflib.get_close_matches(path, choices, n=1, cutoff=0.6)
     if near:
         return f"did you mean {' or '.join(near[:3])}?"
+    if len(choices) > _LISTED:  # of all the parameters of a scene, the parts
+        choices = sorted({f"{c.partition('.')[0]}.…" for c in choices})
     return f"valid here are {', '.join(choices)}" if choices else "remove it"
 
 

@@ -96,7 +96,8 @@ def scores_of_renders(scene: Scene, reference: Reference, places: Places, photon
     """The same of fresh renders, whose error is Monte Carlo's alone."""
     x, y, z = spread_out(places)
     unknown = np.full(len(x), np.nan)
-    readings = SimpleNamespace(x_m=x, y_m=y, z_m=z, medium=np.full(len(x), "water"), wavelength_nm=unknown)
+    medium = np.full(len(x), "water")
+    readings = SimpleNamespace(x_m=x, y_m=y, z_m=z, medium=medium, wavelength_nm=unknown, time_s=unknown)
     light, error = rendered_light(scene, readings, seed=3, rel_error=1e-3, max_photons=photons)
     mean, stderr = reference(places)
     return (light - direct_at(scene, x, y, z, 0.23) - mean) / np.hypot(error, stderr)

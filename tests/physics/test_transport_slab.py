@@ -227,15 +227,18 @@ class AbsorptionMoments:
     """
 
     images = None
+    is_slab = False
 
     def __init__(self, a: float, b: float) -> None:
         self.count, self.cells = dr.opaque(mi.UInt32, 4), 4
+        self.row_length = self.component_length = dr.opaque(mi.UInt32, 4)
         self.a, self.c = dr.opaque(mi.Float, a), dr.opaque(mi.Float, a + b)
 
-    def crossing(self, plane: Any, position: Any, direction: Any, reach: Any, mirror: bool) -> Crossing:
-        return Crossing(
-            mi.Float(0), position.x, position.y, position.z, mi.Bool(True), plane, mi.Bool(False), plane
-        )
+    def crossing(
+        self, plane: Any, position: Any, direction: Any, reach: Any, mirror: bool, u: Any
+    ) -> Crossing:
+        p, never = position, mi.Bool(False)
+        return Crossing(mi.Float(0), p.x, p.y, p.z, mi.Bool(True), plane, never, plane, mi.Float(1))
 
     def reading(self, crossing: Crossing, direction: Any) -> tuple[Any, Any]:
         c, moment = self.c, crossing.cell
@@ -244,7 +247,7 @@ class AbsorptionMoments:
             for p, d in ((crossing.z, direction.z), (crossing.x, direction.x), (crossing.y, direction.y))
         )
         value = dr.select(moment == 1, crossing.z + direction.z / c, dr.select(moment == 2, z2, x2 + y2))
-        return dr.select(moment == 0, 1, value) * self.a / c, mi.Float(0)
+        return (dr.select(moment == 0, 1, value) * self.a / c,), mi.Float(0)
 
     def behind(self, position: Any, direction: Any) -> Any:
         return mi.Bool(False)

@@ -68,7 +68,7 @@ def test_listed_places_count_every_photon_twice() -> None:
     is shared by a beam that points aside."""
     places = [(x, 0.0, z) for z in (4.5, 6.5) for x in (0.25, 0.5, 0.75)]
     one = scene(detector={"positions_m": places})
-    settings: dict[str, Any] = {"rel_error": 1e-3, "max_photons": 6e5, "cache": False}
+    settings: dict[str, Any] = {"rel_error": 1e-3, "max_photons": 3e5, "cache": False}
     at = np.array([525.0])
 
     def light(of: Scene, seed: int, symmetry: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -78,6 +78,9 @@ def test_listed_places_count_every_photon_twice() -> None:
 
     (mean, error), (image, image_error) = light(one, 3, False), light(one, 4, True)
     assert chi_square_p((image - mean) / np.hypot(error, image_error)) > 0.001
-    assert 1.3 < np.median(error / image_error) ** 2 < 3.0
+    # An error from ten batches is itself uncertain by a quarter: of several seeds.
+    seeds = range(20, 25)
+    squares = [[light(one, seed, shared)[1] ** 2 for seed in seeds] for shared in (False, True)]
+    assert 1.5 < np.median(np.mean(squares[0], axis=0) / np.mean(squares[1], axis=0)) < 2.7
     aside = one.with_values({"lamp.tilt_x_deg": 1.0})
     np.testing.assert_allclose(light(aside, 3, True)[0], light(aside, 3, False)[0], rtol=1e-5)

@@ -9,17 +9,19 @@ import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.noise import Whitener
-from lightfield.diagnosis.search.cascade import Finding, Level
+from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.pool.search import Data, Many, search_many
 from lightfield.diagnosis.search.preparation import Bench, Prepared
-from lightfield.diagnosis.search.search import Tried, weights
+from lightfield.diagnosis.search.search import Tried, bic, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
 _ACCEPTED, _NEAR = 8, 12
+#: Sets whose chi-square differs by less, in units of the noise, fit as well. Chosen: one standard error.
+_AS_GOOD = 1.0
 
 
 def beyond_two(
@@ -104,4 +106,38 @@ def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> 
         prepared, finding.level.bench, finding.level.tolerance, pool, node,
         pool.nodes[frozenset()], adequacy, True, found, sought=False,
     )  # fmt: skip
-    return replace(finding, many=many)
+    finding = replace(finding, many=many)
+    return finding if data.problem.sample is not None else _beside(finding, pool, node, best.test)
+
+
+def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Finding:
+    """The finding with sets of as many effects that fit as well, whatever the test says of the rest.
+
+    A test by the least of many probabilities may pass one of two sets that are alike, and fail the other by
+    little: that parts nothing.
+    """
+    known = {frozenset(t.names) for t in finding.accepted}
+    limit = best.fit.chi2 + _AS_GOOD * pool.ground.phi
+    more: dict[frozenset[str], Node] = {}
+    for node in pool.nodes.values():
+        names = frozenset(c.name for c in node.explanation)
+        alike = len(names) == len(best.explanation) and len(node.fit.u) <= len(best.fit.u)
+        if alike and names not in known and node.fit.chi2 <= limit and not _has_curve(node):
+            more[names] = min(node, more.get(names, node), key=lambda n: n.fit.chi2)
+    if not more:
+        return finding
+    first, scale = finding.accepted[0], pool.ground.phi
+
+    def cost(node: Node) -> float:
+        return bic(node.fit, node.explanation, scale, finding.n)
+
+    others = [
+        Tried(n.explanation, n.fit, first.bic + cost(n) - cost(best), test(n.fit), test)
+        for n in sorted(more.values(), key=cost)
+    ]
+    accepted = [*finding.accepted, *others]  # what passes the test comes first
+    return replace(finding, accepted=accepted, weights=with_base(accepted, finding.level, finding.n))
+
+
+def _has_curve(node: Node) -> bool:
+    return any(c.effect.is_free_form for c in node.explanation)
