@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
-from lightfield.fitting.curves import is_amplitude
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.verdict.verdict import Verdict
@@ -68,7 +67,7 @@ def as_text(verdict: Verdict) -> str:
         values = ", ".join(
             f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
             for path, e in explanation.parameters.items()
-            if not path.startswith("gain") and not is_amplitude(path)
+            if not path.startswith("gain") and not path.rpartition(".")[2].isdigit()  # of a curve
         )
         lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
     if verdict.next_measurement:
