@@ -17,7 +17,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
-from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.own_errors import under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, judged
@@ -70,6 +70,8 @@ def settled(
 ) -> tuple[Prepared, Finding]:
     """What was found, with explanations by scattered light settled; all as it was where there are none.
 
+    Nor are they of many readings, which would take a minute and two gigabytes (benchmarks/diagnosis_size).
+
     Parameters
     ----------
     alpha : float
@@ -86,7 +88,8 @@ def settled(
     problem = prepared.problem
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:most]
-    if finding.size == 0 or not chosen or not _followed(problem.forward.light):
+    few = problem.layout.size <= MANY
+    if finding.size == 0 or not chosen or not few or not _followed(problem.forward.light):
         return prepared, finding
     done: list[tuple[Tried, _Settled]] = []
     for tried in chosen:
