@@ -65,7 +65,8 @@ MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
 #: for so many, benchmarks/diagnosis_size); a place by itself takes up to nine.
 MOST_CELLS, CELLS_ALONE = 3000, 9
 #: Where the scene's own light is scattered and reflected, five classes of it are evaluated, each with errors
-#: of its own, for every explanation that is tried: so many readings take 1 GB (benchmarks/diagnosis_size).
+#: of its own, for every explanation that is tried: so many readings take a minute and, with their trace, 2 GB
+#: (benchmarks/diagnosis_size).
 MOST_MURKY = 4000
 
 
