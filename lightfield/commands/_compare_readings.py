@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lightfield.commands._json import write_json
 from lightfield.commands._options import LARGEST_SEED, add_option, given
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
-from lightfield.storage.files import atomic_path, locked_folder, output_file
+from lightfield.storage.files import locked_folder, output_file
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -76,6 +76,5 @@ def _fit(
             command += f" --solver {args.solver}"
         print(f"stored: {report.save(args.output, command)}")
     if args.fit_json:
-        with atomic_path(args.fit_json) as temporary:
-            temporary.write_text(json.dumps(as_data(report), indent=2) + "\n", encoding="utf-8")
+        write_json(as_data(report), args.fit_json)
     return 0

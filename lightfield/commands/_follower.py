@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
     from lightfield.studies.follower.light import Space
@@ -51,12 +50,6 @@ def photons_of(args: argparse.Namespace) -> float:
             "impossible number of photons", where="--max-photons", found=photons, rule="1e3 to 1e12"
         )
     return float(photons)
-
-
-def write_json(data: object, path: Path) -> None:
-    """Whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def outputs_of(args: argparse.Namespace, *inputs: Path) -> None:

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of, write_json
+from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
+from lightfield.commands._json import write_json
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file

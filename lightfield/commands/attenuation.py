@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
+from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,8 +63,7 @@ def run(args: argparse.Namespace) -> int:
     found = attenuation(tables, scenes, trace, in_air)
     print(as_text(found))
     if args.json:
-        with atomic_path(args.json) as temporary:
-            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+        write_json(as_data(found), args.json)
     if args.output:
         from lightfield.maps.dataset import write_netcdf
 

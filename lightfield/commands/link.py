@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
+from lightfield.commands._json import write_json
 from lightfield.commands._options import add_tracing, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import output_file
 
 DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 #: Options of the receiver: name, field, help.
@@ -63,8 +63,7 @@ def run(args: argparse.Namespace) -> int:
     found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
     print(as_text(found))
     if args.json:
-        with atomic_path(args.json) as temporary:
-            temporary.write_text(json.dumps(as_data(found), indent=2) + "\n", encoding="utf-8")
+        write_json(as_data(found), args.json)
     if args.report:
         from lightfield.report.link import write_link
 

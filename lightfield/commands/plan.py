@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
 from lightfield.readings import read_table
 from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.plan import LayoutPlan
@@ -54,8 +54,7 @@ def run(args: argparse.Namespace) -> int:
     for warning in layout.warnings:
         print(f"warning: {warning}")
     if args.json:
-        with atomic_path(args.json) as temporary:
-            temporary.write_text(json.dumps(as_data(made), indent=2) + "\n", encoding="utf-8")
+        write_json(as_data(made), args.json)
     return 0
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of, write_json
+from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
+from lightfield.commands._json import write_json
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 

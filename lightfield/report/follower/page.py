@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from lightfield.report.follower.array_figures import (
     survey_figure,
 )
 from lightfield.report.page import PageFigure, fill, page_figure, write_page
+from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Comparison
 from lightfield.studies.follower.frames import in_degrees
@@ -29,15 +29,15 @@ NOT_MODELLED = (
 )
 
 
-@dataclass(frozen=True)
-class Section:
-    """A heading, its figures, and a table with a caption."""
-
-    title: str
-    figures: Sequence[PageFigure] = ()
-    caption: str = ""
-    head: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = field(default_factory=tuple)
+def section(
+    title: str,
+    figures: Sequence[PageFigure] = (),
+    caption: str = "",
+    head: Sequence[str] = (),
+    rows: Sequence[Sequence[str]] = (),
+) -> Section:
+    """A heading, its figures, and a table where there are rows for it."""
+    return Section(title, figures, tables=[Table(caption, head, rows)] if rows else ())
 
 
 def write(
@@ -51,7 +51,7 @@ def write(
 ) -> Path:
     """Write a page, whole or not at all."""
     html = fill(
-        "follower.html",
+        "study.html",
         title=f"{title}: {scene.name}" if scene.name else title,
         verdict=verdict,
         lead=lead,
@@ -93,7 +93,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
         [f"{r.sigma:.1f}", *(f"{v:.3g}" for v in in_degrees(r.pose)), f"{r.gain:.3g}"] for r in survey.rivals
     ]
     sections = [
-        Section(
+        section(
             "What one reading can tell",
             [
                 page_figure(
@@ -109,7 +109,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
             bound_head(survey.here),
             rows,
         ),
-        Section(
+        section(
             "Over the formation space",
             [
                 page_figure(
@@ -121,7 +121,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
                 )
             ],
         ),
-        Section(
+        section(
             "Poses that look alike" if rival else "No other pose looks alike",
             (),
             "Poses whose readings differ by less than 5 sigma from those at the scene's pose.",
@@ -165,7 +165,7 @@ def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
         for k, (place, tilts) in enumerate(zip(best.elements.place_m, best.elements.tilts_deg, strict=True))
     ]
     sections = [
-        Section(
+        section(
             "Side by side",
             [
                 page_figure(
@@ -180,7 +180,7 @@ def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
             ["array", "elements", "A", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in best.sigma)],
             rows,
         ),
-        Section(
+        section(
             f"Elements of {best.name}",
             (),
             "Places and tilts towards +x and +y.",

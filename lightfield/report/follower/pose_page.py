@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.report.follower.page import Section, light_in_words, write
+from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.follower.pose_figures import bias_figure, plane_figure, sequence_figure
 from lightfield.report.page import page_figure
 from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy
@@ -42,7 +42,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
         f"wrong along the beam ({most}), at best {worst[least]:.2f} m ({least})."
     )
     sections = [
-        Section(
+        section(
             "Along the beam, in ever more turbid water",
             [
                 page_figure(
@@ -58,7 +58,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             ["water", "calibration", *(f"z = {z:g} m" for z in axis.z_m.values), "misfit"],
             rows,
         ),
-        Section(
+        section(
             f"Over the formation space, b = {own:g} per metre",
             [
                 page_figure(
@@ -105,7 +105,7 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
         else f"{poses.lost} without light, {poses.misfits} that do not fit the light that is believed in."
     )
     sections = [
-        Section(
+        section(
             "The way",
             [
                 page_figure(

@@ -47,7 +47,11 @@ def bandwidth_sentence(found: Link, distances: Sequence[float] = (10.0, 20.0, 40
             )
             shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
             parts.append(f"{shown} at {far:g} m")
-    return "Bandwidth by the lengths of the traced paths (3 dB, electrical): " + ", ".join(parts) + "."
+    return (
+        "Bandwidth by the lengths of the traced paths (3 dB, electrical): "
+        + ", ".join(parts)
+        + ". The errors are those of the photons; the steps in which paths are tallied show in the curve."
+    )
 
 
 def as_text(found: Link) -> str:
@@ -72,7 +76,7 @@ def metres(value: float, stderr: float = float("nan")) -> str:
     if np.isnan(value):
         return "nowhere"
     if np.isinf(value):
-        return "beyond all asked"
+        return "farther than asked"
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
 
 

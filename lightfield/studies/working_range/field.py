@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -32,19 +33,19 @@ class Field:
     width: float
     log: Array
 
-    def __post_init__(self) -> None:
-        spline = RectBivariateSpline(self.z_m, RADII**2, self.log, kx=3, ky=3)
-        object.__setattr__(self, "_spline", spline)
+    @cached_property
+    def _spline(self) -> RectBivariateSpline:
+        return RectBivariateSpline(self.z_m, RADII**2, self.log, kx=3, ky=3)
 
     def at(self, rho2_m2: Array, z_m: Array) -> Array:
         """Light at squared radii and distances, 1/m^2."""
         u2 = rho2_m2 / (self.width * z_m) ** 2
-        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)  # type: ignore[attr-defined]
+        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)
 
     def half_radius(self, z_m: float) -> float:
         """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
         there = np.linspace(0, RADII[-1] ** 2, _SCAN)
-        log = self._spline(z_m, there)[0]  # type: ignore[attr-defined]
+        log = self._spline(z_m, there)[0]
         below = np.flatnonzero(log < log[0] - np.log(2))
         if not below.size:
             return float("nan")

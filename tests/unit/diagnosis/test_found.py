@@ -16,6 +16,7 @@ from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Rung, WaterAndBeam
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
 
 #: What is hidden: a lamp that stands 3 cm aside and drifts, and ambient light.
 HIDDEN = {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": -0.12, "detector.background": 2e-3}
@@ -105,8 +106,8 @@ def test_part_of_what_is_unexplained_is_told() -> None:
     assert "remove" in verdict.sentence and verdict.next_measurement is not None
 
 
-def _shadow(table: object) -> np.ndarray:
-    return 1 - 0.15 * np.exp(-(((np.asarray(table.x_m) - 0.2) / 0.08) ** 2))  # type: ignore[attr-defined]
+def _shadow(table: Readings) -> np.ndarray:
+    return 1 - 0.15 * np.exp(-(((np.asarray(table.x_m) - 0.2) / 0.08) ** 2))
 
 
 def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
