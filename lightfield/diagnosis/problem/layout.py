@@ -79,9 +79,26 @@ class Layout:
     def alike(self, a: Labels, b: Labels) -> Array:
         """Correlation of an error that varies smoothly over places, between two sets of readings; none from
         water to air. Shape (len(a), len(b))."""
-        x, y, z = (np.subtract.outer(v[a], v[b]) ** 2 for v in (self.x_m, self.y_m, self.z_m))
-        kernel = np.exp(-0.5 * ((x + y) / ACROSS_M**2 + z / ALONG_M**2))
-        return np.asarray(kernel * (self.air[a][:, None] == self.air[b][None]))
+        one, other = self._scaled[a], self._scaled[b]
+        # |p - q|^2 from one product of matrices, half as long as from differences.
+        kernel = one @ other.T
+        kernel -= 0.5 * (one**2).sum(axis=1)[:, None]
+        kernel -= 0.5 * (other**2).sum(axis=1)
+        np.exp(kernel, out=kernel)
+        if self.air.any():
+            kernel *= self.air[a][:, None] == self.air[b][None]
+        return kernel
+
+    @cached_property
+    def one_channel(self) -> bool:
+        """Are all readings of one channel?"""
+        return bool((self.channel == self.channel[0]).all()) if self.size else True
+
+    @cached_property
+    def _scaled(self) -> Array:
+        """Places in units of the lengths over which a smooth error changes, from their middle, shape (n, 3)."""
+        places = np.column_stack([self.x_m / ACROSS_M, self.y_m / ACROSS_M, self.z_m / ALONG_M])
+        return np.asarray(places - places.mean(axis=0))
 
     def subset(self, rows: NDArray[np.bool_]) -> Layout:
         """Some of the readings."""

@@ -153,15 +153,18 @@ class Noise:
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
-        lay, f = self.layout, self._bright
-        out = np.zeros((len(a), len(b)))
-        smooth = [(tolerance, f, CHANNELS_ALIKE)] if tolerance > 0 else []
+        lay, out = self.layout, np.zeros((len(a), len(b)))
+        smooth = [(tolerance * self._bright, CHANNELS_ALIKE)] if tolerance > 0 else []
         if self.response_error is not None and self.response_error.any():
-            smooth.append((1.0, self.response_error, RESPONSES_ALIKE))
+            smooth.append((self.response_error, RESPONSES_ALIKE))
         if smooth:
-            one_channel, alike = lay.channel[a][:, None] == lay.channel[b][None], lay.alike(a, b)
-            for relative, part, share in smooth:
-                out += relative**2 * np.outer(part[a], part[b]) * alike * np.where(one_channel, 1.0, share)
+            one_channel = lay.one_channel or lay.channel[a][:, None] == lay.channel[b][None]
+            for part, share in smooth:
+                shared = np.outer(part[a], part[b])
+                if one_channel is not True:
+                    shared *= np.where(one_channel, 1.0, share)
+                out += shared
+            out *= lay.alike(a, b)
         if self.photon_modes is not None and self.photon_modes.size:
             out += self.photon_modes[a] @ self.photon_modes[b].T
         return out
