@@ -52,8 +52,8 @@ REASONS: Mapping[str, str] = {
 class Setting:
     """What turns the relative numbers of the table of effects into absolute ones.
 
-    `curves` are the amplitudes of free-form effects, by path: those of which the readings tell; `told` how many
-    would follow any readings, by the curve's field.
+    `curves` are the amplitudes of free-form effects, by path: those of which the readings tell; `told` is how
+    many would follow any readings, by the curve's field.
     """
 
     scene: Scene
@@ -144,7 +144,7 @@ class Candidate:
 
     @property
     def is_hardly_tested(self) -> bool:
-        """Is it a curve that could follow nearly any readings: with more functions than would contradict it?"""
+        """Is it a curve that follows nearly any readings, of more functions than could contradict it?"""
         return self.spare is not None and self.spare < len(self.amplitudes)
 
     @property

@@ -1,5 +1,5 @@
-"""Light without the noise of photons for fits by scattered light: followed exactly but for a smooth ratio, which
-is traced where a fit lies."""
+"""Light without the noise of photons for fits by scattered light: followed but for a smooth ratio, which is
+traced where a fit lies."""
 
 from __future__ import annotations
 

@@ -27,8 +27,9 @@ def level(one: FoundEffect) -> str:
         return f"simplest; {others} would do as well" if others else "simplest"
     if others:
         return f"one of: this, or {others}"
-    curve = one.rms_percent is not None
-    return "not sure: so free a curve would follow nearly any readings at these places" if curve else "not sure"
+    if one.rms_percent is not None:
+        return "not sure: so free a curve would follow nearly any readings at these places"
+    return "not sure"
 
 
 def instead(one: FoundEffect) -> str:
