@@ -74,11 +74,14 @@ class Basis:
         deg, m or s.
     functions : array, shape (n_nodes, n_functions)
         ln of a factor, or m^-1.
+    told : int
+        So many functions would follow any readings at all along this coordinate.
     """
 
     field: str
     place: Array
     functions: Array
+    told: int
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -273,14 +276,15 @@ class Curves:
         change, roughness = others.T @ metric @ others, (r := rough @ others).T @ r
         share, vectors = linalg.eigh(change, roughness)
         share, vectors = share[::-1], vectors[:, ::-1]
-        told = _levels(at[weight > 0]) - known - int(gain) - len(functions)
-        more = min(told, MOST[field] - len(functions), int((share > _ROUNDING * share[0]).sum()))
+        told = _levels(at[weight > 0]) - known - int(gain)
+        most = min(told, MOST[field]) - len(functions)
+        more = min(most, int((share > _ROUNDING * share[0]).sum()))
         functions += [others @ vectors[:, k] / np.sqrt(share[k]) for k in range(max(more, 0))]
         if not functions:
             return None
         # A function and its negative are one: it ends above where it begins.
         signed = [f if f[-1] >= f[0] else -f for f in functions]
-        return Basis(field, place, np.stack(signed, axis=1))
+        return Basis(field, place, np.stack(signed, axis=1), told)
 
 
 def _levels(at: Array) -> int:

@@ -40,6 +40,8 @@ def layout(planes: int = 5, across: int = 12, in_order: bool = False) -> Layout:
 class Untraced:
     """Nothing is scattered or reflected."""
 
+    trace = None
+
     def to_trace(self, found: object) -> None:
         return None
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import SAME, Layout
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
@@ -51,7 +52,8 @@ REASONS: Mapping[str, str] = {
 class Setting:
     """What turns the relative numbers of the table of effects into absolute ones.
 
-    `curves` are the amplitudes of free-form effects, by path: those of which the readings tell.
+    `curves` are the amplitudes of free-form effects, by path: those of which the readings tell; `told` is how
+    many would follow any readings, by the curve's field.
     """
 
     scene: Scene
@@ -60,6 +62,7 @@ class Setting:
     band_nm: float
     absolute: bool = False
     curves: Mapping[str, Parameter] = field(default_factory=dict)
+    told: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def hwhm_deg(self) -> float:
@@ -126,6 +129,8 @@ class Candidate:
         Coordinate of each amplitude that switches it off.
     one_sided : bool
         A single amplitude whose neutral value is its lower bound.
+    spare : int, optional
+        Of a curve: by how many coordinates the readings could contradict it.
     """
 
     effect: Effect
@@ -135,6 +140,12 @@ class Candidate:
     shapes: tuple[FitParameter, ...]
     grid: tuple[tuple[float, ...], ...]
     neutral: tuple[float, ...] = ()
+    spare: int | None = None
+
+    @property
+    def is_hardly_tested(self) -> bool:
+        """Is it a curve that follows nearly any readings, of more functions than could contradict it?"""
+        return self.spare is not None and self.spare < len(self.amplitudes)
 
     @property
     def is_stated(self) -> bool:
@@ -206,10 +217,16 @@ def _resolve(
     return replace(found, grid=(own, *(point for point in found.grid if point != own)))
 
 
-def _different_curves(forms: Iterable[Candidate]) -> list[Candidate]:
+def _different_curves(forms: Iterable[Candidate], told: Mapping[str, int]) -> list[Candidate]:
     """Forms of a free-form effect with different numbers of functions, called after them."""
     sizes = {len(form.amplitudes): form for form in forms if len(form.amplitudes) >= _FEWEST_FUNCTIONS}
-    return [replace(one, form=replace(one.form, name=f"{n} functions")) for n, one in sizes.items()]
+    return [
+        replace(
+            one, form=replace(one.form, name=f"{n} functions"),
+            spare=told[field_of(one.amplitudes[0].path)] - n,
+        )
+        for n, one in sizes.items()
+    ]  # fmt: skip
 
 
 def candidates(
@@ -242,7 +259,7 @@ def candidates(
         ]
         forms = [f for f in forms if not taken & {p.path for p in f.amplitudes}]
         if effect.is_free_form:
-            forms = _different_curves(forms)
+            forms = _different_curves(forms, setting.told)
             if not forms:
                 untestable[effect.name] = "the readings are at too few different places or times"
         if not forms and not effect.is_free_form:

@@ -258,12 +258,14 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    known = forward.light.curves.parameters if forward.light.curves else {}
-    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute, known)
+    curves = forward.light.curves
+    known = curves.parameters if curves else {}
+    told = {field: basis.told for field, basis in curves.bases.items()} if curves else {}
+    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute, known, told)
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     named = tuple(c for c in found if not c.effect.is_free_form)
-    curves = tuple(c for c in found if c.effect.is_free_form)
-    return Problem(forward, layout, value, keep, base, named, curves), untestable
+    free_form = tuple(c for c in found if c.effect.is_free_form)
+    return Problem(forward, layout, value, keep, base, named, free_form), untestable
 
 
 def _check_size(layout: Layout, source: str) -> None:

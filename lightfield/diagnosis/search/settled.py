@@ -17,28 +17,24 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
-from lightfield.diagnosis.problem.problem import MANY, Problem
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
+from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
 from lightfield.diagnosis.search.search import Tried, bic
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import LightSource
-from lightfield.formula.scattered.field import describes
-from lightfield.render.diffuse.followed import FollowedLight
-from lightfield.render.diffuse.ratio import Ratio, traced_ratio
-from lightfield.render.diffuse.response import DiffuseResponse
+from lightfield.render.diffuse.ratio import Ratio
 from lightfield.scene import Scene
-from lightfield.scene.water.coefficients import scattering_per_m
 
 #: So many explanations are settled, with so many traces each. Chosen: most take two or three.
 _SETTLED, _ROUNDS = 3, 4
 #: Where nothing was accepted, so many that came nearest are given another chance.
 _TRIED_ANEW = 1
-#: Photons of the first trace, by what factor they grow from one to the next, and where the ratio's own noise
-#: widens an error; no trace has more.
-_PHOTONS, _MORE, _MANY_MORE, _MOST_PHOTONS = 1e6, 2.0, 3.0, 1.2e7
+#: By what factor photons grow from one trace to the next, and where the ratio's own noise widens an error; no
+#: trace has more.
+_MORE, _MANY_MORE, _MOST_PHOTONS = 2.0, 3.0, 1.2e7
 #: A fit is settled when no parameter has moved by this part of its error, and photons widen no error by this
 #: one.
 _MOVED, _WIDENED = 0.3, 0.2
@@ -87,9 +83,8 @@ def settled(
     """
     problem = prepared.problem
     most = _SETTLED if finding.accepted else _TRIED_ANEW
-    chosen = [t for t in finding.contenders if t.test is not None and _scatters(problem, t)][:most]
-    few = problem.layout.size <= MANY
-    if finding.size == 0 or not chosen or not few or not _followed(problem.forward.light):
+    chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
+    if finding.size == 0 or not chosen or not can_follow(problem):
         return prepared, finding
     done: list[tuple[Tried, _Settled]] = []
     for tried in chosen:
@@ -142,28 +137,17 @@ def _accepted(
     return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
 
 
-def _scatters(problem: Problem, tried: Tried) -> bool:
-    """Does what was found scatter light, of the kind that is followed?"""
-    light = problem.forward.light
-    scene = light.scene_at(tried.fit.values, validate=False)
-    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > 0) and describes(scene)
-
-
-def _followed(light: LightSource) -> bool:
-    return light.trace is not None and isinstance(light.traced, DiffuseResponse)
-
-
 def _settle(problem: Problem, tried: Tried) -> _Settled:
     """Trace where the fit lies, fit again, until it moves no more."""
     assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
     now = _Settled(problem, tried.test.whiten, tried.fit)
     traced: list[tuple[Array, Scene, Ratio]] = []
-    photons = _PHOTONS
+    photons = PHOTONS
     for k in range(_ROUNDS):
         values = now.fit.values
-        scene, ratio = _ratio_at(problem.forward.light, values, photons, _SEED + k)
+        scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + k)
         traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
-        own = _with_light(problem, [(s, r) for _, s, r in traced])
+        own = with_light(problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
         whiten, fit = under_own_errors(own, tried.explanation, now.fit, now.whiten)
         if k == 0 and _moved(fit, before) > _FAR:
@@ -175,23 +159,6 @@ def _settle(problem: Problem, tried: Tried) -> _Settled:
             break
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
     return now
-
-
-def _ratio_at(light: LightSource, values: dict[str, float], photons: float, seed: int) -> tuple[Scene, Ratio]:
-    scene, r = light.scene_at(values, validate=False), light.readings
-    wet = (np.asarray(r.medium) != "air") & (np.asarray(r.z_m) > 0)
-    x, y, z = (np.asarray(v, float)[wet] for v in (r.x_m, r.y_m, r.z_m))
-    return scene, traced_ratio(scene, x, y, z, light.wavelengths_nm, photons=photons, seed=seed)
-
-
-def _with_light(problem: Problem, traced: list[tuple[Scene, Ratio]]) -> Problem:
-    """The problem with the light that these traces tell."""
-    forward, r = problem.forward, problem.forward.readings
-    response = forward.light.traced
-    assert isinstance(response, DiffuseResponse)
-    return replace(
-        problem, forward=forward.following(FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced))
-    )
 
 
 def _moved(fit: Fit, other: Array) -> float:

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
-from lightfield.formula.scattered.nodes import half_width_rad, intensity, mean_cosine
+from lightfield.formula.scattered.nodes import Places, half_width_rad, intensity, mean_cosine
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
@@ -103,6 +103,7 @@ class ScatteredField:
         self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
         self._paths = lru_cache(_STEPS)(self._paths_to)
+        self._places = lru_cache(_STEPS)(self._places_on)
         self._sent = lru_cache(_STEPS)(self._sent_along)
         self._spreads = lru_cache(_STEPS)(self._spread)
 
@@ -185,8 +186,16 @@ class ScatteredField:
 
     def _sent_along(self, lamp: Lamp, phase: PhaseSpec, most: float) -> list[LitPaths]:
         """The same paths with the light of a lamp on them."""
-        paths = self._paths(phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most)
+        which = phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most
+        paths = self._paths(*which)
+        if lamp.profile == "table" or lamp.profile_departure:
+            places = self._places(*which)
+            return [one.lit(at.intensity(lamp)) for one, at in zip(paths, places, strict=True)]
         return [one.lit(intensity(lamp, one.theta_squared)) for one in paths]
+
+    def _places_on(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[Places]:
+        """Where the paths leave the lamp."""
+        return [Places.of(width, one.theta_squared) for one in self._paths(phase, width, behind_m, most)]
 
     def _spread(self, phase: PhaseSpec, behind_m: float, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
@@ -21,6 +22,8 @@ _LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
 #: Intensities, relative to the axis, between which the edge of a beam is measured; a Gaussian's is this many
 #: half widths wide.
 _EDGE, _GAUSSIAN_EDGE = (0.75, 0.25), 0.7700
+#: Angles per half width at which a beam is tabulated: a Gaussian is right to 5e-6 between them.
+_PER_HALF_WIDTH = 200
 
 
 class Nodes(NamedTuple):
@@ -73,6 +76,37 @@ def _mean_cosine(phase: PhaseSpec) -> float:
 def intensity(lamp: Lamp, theta_squared: Array) -> Array:
     """Radiant intensity over that on the axis, at squared angles from it; rad^2."""
     return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
+
+
+class Places(NamedTuple):
+    """Angles of emission between those of a table, where the light of one lamp after the other is wanted.
+
+    Parameters
+    ----------
+    theta : array, shape (n_table,), rad
+    before : array of int
+        The table's angle before each.
+    part : array, of the same shape
+        How far it is to the next.
+    """
+
+    theta: Array
+    before: NDArray[np.int32]
+    part: Array
+
+    @classmethod
+    def of(cls, half_width_rad: float, theta_squared: Array) -> Places:
+        """For beams of about this half width; rad^2."""
+        theta = np.linspace(0.0, HALF_PI, math.ceil(_PER_HALF_WIDTH * HALF_PI / half_width_rad) + 1)
+        theta = np.append(theta, theta[-1] + theta[1])  # no light there
+        at = np.minimum(np.sqrt(theta_squared) / theta[1], len(theta) - 1)
+        before = np.minimum(at.astype(np.int32), len(theta) - 2)
+        return cls(theta, before, at - before)
+
+    def intensity(self, lamp: Lamp) -> Array:
+        """`intensity` there, for beams that no short formula gives."""
+        light = intensity(lamp, self.theta**2)
+        return np.asarray(light[self.before] + self.part * np.diff(light)[self.before])
 
 
 @lru_cache(maxsize=256)

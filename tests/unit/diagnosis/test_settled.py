@@ -34,7 +34,7 @@ def settle_to(monkeypatch: pytest.MonkeyPatch, slant: float) -> None:
         whiten = tried.test.whiten
         return module._Settled(there, whiten, there.fit(tried.explanation, whiten, [tried.fit.u]))
 
-    for name, value in (("_settle", moved), ("_scatters", lambda *_: True), ("_followed", lambda *_: True)):
+    for name, value in (("_settle", moved), ("scatters", lambda *_: True), ("can_follow", lambda *_: True)):
         monkeypatch.setattr(module, name, value)
 
 
@@ -42,7 +42,7 @@ def test_what_does_not_scatter_is_not_traced_again(found: Diagnosis, monkeypatch
     def never(*_: object, **__: object) -> None:
         raise AssertionError("there is nothing to trace")
 
-    monkeypatch.setattr(module, "traced_ratio", never)
+    monkeypatch.setattr(module, "ratio_at", never)
     assert found.finding.accepted
     same = settled(found.prepared, found.finding, np.random.default_rng(0))
     assert same[0] is found.prepared and same[1] is found.finding

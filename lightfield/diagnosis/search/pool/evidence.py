@@ -135,7 +135,9 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
     rest = pool.nodes.get(best.key - {candidate.key})
     sigma = np.sqrt(max(rest.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi) if rest else float("nan")
     level: Level
-    if not adequate:
+    if candidate.is_hardly_tested:  # that it fits says nothing: any would
+        level = "one of"
+    elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         level = "partial" if min(gap, gap_named) > PARTIAL * left else "one of"
     elif not (gap_named > NAMED_GAP and gap > GAP) or _at_edge(best, candidate):

@@ -13,6 +13,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.following import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import forward, polish
@@ -28,6 +29,8 @@ _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
 _MORE = 6
 #: Rounds of noise and search, and of rivals that turn out better. Chosen: noise settles in two.
 _ROUNDS, _RIVAL_ROUNDS = 4, 3
+#: Traces where a best set lies have seeds of their own.
+_SEED = 6000
 
 
 @dataclass(frozen=True)
@@ -175,13 +178,21 @@ def search_many(
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
-    for _ in range(_ROUNDS):
-        before = found.key
+    for k in range(_ROUNDS):
+        before = found.names
+        if scatters(data.problem, found.fit) and can_follow(data.problem):
+            data = replace(data, problem=following(data.problem, found.fit, _SEED + k))
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
         made, ground = _ground(prepared, 0.0, rng, found.fit)
         pool = _pool(ground, found, progress)
         found = _again(pool)
-        if found.key == before:
+        if found.names != before:
+            continue
+        found, adequacy = _settled(pool, made, found, alpha)
+        if not adequacy.passes(alpha) and data.budget.tolerance > 0:
+            break
+        found = _beside_rivals(pool, found)
+        if found.names == before:
             break
     tolerance = 0.0
     found, adequacy = _settled(pool, made, found, alpha)
@@ -191,9 +202,8 @@ def search_many(
         pool = _pool(ground, found, progress)
         found, adequacy = _settled(pool, made, _again(pool), alpha)
     for _ in range(_RIVAL_ROUNDS):
-        for candidate in found.explanation:
-            seek_rivals(pool, found, candidate)
-        if pool.best() is found:
+        other = _beside_rivals(pool, found)
+        if other is found:
             break
         found = polish(pool, everything)
     found = pool.exact(found)
@@ -228,6 +238,15 @@ def _of_sample(
     certainty = evidence(found.pool, best, adequate)
     base = pool.nodes[frozenset()]
     return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
+
+
+def _beside_rivals(pool: Pool, found: Node) -> Node:
+    """The best set beside the best ones without each of its effects, or the first of those that is better."""
+    for candidate in found.explanation:
+        seek_rivals(pool, found, candidate)
+        if pool.best() is not found:
+            break
+    return pool.best()
 
 
 def _again(pool: Pool) -> Node:

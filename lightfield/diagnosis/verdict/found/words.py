@@ -25,7 +25,11 @@ def level(one: FoundEffect) -> str:
     others = instead(one)
     if one.level == "simplest":
         return f"simplest; {others} would do as well" if others else "simplest"
-    return f"one of: this, or {others}" if others else "not sure"
+    if others:
+        return f"one of: this, or {others}"
+    if one.rms_percent is not None:
+        return "not sure: so free a curve would follow nearly any readings at these places"
+    return "not sure"
 
 
 def instead(one: FoundEffect) -> str:

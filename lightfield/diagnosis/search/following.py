@@ -1,0 +1,65 @@
+"""Light without the noise of photons for fits by scattered light: followed but for a smooth ratio, which is
+traced where a fit lies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.problem import MANY, Problem
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import LightSource
+from lightfield.formula.scattered.field import describes
+from lightfield.render.diffuse.followed import FollowedLight
+from lightfield.render.diffuse.ratio import Ratio, traced_ratio
+from lightfield.render.diffuse.response import DiffuseResponse
+from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import scattering_per_m
+
+#: Photons of a first trace.
+PHOTONS = 1e6
+
+
+def can_follow(problem: Problem) -> bool:
+    """Is the scattered light traced, and are the readings few enough? Many take a minute and two gigabytes
+    (benchmarks/diagnosis_size)."""
+    light = problem.forward.light
+    if problem.layout.size > MANY or light.part_of is not None:
+        return False
+    return isinstance(light.traced, DiffuseResponse)
+
+
+def scatters(problem: Problem, fit: Fit) -> bool:
+    """Does what was fitted scatter light, of the kind that is followed?"""
+    light = problem.forward.light
+    if light.trace is None:
+        return False
+    scene = light.scene_at(fit.values, validate=False)
+    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > 0) and describes(scene)
+
+
+def ratio_at(
+    light: LightSource, values: Mapping[str, float], photons: float, seed: int
+) -> tuple[Scene, Ratio]:
+    """Trace where a fit lies."""
+    scene, r = light.scene_at(values, validate=False), light.readings
+    wet = (np.asarray(r.medium) != "air") & (np.asarray(r.z_m) > 0)
+    x, y, z = (np.asarray(v, float)[wet] for v in (r.x_m, r.y_m, r.z_m))
+    return scene, traced_ratio(scene, x, y, z, light.wavelengths_nm, photons=photons, seed=seed)
+
+
+def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Problem:
+    """The problem with the light that these traces tell."""
+    forward, r = problem.forward, problem.forward.readings
+    response = forward.light.traced
+    assert isinstance(response, DiffuseResponse)
+    return replace(
+        problem, forward=forward.following(FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced))
+    )
+
+
+def following(problem: Problem, fit: Fit, seed: int) -> Problem:
+    """The problem with light traced where a fit lies."""
+    return with_light(problem, [ratio_at(problem.forward.light, fit.values, PHOTONS, seed)])
