@@ -15,6 +15,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from benchmarks.reuse.fits import compare
+from lightfield.render.diffuse.dense_water import CLEAR_PER_M
+from lightfield.render.diffuse.source import REFERENCE_ALBEDO
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import reference_of
 from lightfield.scene import Scene
@@ -58,7 +61,27 @@ units of both stated errors (errors from ten batches: 1.3 is expected), and `p` 
 {rows}
 
 {photons:.0e} photons a trace. Of {n} comparisons {low} have p < 0.01.
+
+## Fits
+
+A fit traces once, with walls of {albedo:g} in water of b = {clear:g} per metre, and asks that trace for all
+walls, waters and surfaces. `ratio` is its diffuse light over that of a fresh trace, the mean over five by
+five places on each plane, with the error of the fresh trace; `stated` what the fit says of this mean.
+
+| tank | asked | ratio at 2, 4, 6 m | stated |
+|---|---|---|---|
+{fits}
+
+Of {n_fits} ratios {over} part from one by more than twice the stated error and the fresh trace's together.
 """
+#: Tanks for fits: walls everywhere.
+FOR_FITS = {
+    **{name: parts for name, parts in TANKS.items() if "tank" in parts},
+    "small pool": {
+        "lamp": {"hwhm_deg": 4.0},
+        "tank": {"width_m": 2.5, "depth_m": 1.5, "length_m": 7.0, "surface": "flat", "wall_albedo": 0.7},
+    },
+}
 
 
 def changes(scene: Scene) -> dict[str, dict[str, float]]:
@@ -125,9 +148,19 @@ def main() -> int:
         + f" | {100 * r['stated']:.1f} % | {r['chi2']:.2f} | {r['p']:.2g} |"
         for r in rows
     ]
+    fits, over = [], []
+    for name, parts in FOR_FITS.items():
+        scene = Scene.from_dict({"water": WATER, "detector": DETECTOR, **parts})
+        for one in compare(name, scene, PLANES, args.photons):
+            ratios = ", ".join(f"{v:.3f} ± {e:.3f}" for v, e in zip(one.ratio, one.fresh, strict=True))
+            stated = ", ".join(f"{100 * v:.1f}" for v in one.stated)
+            fits.append(f"| {one.tank} | {one.asked} | {ratios} | {stated} % |")
+            over += list(np.abs(one.ratio - 1) > 2 * np.hypot(one.fresh, one.stated))
+            print(fits[-1], file=sys.stderr)
     text = TEXT.format(
-        rows="\n".join(lines), photons=args.photons, n=len(rows), low=sum(r["p"] < 0.01 for r in rows)
-    )
+        rows="\n".join(lines), photons=args.photons, n=len(rows), low=sum(r["p"] < 0.01 for r in rows),
+        fits="\n".join(fits), n_fits=len(over), over=sum(over), albedo=REFERENCE_ALBEDO, clear=CLEAR_PER_M,
+    )  # fmt: skip
     args.page.mkdir(parents=True, exist_ok=True)
     with atomic_path(args.page / "README.md") as temporary:
         temporary.write_text(text, encoding="utf-8")

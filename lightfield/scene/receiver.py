@@ -23,6 +23,12 @@ def looks_aside(detector: Detector) -> bool:
     return detector.aim == "lamp" or detector.tilt_x_deg != 0
 
 
+def is_cosine(detector: Detector) -> bool:
+    """Is the response the plain cosine to the axis of the tank?"""
+    changed = detector.tilt_x_deg or detector.cosine_error or detector.acceptance_hwhm_deg
+    return detector.quantity == "irradiance" and detector.aim == "axis" and not changed
+
+
 def tilted_axis(detector: Detector) -> tuple[float, float, float]:
     """Axis of a receiver that is not aimed at the lamp: -z, turned towards +x."""
     tilt = math.radians(detector.tilt_x_deg)

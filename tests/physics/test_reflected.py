@@ -90,6 +90,8 @@ def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str
     irradiance = np.linalg.solve(np.eye(len(lit)) - albedo * among, lit)
     power = float(((1 - albedo) * irradiance * room.patches.area).sum())
     assert power == pytest.approx(solid_angle_sr(scene.lamp), rel=0.03)
+    np.testing.assert_allclose(among.sum(axis=1), 1.0, rtol=1e-5)
+    np.testing.assert_allclose(room.reading.factor.sum(axis=1), 1.0, rtol=1e-5)
 
 
 def test_light_from_behind_the_window_meets_the_surface_beyond_it() -> None:

@@ -23,14 +23,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
-from lightfield.render.reflected.patches import Patches, Transfer, transfer, walls
+from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
 from lightfield.scene import Lamp, Scene, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
 #: Reflections followed one by one; the rest is what a recurrence makes of the last four.
-REFLECTIONS = 7
+REFLECTIONS = 16
 C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
 #: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
 KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
@@ -192,7 +192,7 @@ class Room:
         self.top = scene.tank.lamp_depth_m
         # Many readings: rather fewer patches in three by three parts than more in two by two.
         count = float(np.clip(MOST_PAIRS / (9 * len(places)), FEWEST_PATCHES, MOST_PATCHES))
-        self.patches = walls(scene, float(places[:, 2].max()), lid, count)
+        self.patches, self._openings = walls(scene, float(places[:, 2].max()), lid, count)
         # A receiver that faces straight back to the lamp sees only walls before it.
         before = self.patches.centre[:, 2] - self.patches.half_along < places[:, 2].max()
         before |= receiver.looks_aside(scene.detector)
@@ -274,7 +274,9 @@ class Room:
 
     @cached_property
     def among(self) -> Transfer:
-        return transfer(self.patches.centre, self._facing, self.patches)
+        centre = self.patches.centre
+        found = transfer(centre, self._facing, self.patches)
+        return closed(found, self._whole(found, centre, self._facing))
 
     @cached_property
     def among_image(self) -> Transfer:
@@ -282,7 +284,15 @@ class Room:
 
     @cached_property
     def reading(self) -> Transfer:
-        return transfer(self.places, self._read, self._seen)
+        found = transfer(self.places, self._read, self._seen)
+        plain = receiver.is_cosine(self.scene.detector)
+        facing_back = found if plain else transfer(self.places, _facing_back, self._seen)
+        return closed(found, self._whole(facing_back, self.places, _facing_back))
+
+    def _whole(self, found: Transfer, places: np.ndarray, response: Response) -> np.ndarray:
+        """What places see of walls and openings together, of unit radiosity each, shape (n,)."""
+        openings = transfer(places, response, self._openings)
+        return np.asarray(found.factor.sum(axis=1) + openings.factor.sum(axis=1))
 
     @cached_property
     def reading_image(self) -> Transfer:
@@ -305,6 +315,11 @@ class Room:
 
     def _read(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
         return receiver.response(self.scene.detector, direction)
+
+
+def _facing_back(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+    """Response of a cosine receiver that faces the lamp's end of the tank."""
+    return np.maximum(direction[2], 0.0)
 
 
 def applies(scene: Scene) -> bool:

@@ -74,6 +74,22 @@ class Transfer(NamedTuple):
         return np.asarray(self.factor * np.exp(np.float32(-attenuation_per_m) * self.distance))
 
 
+def closed(found: Transfer, whole: np.ndarray) -> Transfer:
+    """Factors in a closed room, where light that is the same all over stays the same.
+
+    The factors are those of patches' middles, a per cent off near corners; bright walls would raise that to
+    the power of the reflections.
+
+    Parameters
+    ----------
+    found : Transfer
+    whole : array, shape (n,)
+        Sum of the factors of all that a cosine receiver sees, which should be 1; 0 outside of the room.
+    """
+    inside = np.where(whole > 0, whole, 1.0).astype(np.float32)
+    return found._replace(factor=found.factor / inside[:, None])
+
+
 def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transfer:
     """Irradiance at places from unit radiosity of patches.
 
@@ -121,8 +137,14 @@ def _exchange(
     return np.where(distance > 1e-6, seen * inverse**2 / pi, 0.0), distance
 
 
-def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:
-    """Patches of about equal size, roughly so many, that cover what matters of the walls."""
+def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> tuple[Patches, Patches]:
+    """Patches of about equal size, roughly so many, that cover what matters of the walls.
+
+    Returns
+    -------
+    walls, openings : Patches
+        The openings (no lid, ends too far to matter) make the walls a closed box.
+    """
     tank = scene.tank
     assert tank is not None
     x_side, y_side, (front, back) = tank.box_m
@@ -139,14 +161,18 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> Patches:
         for x, sign in zip(x_side, (-1, 1), strict=True)
     ]
     made += [_rectangle((None, floor, None), (x_side, z), (0, 1, 0), step)]
-    if lid:
-        made += [_rectangle((None, top, None), (x_side, z), (0, -1, 0), step)]
-    made += [
-        _rectangle((None, None, at), (x_side, y_side), (0, 0, sign), step)
+    ceiling = _rectangle((None, top, None), (x_side, z), (0, -1, 0), step)
+    ends = [
+        (_rectangle((None, None, at), (x_side, y_side), (0, 0, sign), step), at == wall)
         for at, wall, sign in ((start, front, 1), (end, back, -1))
-        if at == wall
     ]
-    return Patches(*(np.concatenate(column) for column in zip(*made, strict=True)))
+    made += [ceiling] * lid + [patches for patches, is_wall in ends if is_wall]
+    left = [ceiling] * (not lid) + [patches for patches, is_wall in ends if not is_wall]
+    return _together(made), _together(left) if left else made[0].some(np.zeros(0, int))
+
+
+def _together(several: list[Patches]) -> Patches:
+    return Patches(*(np.concatenate(column) for column in zip(*several, strict=True)))
 
 
 def _rectangle(

@@ -9,9 +9,39 @@ between both takes twice the writes and tells no more: the variance of a map is 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class WallNodes:
+    """Numbers of wall hits m that a tally tells apart; what lies between goes to one of its neighbours.
+
+    The chance of the upper one, b, beside a is (q^m - q^a) / (q^b - q^a), q = brightest / reference: the
+    factor (rho / rho_0)^m is right on average at the reference and at the brightest albedo, nearly between.
+
+    Parameters
+    ----------
+    hits : tuple of int
+        Ascending from 0; the last also holds everything beyond it.
+    reference, brightest : float
+        Wall albedo of the trace, and that of the brightest walls to be asked for.
+    """
+
+    hits: tuple[int, ...]
+    reference: float
+    brightest: float
+
+    def between(self) -> tuple[NDArray[np.int_], NDArray[np.float64]]:
+        """For every m up to the last: number of the node below, and the chance of the next."""
+        m, hits, q = np.arange(self.hits[-1] + 1), np.array(self.hits), self.brightest / self.reference
+        below = np.clip(np.searchsorted(hits, m, side="right") - 1, 0, len(hits) - 2)
+        a, b = hits[below], hits[below + 1]
+        return below, np.expm1((m - a) * np.log(q)) / np.expm1((b - a) * np.log(q))
 
 
 class Histories:
@@ -32,6 +62,11 @@ class Histories:
         Nodes of the direction of emission (1: not kept).
     n_phi : int
         How many of them share one polar angle.
+    wall_nodes : WallNodes, optional
+        Numbers of wall hits that are told apart, in place of `max_walls` and that bound.
+    clearer_per_m : float, m^-1
+        Few path nodes leave the exponential curved between them. It is right at the reference and in its
+        slope there; with a number here, at the reference and in water that attenuates so much less instead.
 
     Attributes
     ----------
@@ -51,7 +86,13 @@ class Histories:
         path_nodes: int = 28,
         emission_nodes: int = 1,
         n_phi: int = 1,
+        wall_nodes: WallNodes | None = None,
+        clearer_per_m: float = 0.0,
     ) -> None:
+        hits: tuple[int, ...] = tuple(range(max_walls + 1))
+        if wall_nodes is not None:
+            hits, max_walls, max_reflections = wall_nodes.hits, len(wall_nodes.hits) - 1, 10**9
+        self.wall_nodes = wall_nodes
         self.max_scatterings, self.max_walls, self.max_surfaces = max_scatterings, max_walls, max_surfaces
         self.longest_excess_m, self.path_nodes = longest_excess_m, path_nodes
         self.emission_nodes, self.n_phi = emission_nodes, n_phi
@@ -59,6 +100,7 @@ class Histories:
         self._most = [dr.opaque(mi.UInt32, most) for most in (max_scatterings, max_walls, max_surfaces)]
         self._last, self._directions = (dr.opaque(mi.UInt32, n) for n in (path_nodes - 1, emission_nodes))
         self._longest = dr.opaque(mi.Float, longest_excess_m)
+        self._clearer = dr.opaque(mi.Float, clearer_per_m) if clearer_per_m else None
         self.excess_m = longest_excess_m * (np.arange(path_nodes) / (path_nodes - 1)) ** 3
         rows: dict[tuple[int, int, int], int] = {}
         lookup = []
@@ -66,9 +108,13 @@ class Histories:
             m_kept = min(m, max_reflections)
             k_kept = min(k, max_reflections - m_kept)
             n_kept = min(n, max_scatterings_reflected) if m or k else n
-            lookup.append(rows.setdefault((n_kept, m_kept, k_kept), len(rows)))
+            lookup.append(rows.setdefault((n_kept, hits[m_kept], k_kept), len(rows)))
         self.channels = np.array(list(rows))
         self.lookup = mi.UInt32(lookup)
+        if wall_nodes is not None:
+            below, share = wall_nodes.between()
+            self._most_hits = dr.opaque(mi.UInt32, len(below) - 1)
+            self._below, self._share = mi.UInt32(below), mi.Float(share)
 
     @property
     def size(self) -> int:
@@ -80,8 +126,14 @@ class Histories:
         """(channels, path nodes, emission nodes)."""
         return len(self.channels), self.path_nodes, self.emission_nodes
 
-    def channel(self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32) -> mi.UInt32:
-        """Channel number of a history."""
+    def channel(
+        self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32, u: mi.Float
+    ) -> mi.UInt32:
+        """Channel number of a history; of two nodes of wall hits around it a uniform number chooses one."""
+        if self.wall_nodes is not None:
+            hits = dr.minimum(walls, self._most_hits)
+            above = dr.select(u < dr.gather(mi.Float, self._share, hits), mi.UInt32(1), mi.UInt32(0))
+            walls = dr.gather(mi.UInt32, self._below, hits) + above
         counted = zip((scatterings, walls, surfaces), self._most, strict=True)
         n, m, k = (dr.minimum(number, most) for number, most in counted)
         _, most_m, most_k = self._most
@@ -106,6 +158,9 @@ class Histories:
         a = mi.Float(low)
         below = a * a * a * scale
         above = (a + 1) * (a + 1) * (a + 1) * scale
-        share = dr.clip((excess - below) / (above - below), 0, 1)
+        way, whole = excess - below, above - below
+        if self._clearer is not None:
+            way, whole = (dr.exp(self._clearer * v) - 1 for v in (dr.minimum(way, whole), whole))
+        share = dr.clip(way / whole, 0, 1)
         path_node = low + dr.select(u < share, mi.UInt32(1), mi.UInt32(0))
         return (channel * (self._last + 1) + path_node) * self._directions + node

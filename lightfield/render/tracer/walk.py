@@ -282,7 +282,8 @@ def trace(
         free, bias = first_or_free_flight(
             b0, planes.ahead(position, direction), to_surface, flights == 0, rng.next_float32()
         )
-        channel = histories.channel(scatterings, walls, mirrors)
+        u = rng.next_float32() if histories.wall_nodes is not None else mi.Float(0)
+        channel = histories.channel(scatterings, walls, mirrors, u)
 
         # ---------------------------------------------------------- expected tally at every plane on the way
         counts = active if direct else active & (flights > 0)

@@ -106,7 +106,7 @@ def test_walls_are_seen_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
     """However few places are taken at a time, some of them so near to a wall that its patches are divided."""
     scene = Scene.from_dict({"tank": {"width_m": 2.0, "depth_m": 2.0, "lamp_depth_m": 1.0}})
     places = np.random.default_rng(0).uniform([-0.95, -0.95, 3.0], [0.95, 0.95, 6.0], (40, 3))
-    some = patches.walls(scene, 6.0, True, 60.0)
+    some, _ = patches.walls(scene, 6.0, True, 60.0)
 
     def response(direction: list[np.ndarray], which: np.ndarray) -> np.ndarray:
         return np.abs(direction[2]) * (1 + which)
