@@ -57,7 +57,8 @@ class SoFar:
             self.best = Best(problem, explanation, fit)
             if not explanation:
                 self._base_percent = self.best.error_percent
-        self._tell(self._line(self.best))
+        if sets:
+            self._tell(self._line(self.best))
 
     def _line(self, best: Best) -> str:
         names = " + ".join(c.name for c in best.explanation) or "no effect"
