@@ -27,13 +27,14 @@ def results(
     work: Callable[..., Any],
     jobs: Sequence[tuple[Any, ...]],
     until: float = float("inf"),
+    processes: int = PROCESSES,
 ) -> Iterator[Any]:
     """Results of `work(*job)` as they come; no new job is begun after `until` (time.monotonic)."""
     waiting = iter(jobs)
     running: set[Future[Any]] = set()
     begun, done = time.monotonic(), 0
     while True:
-        free = 2 * PROCESSES - len(running) if time.monotonic() < until else 0
+        free = 2 * processes - len(running) if time.monotonic() < until else 0
         running |= {pool.submit(work, *job) for job in islice(waiting, free)}
         if not running:
             return

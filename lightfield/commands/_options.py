@@ -5,6 +5,8 @@ from __future__ import annotations
 from argparse import ArgumentTypeError
 from pathlib import Path
 
+from lightfield.errors import UsageError
+
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
     from argparse import Namespace, _ActionsContainer
@@ -31,6 +33,15 @@ def _whole(text: str, low: int, high: int) -> int:
     if not low <= number <= high:
         raise ArgumentTypeError(f"found {text!r}; rule: a whole number, {low} to {high}")
     return number
+
+
+def assignment(text: str) -> tuple[str, float]:
+    """Path and number of `--size PATH=VALUE`."""
+    path, _, value = text.partition("=")
+    try:
+        return path.strip(), float(value)
+    except ValueError:
+        raise UsageError("not a number", where="--size", found=text, rule="PATH=NUMBER") from None
 
 
 #: What is not given is None: each command has defaults of its own, which the help names.

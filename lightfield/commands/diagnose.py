@@ -75,23 +75,31 @@ def run(args: argparse.Namespace) -> int:
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
     from lightfield.diagnosis.diagnose import HYPOTHESES, diagnose
     from lightfield.diagnosis.search.cascade import ALPHA
+    from lightfield.diagnosis.verdict.found.so_far import SoFar
 
     if args.output:
         for k in range(MOST_RUNGS):
             output_file(args.output / f"rung{k}.toml", args.scene)
-    with stage_line("reading") as stage:
-        found = diagnose(
-            readings,
-            scene,
-            diffuse=None if args.no_trace else "trace",
-            only=names,
-            alpha=ALPHA if args.alpha is None else args.alpha,
-            seed=args.seed or 0,
-            progress=stage,
-        )
-        if found.steps[1:] and not (args.no_trace or args.no_render):
-            stage("rendering the explained scene afresh")
-            found = found.rendered()
+    found = None
+    try:
+        with stage_line("reading") as stage:
+            so_far = SoFar(stage)
+            found = diagnose(
+                readings,
+                scene,
+                diffuse=None if args.no_trace else "trace",
+                only=names,
+                alpha=ALPHA if args.alpha is None else args.alpha,
+                seed=args.seed or 0,
+                progress=so_far,
+            )
+            if found.steps[1:] and not (args.no_trace or args.no_render):
+                stage("rendering the explained scene afresh")
+                found = found.rendered()
+    except KeyboardInterrupt:
+        # What is known is not lost: a long search may have found enough.
+        print(f"{found.as_text()}\nnot rendered afresh" if found else so_far.as_text())
+        raise
     if args.output:
         found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
     print(found.as_text())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._options import add_option, given
+from lightfield.commands._options import add_option, assignment, given
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
             "an effect is hidden twice", where="--effect", found=", ".join(doubled), rule="each once"
         )
     scene = with_effects(Scene.load(args.scene), args.effects_file)
-    values = dict(_assignment(text) for text in args.size)
+    values = dict(map(assignment, args.size))
     with locked_folder(args.output):
         return _hide(scene, values, args)
 
@@ -104,11 +104,3 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
         print(f"the light is known to {light:.2g} % only, stated with the errors; more: --max-photons")
     print(f"do not look: {folder / 'truth.json'}")
     return 0
-
-
-def _assignment(text: str) -> tuple[str, float]:
-    path, _, value = text.partition("=")
-    try:
-        return path.strip(), float(value)
-    except ValueError:
-        raise UsageError("not a number", where="--size", found=text, rule="PATH=NUMBER") from None

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lightfield.commands._json import write_json
-from lightfield.commands._options import add_option
-from lightfield.readings import read_table
+from lightfield.commands._options import add_option, assignment
+from lightfield.errors import UsageError
+from lightfield.readings import Readings, read_table
 from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
@@ -18,6 +19,7 @@ from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.plan import LayoutPlan
+    from lightfield.fitting.light_source import DiffuseSource
 
 _SHOWN = 6
 
@@ -31,6 +33,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="reading table; the column value may be left out",
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
+    parser.add_argument(
+        "--effects",
+        metavar="A,B,...",
+        help="which of these, all acting at once, would be certain? (effect or effect:form)",
+    )
+    parser.add_argument(
+        "--size",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="with --effects: a size of one of them; else twice the typical one",
+    )
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="with --effects: write a page")
     add_option(parser, "--effects-file")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     add_option(parser, "--no-trace")
@@ -42,19 +57,44 @@ def run(args: argparse.Namespace) -> int:
 
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
-    if args.json:
-        output_file(args.json, args.layout, args.scene)
+    outputs = [file for file in (args.json, args.report) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, args.layout, args.scene, *outputs[:k])
+    if args.effects is None and (args.size or args.report):
+        raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
     diffuse = None
     if not args.no_trace:
         from lightfield.render.diffuse.source import response_for
 
         diffuse = response_for
+    if args.effects is not None:
+        return _together(layout, scene, diffuse, args)
     made = plan(layout, scene, diffuse)
     print(as_text(made))
     for warning in layout.warnings:
         print(f"warning: {warning}")
     if args.json:
         write_json(as_data(made), args.json)
+    return 0
+
+
+def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, args: argparse.Namespace) -> int:
+    """Which of several effects would be certain."""
+    from lightfield.diagnosis.together import together
+
+    names = [name.strip() for name in args.effects.split(",") if name.strip()]
+    if not names:
+        raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+    made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
+    print(made.as_text())
+    for warning in layout.warnings:
+        print(f"warning: {warning}")
+    if args.json:
+        write_json(made.as_data(), args.json)
+    if args.report:
+        from lightfield.report.together import write_together
+
+        print(f"report: {write_together(made, args.report).resolve()}")
     return 0
 
 

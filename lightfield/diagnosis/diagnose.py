@@ -21,6 +21,7 @@ from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
+from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
@@ -235,7 +236,8 @@ def diagnose(
     advise : bool
         Work out held-out errors and the next measurement.
     progress : callable, optional
-        Told what begins: many readings take a while.
+        Told what begins, and how far the search is: many readings take a while. A `SoFar` keeps the best set
+        of effects, should the diagnosis be stopped.
 
     Raises
     ------
@@ -248,11 +250,13 @@ def diagnose(
     """
     # On many small matrices more BLAS threads only get in each other's way.
     with threadpool_limits(1, "blas"):
-        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise, progress or _silent)
+        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise, _following(progress))
 
 
-def _silent(stage: str) -> None:
-    """Progress that nobody asked for."""
+def _following(progress: Callable[[str], None] | None) -> SoFar:
+    if isinstance(progress, SoFar):
+        return progress
+    return SoFar() if progress is None else SoFar(progress)
 
 
 def _diagnose(
@@ -263,7 +267,7 @@ def _diagnose(
     alpha: float,
     seed: int,
     advise: bool,
-    progress: Callable[[str], None],
+    progress: SoFar,
 ) -> Diagnosis:
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse, readings)

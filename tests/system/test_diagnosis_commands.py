@@ -56,6 +56,18 @@ def test_diagnose_writes_verdict_and_report(folder: Path) -> None:
     )
 
 
+def test_what_was_found_is_told_where_the_fresh_render_is_stopped(folder: Path, capsys, monkeypatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lightfield.diagnosis.diagnose.Diagnosis.rendered", stopped)
+    run = f"diagnose {folder}/set/data.csv --scene {folder}/scene.toml --effects beam_tilt,beam_offset"
+    assert cli.main(run.split()) == 130
+    said = capsys.readouterr()
+    assert said.out.startswith("Beam tilt is missing in the model")
+    assert said.out.endswith("not rendered afresh\n")
+
+
 def _fit(folder: Path, capsys, *more: str) -> dict:
     where = ["compare", f"{folder}/set/data.csv", "--fit-json", f"{folder}/fit.json"]
     assert cli.main([*where, *more]) == 0

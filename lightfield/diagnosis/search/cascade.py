@@ -8,7 +8,7 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
 from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, OwnErrors, Prepared, bench
+from lightfield.diagnosis.search.progress import SILENT, Progress
 from lightfield.diagnosis.search.search import (
     Fitted,
     Tried,
@@ -159,7 +160,7 @@ def search(
     tolerance: float,
     rng: np.random.Generator,
     alpha: float = ALPHA,
-    progress: Callable[[str], None] = lambda stage: None,
+    progress: Progress = SILENT,
 ) -> Finding:
     """The smallest sets of effects beside which nothing is missing.
 
@@ -167,8 +168,8 @@ def search(
     ----------
     tolerance : float
         Smooth relative misfit that is of no interest.
-    progress : callable
-        Told what begins.
+    progress : Progress
+        Told what begins, and the best set so far.
     """
     problem, n = prepared.problem, int(prepared.problem.keep.sum())
     levels: list[Level] = []
@@ -176,9 +177,14 @@ def search(
     def began(what: str, width: float) -> None:
         progress(what + (f" within {100 * width:g} %" if width else ""))
 
+    def tried(fits: list[Fitted]) -> None:
+        explanation, fit = min(fits, key=lambda f: f[1].chi2, default=((), levels[-1].base))
+        progress.tried(len(fits), problem, explanation, fit)
+
     def prepare_level(width: float) -> Level:
         began("the base model", width)
         levels.append(level_at(prepared, width, rng))
+        tried([])
         return levels[-1]
 
     def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
@@ -193,6 +199,7 @@ def search(
     def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
         began("one effect at a time", level.tolerance)
         fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
+        tried(fits)
         return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     def two_more(
@@ -200,6 +207,7 @@ def search(
     ) -> tuple[list[Fitted], list[Tried]]:
         began("two effects at a time", level.tolerance)
         fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
+        tried(fits)
         return fits, search_pairs(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     fitted, singles = one_more(exact, prepared.known)

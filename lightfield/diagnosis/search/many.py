@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.pool.search import Data, Many, search_many
 from lightfield.diagnosis.search.preparation import Bench, Prepared
+from lightfield.diagnosis.search.progress import Progress
 from lightfield.diagnosis.search.search import Tried, bic, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
@@ -30,7 +30,7 @@ def beyond_two(
     finding: Finding,
     alpha: float,
     seed: int,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> tuple[Prepared, Finding]:
     """What any number of effects explain, and noise and outliers as judged about them.
 

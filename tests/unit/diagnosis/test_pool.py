@@ -20,6 +20,7 @@ from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
+from lightfield.diagnosis.search.progress import SILENT
 from lightfield.fitting.effects import Effect, Form, Free
 
 
@@ -49,7 +50,7 @@ def toy(**more: np.ndarray) -> Toy:
 def many(made: Toy, problem, seed: int = 0) -> Many:
     data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
     prepared = made.prepared(problem)
-    return search_many(data, prepared, 0.01, np.random.default_rng(seed), lambda stage: None)
+    return search_many(data, prepared, 0.01, np.random.default_rng(seed), SILENT)
 
 
 def regression(found: Many, names: Iterable[str]) -> tuple[np.ndarray, float]:

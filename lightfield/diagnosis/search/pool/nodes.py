@@ -141,7 +141,7 @@ class Pool:
     fits, diffuse : int
         Fits so far, and predictions of scattered or reflected light that they took.
     progress : callable
-        Told of every new best set, and how many were fitted.
+        Told of the best set whenever one was fitted.
     """
 
     ground: Ground
@@ -153,7 +153,7 @@ class Pool:
     _promises: dict[Key, list[Promise]] = field(default_factory=dict)
     _settled: set[Key] = field(default_factory=set)
     _lowest: float = float("inf")
-    progress: Callable[[int, Node], None] = lambda fits, best: None
+    progress: Callable[[Node], None] = lambda best: None
 
     @property
     def problem(self) -> Problem:
@@ -181,7 +181,9 @@ class Pool:
         self.fits += 1
         node = self._remember(Node(whole, fit))
         near = self.cost(node) < self._lowest + _NEAR
-        return self.settled(node) if near or not node.is_diffuse else node
+        done = self.settled(node) if near or not node.is_diffuse else node
+        self.progress(self.best())
+        return done
 
     def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
         fit = quick_fit(self.problem, explanation, self.ground.test.whiten, begin, steps, _LEFT)
@@ -196,7 +198,6 @@ class Pool:
         self.nodes[node.key] = node
         if (cost := self.cost(node)) < self._lowest:
             self._lowest = cost
-            self.progress(self.fits, node)
         return node
 
     def settled(self, node: Node) -> Node:

@@ -3,7 +3,7 @@ each effect, and how sure each effect is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, coordinat
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
+from lightfield.diagnosis.search.progress import Progress
 from lightfield.fitting.least_squares import Fit
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
@@ -100,18 +101,17 @@ def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit:
     return made, Ground(made.test, adequacy.phi, adequacy.nu)
 
 
-def _pool(ground: Ground, best: Node, progress: Callable[[str], None]) -> Pool:
+def _pool(ground: Ground, best: Node, progress: Progress) -> Pool:
     """A pool that holds the base model and what was the best set so far."""
 
-    def told(fits: int, node: Node) -> None:
-        spare = max(int(ground.problem.keep.sum()) - len(node.fit.u), 1)
-        left = node.fit.chi2 / ground.phi / spare
-        progress(f"sets of effects: {fits} tried, the best has {len(node.explanation)}, chi2/dof {left:.3g}")
+    def told(node: Node) -> None:
+        progress.tried(1, ground.problem, node.explanation, node.fit)
 
-    pool = Pool(ground, progress=told)
+    pool = Pool(ground)
     start = Begin(coordinates(best))
     pool.settled(pool.fit((), [start]))
     pool.settled(pool.fit(best.explanation, [start]))
+    pool.progress = told
     return pool
 
 
@@ -158,7 +158,7 @@ def _wider(pool: Pool, best: Node) -> None:
 
 
 def search_many(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
 ) -> Many:
     """The best set, and how sure its effects are.
 
@@ -215,7 +215,7 @@ def search_many(
 
 
 def _of_sample(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Callable[[str], None]
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
 ) -> Many:
     """What a sample of many readings finds, fitted to all of them and tested on them."""
     assert data.problem.sample is not None

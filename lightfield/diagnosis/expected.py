@@ -1,0 +1,152 @@
+"""What a diagnosis would know of several effects that act at once: as data and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
+from lightfield.diagnosis.verdict.words import join
+
+#: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
+LIKELY, UNLIKELY = 0.9, 0.1
+HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")
+ABOUT = (
+    "sigma: by how much the others, refitted, are worse without it. gap: what the best set without it costs",
+    f"more, in chi-square: {NAMED_GAP:g} beyond its noise, and it is named. certain, named: the chance",
+    "that it would be certain; that it would be certain or the simplest explanation.",
+)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a diagnosis would know of one of the effects.
+
+    Parameters
+    ----------
+    values : mapping
+        Scene parameters at the size that was asked about.
+    sigma : float
+        By how much the others, refitted, are worse without it.
+    gap : float
+        Cost of the best set without it above that of those effects that are worth their price, without noise.
+    certain, named : float
+        Chances, under noise of the stated size, that it would be certain; and that it would be that or the
+        simplest explanation, which only sets of more parameters do without.
+    rival : tuple of str
+        The set without it that stands most in its way.
+    """
+
+    effect: str
+    values: Mapping[str, float]
+    sigma: float
+    gap: float
+    certain: float
+    named: float
+    rival: tuple[str, ...]
+
+    @property
+    def level(self) -> str:
+        """ "certain", "simplest", "perhaps", "no" (other effects do as well) or "not seen"."""
+        if self.certain >= LIKELY:
+            return "certain"
+        if self.named >= LIKELY:
+            return "simplest"
+        if self.gap <= 0:
+            return "not seen"
+        return "perhaps" if self.named > UNLIKELY else "no"
+
+    def in_words(self, whole: Sequence[str]) -> str:
+        """Would it be certain, and what stands in the way?"""
+        others = [name for name in self.rival if name not in whole]
+        how = f"{join(others)} in its place" if others else "the others without it"
+        return {
+            "certain": "certain",
+            "simplest": f"the simplest explanation; {how} would do as well",
+            "perhaps": f"perhaps named; {how} comes near",
+            "no": f"not named: {how} would do as well",
+            "not seen": f"not seen: {how} would do as well" if others else "not seen beside the others",
+        }[self.level]
+
+
+@dataclass(frozen=True)
+class Together:
+    """What a layout tells of several effects that act at once.
+
+    Parameters
+    ----------
+    expected : list of Expected
+        In the order asked for.
+    """
+
+    expected: list[Expected]
+    readings: int
+    units: Mapping[str, str]
+    assumed: tuple[str, ...]
+
+    def of_level(self, *levels: str) -> list[str]:
+        """Effects that would be known so well."""
+        return [one.effect for one in self.expected if one.level in levels]
+
+    @property
+    def sentence(self) -> str:
+        """The answer."""
+        parts = (
+            ("would be certain", self.of_level("certain")),
+            ("the simplest explanation", self.of_level("simplest")),
+            ("perhaps named", self.of_level("perhaps")),
+            ("not named", self.of_level("no", "not seen")),
+        )
+        told = [f"{join(names)} {words}" for words, names in parts if names]
+        return f"With these {self.readings} readings {'; '.join(told)}."
+
+    def sizes(self, one: Expected) -> str:
+        """Parameters with units."""
+        told = []
+        for path, value in one.values.items():
+            unit = self.units.get(path, "1")
+            told.append(f"{path} = {value:.3g}" + ("" if unit == "1" else f" {unit}"))
+        return ", ".join(told)
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Effect, sigma, gap, chances of certain and of named in per cent, why, size; one line for each."""
+        whole = [one.effect for one in self.expected]
+        return [
+            (
+                one.effect, f"{one.sigma:.1f}", f"{one.gap:.1f}", f"{100 * one.certain:.0f} %",
+                f"{100 * one.named:.0f} %", one.in_words(whole), self.sizes(one),
+            )
+            for one in self.expected
+        ]  # fmt: skip
+
+    def as_text(self) -> str:
+        """For people, several lines."""
+        lines = [self.sentence, ""]
+        for row in (HEAD, *self.rows()):
+            lines.append("{:<20}{:>8}{:>10}{:>9}{:>8}  {}; {}".format(*row))
+        return "\n".join([*lines, "", *ABOUT, *(f"assumed: {a}" for a in self.assumed)])
+
+    def as_data(self) -> dict[str, object]:
+        """The same as plain data."""
+        whole = [one.effect for one in self.expected]
+        return {
+            "readings": self.readings,
+            "certain": self.of_level("certain"),
+            "simplest": self.of_level("simplest"),
+            "effects": [
+                {
+                    "effect": one.effect,
+                    "values": dict(one.values),
+                    "units": {path: self.units.get(path, "1") for path in one.values},
+                    "sigma_to_remove": one.sigma,
+                    "gap": one.gap,
+                    "chance_of_certain": one.certain,
+                    "chance_of_certain_or_simplest": one.named,
+                    "level": one.level,
+                    "set_without": list(one.rival),
+                    "in_words": one.in_words(whole),
+                }
+                for one in self.expected
+            ],
+            "assumed": list(self.assumed),
+        }

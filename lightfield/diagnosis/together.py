@@ -1,0 +1,268 @@
+"""Before any measurement: of several effects that all act at once, which would be certain with this layout?
+
+The readings that the effects would give are taken without noise, and the search of a diagnosis asks of each
+effect what the best set without it would cost more: any other effects, curves too, one effect more, and what
+is known to imitate it. The same gaps decide as in a diagnosis; noise moves them by twice their root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+from threadpoolctl import threadpool_limits
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.expected import LIKELY, Expected, Together
+from lightfield.diagnosis.plan import planned
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.search.pool.evidence import GAP, NAMED_GAP, PLUS_GAP, Evidence, Weighing, evidence
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.rivals import seek_rivals
+from lightfield.diagnosis.search.preparation import whitened_test
+from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.errors import UsageError
+from lightfield.fitting import effects
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+#: Size of an effect over its typical one, where none is asked about: the smallest that `hide` draws.
+_TIMES_TYPICAL = 2.0
+
+
+def together(
+    readings: Readings,
+    scene: Scene,
+    names: Sequence[str],
+    sizes: Mapping[str, float] | None = None,
+    diffuse: DiffuseSource | None = None,
+) -> Together:
+    """What a diagnosis would know of effects that act at once.
+
+    Parameters
+    ----------
+    readings : Readings
+        Positions, times, media, wavelengths and, if known, standard errors; values are not used.
+    scene : Scene
+        Lamp, water and tank as they are but for the effects.
+    names : sequence of str
+        Effects of the table, or of the scene's own; "effect:form" for another form.
+    sizes : mapping, optional
+        Values of scene parameters; twice the typical size where none is given.
+    diffuse : callable, optional
+        Source of scattered and reflected light.
+
+    Raises
+    ------
+    UsageError
+        An effect that is unknown, cannot act here or beside the others, or a size that is none of theirs.
+    """
+    with threadpool_limits(1, "blas"):  # many small matrices, as in a diagnosis
+        return _together(readings, scene, names, sizes or {}, diffuse)
+
+
+def _together(
+    readings: Readings,
+    scene: Scene,
+    names: Sequence[str],
+    sizes: Mapping[str, float],
+    diffuse: DiffuseSource | None,
+) -> Together:
+    readings = readings.check_against(scene)
+    scene = spectral(scene, readings)
+    known = [*effects.all_of(scene).values(), *effects.curves().values()]
+    source, reason = source_of(scene, diffuse, readings)
+    table = planned(readings, scene)
+    forward = SceneForward(scene, table, source)
+    problem, untestable = problem_of(forward, table, known, reason)
+    chosen = _chosen(problem, untestable, names)
+    values = _values(chosen, sizes)
+    unlit = problem.fit(
+        (), _plainly, [problem.model().start]
+    ).values  # its gain makes the brightest reading 1
+    table = replace(table, value=forward.predict({**unlit, **values}))
+    forward = SceneForward(scene, table, source)
+    problem, _ = problem_of(forward, table, known, reason)
+    problem = problem.with_curves()
+    chosen = tuple(next(c for c in problem.candidates if c.key == one.key) for one in chosen)
+    pool, node = _searched(forward, problem, chosen, values, readings, table)
+    seen = _worth_their_price(pool, node)
+    for candidate in seen.explanation:
+        seek_rivals(pool, seen, candidate)
+    seen = pool.nodes[seen.key]
+    weighing = Weighing.of(pool, seen)
+    found = {one.candidate.name: one for one in evidence(pool, seen, adequate=True)}
+    expected = [
+        _expected(weighing, found[c.name], values)
+        if c.name in found
+        else _unseen(pool, node, seen, c, values)
+        for c in chosen
+    ]
+    budget = budget_of(replace(table, stderr=readings.stderr))
+    return Together(expected, problem.layout.size, units_of(scene), budget.assumed)
+
+
+def _plainly(columns: Array) -> Array:
+    return columns
+
+
+def _chosen(problem: Problem, untestable: Mapping[str, str], names: Sequence[str]) -> Explanation:
+    out: list[Candidate] = []
+    for name in names:
+        effect, form = effects.get_form(name)
+        if effect.is_free_form:
+            raise UsageError(
+                "a curve has no size to plan for",
+                found=name,
+                remedy=f"name one of {', '.join(effect.contains)}",
+            )
+        mine = [c for c in problem.candidates if c.name == effect.name]
+        if not mine:
+            raise UsageError(
+                "this effect cannot act here",
+                found=f"{name}: {untestable.get(effect.name, 'not in this scene')}",
+                remedy="change the layout or scene",
+            )  # fmt: skip
+        one = next((c for c in mine if c.form.name == form.name), mine[0])
+        for other in out:
+            if not effect.combines_with(other.effect):
+                raise UsageError(
+                    "effects that are not fitted together", found=f"{other.name}, {effect.name}",
+                    rule="each once; none that needs direct light alone beside one that scatters or reflects",
+                )  # fmt: skip
+        out.append(one)
+    return tuple(out)
+
+
+def _values(chosen: Explanation, sizes: Mapping[str, float]) -> dict[str, float]:
+    """Scene values of the effects."""
+    out: dict[str, float] = {}
+    for candidate in chosen:
+        for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
+            room = 0.5 * (parameter.high - parameter.start)
+            out[parameter.path] = parameter.value(parameter.start + min(_TIMES_TYPICAL * typical, room))
+        for parameter, at in zip(candidate.shapes, candidate.grid[0], strict=True):
+            out[parameter.path] = parameter.value(at)
+    if other := sorted(set(sizes) - set(out)):
+        raise UsageError(
+            "a size of an effect that is not asked about",
+            found=", ".join(other),
+            rule=f"one of {', '.join(out)}",
+        )
+    return {**out, **sizes}
+
+
+def _searched(
+    forward: SceneForward,
+    problem: Problem,
+    chosen: Explanation,
+    values: Mapping[str, float],
+    readings: Readings,
+    table: Readings,
+) -> tuple[Pool, Node]:
+    """Sets that were fitted to the noise-free readings, and the true one among them."""
+    budget = budget_of(replace(table, stderr=readings.stderr))
+    zero = np.zeros(problem.layout.size)
+    base = problem.fit((), _plainly, [problem.model().start])
+    slope = forward.position_slope({**base.values, **values}) if budget.position_m > 0 else zero
+    whiten = Whitener(Noise(problem.layout, table.stderr, table.value, budget, slope), 0.0, 1.0, 0.0)
+    model = problem.model(chosen)
+    start = {
+        p.path: p.coordinate_of(values[p.path]) if p.path in values else p.start for p in model.parameters
+    }
+    start |= dict(zip(base.paths, base.u.tolist(), strict=True))
+    begun = {p.path: p.start for p in problem.base}
+    starts = [
+        np.array(
+            [
+                *(origin[p.path] for p in problem.base),
+                *(start[p.path] for p in model.parameters[len(problem.base) :]),
+            ]
+        )
+        for origin in (start, begun)
+    ]
+    true = problem.fit(chosen, whiten, starts)
+    test = whitened_test(problem, whiten, np.random.default_rng(0))
+    ground = Ground(test, 1.0, test(true).nu)
+    pool = Pool(ground)
+    at = Begin(dict(zip(true.paths, true.u.tolist(), strict=True)))
+    pool.settled(pool.fit((), [at]))
+    return pool, pool.settled(pool.fit(chosen, [at]))
+
+
+def _worth_their_price(pool: Pool, node: Node) -> Node:
+    """The set without what nobody would see beside the rest."""
+    while node.explanation:
+        less = min((pool.settled(pool.drop(node, c)) for c in node.explanation), key=pool.cost)
+        if pool.cost(less) >= pool.cost(node):
+            break
+        node = less
+    return node
+
+
+def _unseen(
+    pool: Pool, whole: Node, seen: Node, candidate: Candidate, values: Mapping[str, float]
+) -> Expected:
+    """Of an effect that costs more than it explains."""
+    mine = {p.path: values[p.path] for p in candidate.parameters}
+    less = pool.settled(pool.drop(whole, candidate))
+    sigma = float(np.sqrt(max(less.fit.chi2 - whole.fit.chi2, 0.0) / pool.ground.phi))
+    gap = min(pool.cost(less), pool.cost(seen)) - pool.cost(whole)
+    return Expected(candidate.name, mine, sigma, gap, 0.0, 0.0, tuple(sorted(seen.names)))
+
+
+def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) -> Expected:
+    """Of an effect that is worth its price.
+
+    A set that misses the noise-free readings by D sigma misses those with noise by a chi-square that is,
+    beside that of the true set, normal about D^2 with a deviation of 2 D, less what its parameters more
+    take from the noise. Sets are taken one by one: the worst decides.
+    """
+    best, name = weighing.best, one.candidate.name
+    certain, named = _Worst(), _Worst()
+    for node in weighing.pool.nodes.values():
+        if name in node.names:
+            continue
+        distance = np.sqrt(max(node.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi)
+        spread, noise = max(2 * distance, 1.0), best.parameters - node.parameters
+        contains = any(name in c.effect.contains for c in node.explanation)
+        margin = weighing.above(node) + noise - (GAP if contains else NAMED_GAP)
+        named.meet(margin / spread, node)
+        certain.meet(margin / spread, node)
+        if len(node.explanation) <= len(best.explanation) + 1:
+            certain.meet((weighing.above_unpriced(node) + noise - PLUS_GAP) / spread, node)
+    rival = certain.node if named.chance >= LIKELY else named.node
+    return Expected(
+        name,
+        {p.path: values[p.path] for p in one.candidate.parameters},
+        one.sigma_to_remove,
+        one.gap,
+        certain.chance,
+        named.chance,
+        () if rival is None else tuple(sorted(rival.names)),
+    )
+
+
+class _Worst:
+    """The set that stands most in the way of an effect, and the chance that noise lets it."""
+
+    def __init__(self) -> None:
+        self._sigma = np.inf
+        self.node: Node | None = None
+
+    def meet(self, sigma: float, node: Node) -> None:
+        """Another set, so many deviations from standing in the way."""
+        if sigma < self._sigma:
+            self._sigma, self.node = sigma, node
+
+    @property
+    def chance(self) -> float:
+        return float(special.ndtr(self._sigma))

@@ -1,0 +1,90 @@
+"""The best set of effects so far, while a search runs: in a line, and in full when it is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.diagnosis.verdict.words import join
+from lightfield.fitting.least_squares import Fit
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best set so far."""
+
+    problem: Problem
+    explanation: Explanation
+    fit: Fit
+
+    @property
+    def error_percent(self) -> float:
+        """Rms of (reading - model) / model over the bright readings."""
+        return percent(self.problem, self.fit.prediction, bright(self.problem))
+
+
+class SoFar:
+    """Follows a search.
+
+    Parameters
+    ----------
+    tell : callable
+        Takes one line: what is being done.
+
+    Attributes
+    ----------
+    sets : int
+        Sets of effects that were fitted.
+    best : Best, optional
+    """
+
+    def __init__(self, tell: Callable[[str], None] = lambda line: None) -> None:
+        self._tell = tell
+        self.sets = 0
+        self.best: Best | None = None
+        self._base_percent: float | None = None
+
+    def __call__(self, stage: str) -> None:
+        self._tell(stage)
+
+    def tried(self, sets: int, problem: Problem, explanation: Explanation, fit: Fit) -> None:
+        """So many sets more were fitted, and this is the best so far."""
+        self.sets += sets
+        if self.best is None or fit is not self.best.fit:
+            self.best = Best(problem, explanation, fit)
+            if not explanation:
+                self._base_percent = self.best.error_percent
+        if sets:
+            self._tell(self._line(self.best))
+
+    def _line(self, best: Best) -> str:
+        names = " + ".join(c.name for c in best.explanation) or "no effect"
+        return f"{self.sets} sets of effects tried; best so far: {best.error_percent:.3g} % with {names}"
+
+    def as_text(self) -> str:
+        """The best set in full, several lines; "" where nothing was fitted yet."""
+        if self.best is None:
+            return ""
+        best = self.best
+        names = join([c.name for c in best.explanation]) or "no effect"
+        base = "" if self._base_percent is None else f" (without any {self._base_percent:.3g} %)"
+        lines = [
+            f"Stopped after {self.sets} sets of effects. What fits best so far was not tested, and other "
+            "effects may do as well:",
+            f"  error {best.error_percent:.3g} % with {names}{base}",
+        ]
+        return "\n".join([*lines, *(f"  {_effect(c, best)}" for c in best.explanation)])
+
+
+def _effect(candidate: Candidate, best: Best) -> str:
+    if candidate.effect.is_free_form:
+        return f"{candidate.name}: a curve of {len(candidate.amplitudes)} functions"
+    known = best.problem.forward.scene.parameters()
+    told = []
+    for parameter in candidate.parameters:
+        unit, value = known[parameter.path].unit, best.fit.values[parameter.path]
+        told.append(f"{parameter.path} = {value:.4g}" + ("" if unit == "1" else f" {unit}"))
+    return f"{candidate.name}: {', '.join(told)}"

@@ -1,0 +1,71 @@
+"""Which of several effects a layout would make certain, as a page."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from lightfield.diagnosis.expected import ABOUT, HEAD, Together
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.style import BAD, FORMULA, GOOD, MUTED, WIDTH, figure, label, percent_axis
+
+_SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
+
+
+def chances_figure(made: Together) -> Figure:
+    """A bar for every effect: the chance that it is certain, and beyond it that it is the simplest."""
+    names = [one.effect.replace("_", " ") for one in made.expected]
+    with figure(WIDTH, 1.1 + 0.42 * len(names)) as fig:
+        axes = fig.subplots()
+        for k, one in enumerate(made.expected):
+            y, shade = len(names) - k, _SHADES[one.level]
+            axes.barh(y, max(one.named, one.certain), height=0.55, color=shade, alpha=0.35)
+            axes.barh(y, one.certain, height=0.55, color=shade)
+            words = (
+                one.level
+                if one.level not in ("no", "perhaps")
+                else one.in_words([o.effect for o in made.expected])
+            )
+            at = max(one.named, one.certain)
+            inside = at > 0.5
+            axes.annotate(
+                words,
+                (at if not inside else 0.0, y),
+                (6, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=9.5,
+            )
+        axes.set_yticks(range(len(names), 0, -1), names)
+        axes.set_xlim(0, 1)
+        axes.grid(False, axis="y")
+        percent_axis(axes.xaxis)
+        label(axes, "chance to be certain (dark), or at least the simplest explanation (light)", "")
+    return fig
+
+
+def together_page(made: Together) -> str:
+    """The page."""
+    chances = page_figure(
+        chances_figure(made), "chances", "All effects act at once; of each, the worst rival decides.",
+        "Chance of every effect to be certain",
+    )  # fmt: skip
+    table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()])
+    sizes = "; ".join(made.sizes(one) for one in made.expected)
+    told = [f"Asked about: {sizes}."]
+    if made.assumed:
+        told.append(f"Assumed: {'; '.join(made.assumed)}.")
+    return study_page(
+        "Which effects would be certain?",
+        made.sentence,
+        (),
+        [Section("Effect by effect", (chances,), told, (table,))],
+    )
+
+
+def write_together(made: Together, path: str | os.PathLike[str]) -> Path:
+    """Write the page, whole or not at all."""
+    return write_study(together_page(made), path)

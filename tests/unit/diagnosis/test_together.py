@@ -1,0 +1,126 @@
+"""Which of several effects a layout would make certain: against an own formula, and noisy readings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from lightfield import cli
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.expected import Together
+from lightfield.diagnosis.together import together
+from lightfield.errors import UsageError
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
+from lightfield.readings.columns import ErrorBudget
+from lightfield.scene import Scene
+
+HWHM, ABSORPTION, ERROR = 4.0, 0.1, 0.005
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": HWHM},
+        "water": {"absorption_per_m": ABSORPTION},
+        "detector": {"planes_m": [2.5, 6.5]},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def layout() -> Readings:
+    """A line across the beam at five distances, with errors of half a per cent of the brightest reading."""
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-0.7, 0.7, 15), np.linspace(2.5, 6.5, 5)))
+    n = len(x)
+    time = 20.0 * np.random.default_rng(0).permutation(n)
+    budget = ErrorBudget(plane_gain_percent=0.0, position_mm=0.0, tolerance_percent=0.0)
+    return Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=np.ones(n), stderr=np.full(n, ERROR), time_s=time,
+        quantity="irradiance", budget=budget,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(layout: Readings) -> Together:
+    sizes = {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": 0.002}
+    return together(layout, SCENE, ["beam_offset", "background", "lamp_drift"], sizes)
+
+
+def by_formula(layout: Readings, p: np.ndarray, offset: float) -> np.ndarray:
+    """Gaussian beam x cosine of the receiver x inverse square x Beer-Lambert, written out here."""
+    gain, hwhm, absorption, background = p
+    x, z = layout.x_m - offset, layout.z_m
+    r, theta = np.hypot(x, z), np.degrees(np.arctan2(np.abs(x), z))
+    return gain * np.exp(-np.log(2) * (theta / hwhm) ** 2 - absorption * r) * (z / r) / r**2 + background
+
+
+def test_sigma_of_an_offset_is_that_of_an_own_formula(layout: Readings, made: Together) -> None:
+    light = by_formula(layout, np.array([1.0, HWHM, ABSORPTION, 0.0]), 0.0)
+    true = np.array([1 / light.max(), HWHM, ABSORPTION, 0.004])
+    target = by_formula(layout, true, 0.03)
+    fit = optimize.least_squares(lambda p: (by_formula(layout, p, 0.0) - target) / ERROR, true, x_scale=true)
+    offset = made.expected[0]
+    assert offset.sigma == pytest.approx(np.sqrt(2 * fit.cost), rel=0.02)  # lamp_drift is as good as nothing
+
+
+def test_what_is_seen_and_what_is_not(made: Together) -> None:
+    offset, _, drift = made.expected
+    assert offset.values == {"lamp.offset_x_m": 0.03}
+    assert drift.level == "not seen" and drift.sigma < 1 and drift.gap < 0
+    assert offset.named > 0.9 and offset.gap < offset.sigma**2
+    assert "not seen beside the others" in made.as_text() and "0.03 m" in made.as_text()
+    assert made.sentence.startswith("With these 75 readings")
+    assert made.as_data()["effects"][2]["level"] == "not seen"
+
+
+def test_a_wrong_question_is_refused(layout: Readings) -> None:
+    for names, sizes, what in (
+        (["beam_profile"], {}, "curve"),
+        (["wall_reflection"], {}, "cannot act here"),
+        (["background"], {"lamp.offset_x_m": 0.1}, "not asked about"),
+        (["background", "background"], {}, "not fitted together"),
+        (["nonsense"], {}, "unknown effect"),
+    ):
+        with pytest.raises(UsageError, match=what):
+            together(layout, SCENE, names, sizes)
+
+
+def test_the_command_answers_and_writes(tmp_path, capsys) -> None:
+    SCENE.save(tmp_path / "scene.toml")
+    rows = "".join(f"{x},{z}\n" for z in (2.5, 4.5, 6.5) for x in np.linspace(-0.6, 0.6, 9))
+    (tmp_path / "layout.csv").write_text(f"x_m,z_m\n{rows}")
+    run = f"plan {tmp_path}/layout.csv --scene {tmp_path}/scene.toml --no-trace".split()
+    asked = ["--effects", "beam_offset,background", "--size", "lamp.offset_x_m=0.05"]
+    out = ["--json", f"{tmp_path}/t.json", "--report", f"{tmp_path}/t.html"]
+    assert cli.main([*run, *asked, *out]) == 0
+    assert "beam_offset" in capsys.readouterr().out
+    assert json.loads((tmp_path / "t.json").read_text())["effects"][0]["values"] == {"lamp.offset_x_m": 0.05}
+    page = (tmp_path / "t.html").read_text()
+    assert "<svg" in page and "would be certain" in page
+    assert cli.main([*run, "--report", f"{tmp_path}/u.html"]) == 2
+    assert "no effect is named" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_chances_are_those_of_noisy_campaigns(layout: Readings) -> None:
+    """Forty campaigns, diagnosed: each effect is certain, or named, as often as was foretold."""
+    names = ["beam_offset", "background", "lamp_drift"]
+    made = together(layout, SCENE, names)
+    values = {path: value for one in made.expected for path, value in one.values.items()}
+    forward = SceneForward(SCENE, layout)
+    light = forward.predict({})
+    clean = forward.predict({**values, "gain": 1 / light.max()})
+    rng, draws = np.random.default_rng(1), 40
+    certain, named = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+    for _ in range(draws):
+        noisy = replace(layout, value=clean + ERROR * rng.standard_normal(len(clean)))
+        verdict = diagnose(noisy, SCENE, diffuse=None, advise=False).verdict
+        for one in names:
+            certain[one] += one in verdict.certain
+            named[one] += one in (*verdict.certain, *verdict.simplest)
+    for one in made.expected:
+        for chance, count in ((one.certain, certain[one.effect]), (one.named, named[one.effect])):
+            spread = np.sqrt(draws * max(chance * (1 - chance), 0.05))
+            assert abs(count - draws * chance) < 4 * spread, (one.effect, chance, count)
