@@ -33,6 +33,7 @@ COMMANDS = {
     "plan": "what a measurement layout can detect and tell apart, before measuring",
     "array": "what a follower's detectors can know of its pose",
     "pose": "where a follower is by its readings, and where it would be by the formula",
+    "follow": "a follower in the closed loop: how it keeps its distance, or docks",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",
     "export": "write cases of a sweep as spectral EXR",

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula.field import source, window_points
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
+
+#: Step of numerical derivatives, m: light changes over decimetres, so the relative error is about
+#: (step / length)^2 = 1e-6.
+STEP_M = 1e-4
 
 
 def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None) -> Array:
@@ -49,3 +55,16 @@ def on_receivers(flux: Array, normal: Array) -> Array:
         Flux vector of the light; outward unit normals.
     """
     return np.maximum(-(flux * normal).sum(axis=1), 0.0)
+
+
+def flux_and_slopes(scene: Scene, place_m: Array) -> tuple[Array, Array]:
+    """`direct_flux`, shape (n, 3), and its slopes by the place, shape (n, 3, 3): component, direction."""
+    return direct_flux(scene, place_m), by_place(lambda at: direct_flux(scene, at), place_m)
+
+
+def by_place(values: Callable[[Array], Array], place_m: Array) -> Array:
+    """Slopes by x, y and z of values of shape (n, k) at places of shape (n, 3), shape (n, k, 3)."""
+    step = STEP_M * np.eye(3)[:, None]
+    around = np.concatenate([place_m + step, place_m - step])  # [6, n, 3]
+    found = values(around.reshape(-1, 3)).reshape(2, 3, len(place_m), -1)
+    return np.asarray(((found[0] - found[1]) / (2 * STEP_M)).transpose(1, 2, 0))

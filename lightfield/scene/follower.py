@@ -1,9 +1,10 @@
-"""What a scene says about the follower: its detectors, and where it is. Nothing of it changes the light."""
+"""What a scene says about the follower: detectors, place, task. Nothing of it changes the light."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from lightfield.errors import RuleError
@@ -16,6 +17,7 @@ NOTHING = Acts(0)
 #: More would take minutes and gigabytes, and tell no more (Eren 2015: nothing gained beyond 7 x 7).
 MOST_ELEMENTS = 2500
 COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
+WAY_COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 Count = Annotated[int, Field(strict=True, ge=1, le=1000)]
 
 
@@ -110,6 +112,69 @@ class DetectorArray(Part):
         return self
 
 
+class Mission(Part):
+    """A run: what the follower should do and believes, and how leader, water and lamp change."""
+
+    task: Literal["follow", "dock"] = declare("follow", "keep a distance, or come home to the lamp", NOTHING)
+    believes: Literal["field", "fitted", "exact", "clear", "relative"] = declare(
+        "field",
+        "light that the follower believes in: the traced field of the scene; or the formula, with K and gain "
+        "fitted in this water, with the true c and lamp power, with K and gain from clear water, or with K "
+        "fitted and only relative readings",
+        NOTHING,
+    )
+    law: Literal["pid", "sliding", "lqr"] = declare("pid", "of control", NOTHING)
+    vehicle: Literal["bluerov2-heavy", "bluerov2-benchmark"] = declare(
+        "bluerov2-heavy", "parameters of Oregon State University, or of von Benzon et al. 2022", NOTHING
+    )
+    degrees_of_freedom: Literal[4, 6] = declare(6, "4: roll and pitch are held at zero", NOTHING)
+    duration_s: float = number(120.0, "s", "of a run", NOTHING, above=0.0, high=3600.0)
+    standoff_m: float = number(6.5, "m", "distance to keep, along the beam", NOTHING, low=1.0, high=1e3)
+    dock_m: float = number(
+        1.5, "m", "distance of the dock from the lamp, along the beam", NOTHING, low=0.5, high=1e3
+    )
+    approach_m_per_s: float = number(
+        0.08, "m/s", "speed of the way home, while it is straight ahead", NOTHING, above=0.0, high=2.0
+    )
+    leader: Literal["still", "sway", "lawnmower", "table"] = declare(
+        "sway", "how the leader moves, its lamp always ahead", NOTHING
+    )
+    leader_table: TablePath | None = declare(None, f"CSV of leader table: {', '.join(WAY_COLUMNS)}", NOTHING)
+    current_x_m_per_s: float = number(
+        0.0, "m/s", "of the water, across", NOTHING, low=-2.0, high=2.0, neutral=0.0
+    )
+    current_y_m_per_s: float = number(0.0, "m/s", "upwards", NOTHING, low=-2.0, high=2.0, neutral=0.0)
+    current_z_m_per_s: float = number(
+        0.0, "m/s", "away from the leader", NOTHING, low=-2.0, high=2.0, neutral=0.0
+    )
+    current_from_s: float = number(0.0, "s", "when it sets in", NOTHING, low=0.0, high=3600.0)
+    dark_from_s: float = number(60.0, "s", "when the lamp goes dark", NOTHING, low=0.0, high=3600.0)
+    dark_for_s: float = number(0.0, "s", "how long it is dark", NOTHING, low=0.0, high=3600.0, neutral=0.0)
+    turbid_factor: float = number(
+        1.0, "1", "scattering at the end, over that of the scene", NOTHING, low=0.0, high=100.0, neutral=1.0
+    )
+    turbid_from_s: float = number(40.0, "s", "when the water begins to change", NOTHING, low=0.0, high=3600.0)
+    turbid_for_s: float = number(20.0, "s", "how long it changes", NOTHING, above=0.0, high=3600.0)
+
+    @model_validator(mode="after")
+    def _can_be_done(self) -> Mission:
+        if self.leader == "table" and self.leader_table is None:
+            raise RuleError(
+                "leader table needs a table", f"give leader_table = a CSV of {', '.join(WAY_COLUMNS)}"
+            )
+        if self.leader_table is not None:
+            readable(read_rows, self.leader_table, WAY_COLUMNS)
+            time, *_ = read_rows(self.leader_table, WAY_COLUMNS)
+            if not (np.diff(time) > 0).all():
+                raise RuleError(f"{self.leader_table}: times that do not rise", "sort the rows by time_s")
+        if self.task == "dock" and self.dock_m >= self.standoff_m:
+            raise RuleError(
+                f"dock_m = {self.dock_m:g} is not nearer than standoff_m = {self.standoff_m:g}",
+                "begin the way home farther from the lamp than the dock",
+            )
+        return self
+
+
 class Follower(Part):
     """Pose of the array's middle, and what the follower knows of the water and the lamp.
 
@@ -142,3 +207,4 @@ class Follower(Part):
         high=90.0,
         neutral=0.0,
     )
+    mission: Mission = Field(default_factory=Mission, description="what it does")

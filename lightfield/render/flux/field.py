@@ -23,8 +23,9 @@ from scipy.ndimage import map_coordinates, spline_filter1d
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.formula.path import rays
-from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.backend import use_backend
+from lightfield.render.flux.spline import Splines
 from lightfield.render.maps import transport_key
 from lightfield.render.response import store
 from lightfield.render.response.grid import COMPONENTS, Grid, reference_of
@@ -158,16 +159,19 @@ class TracedField:
     def in_water_of(self, scene: Scene) -> TracedField:
         """The same trace in the water, walls and surface of another scene."""
         other = TracedField(scene, self.grid, self.response)
-        other.__dict__["_splines"] = self._splines
+        other.__dict__["_whole"] = self._whole
+        if "_parts" in self.__dict__:
+            other.__dict__["_parts"] = self._parts
         return other
 
     def leave_one_out(self) -> list[TracedField]:
         """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
-        mean, batches = self._splines
+        mean, batches = self._whole, self._parts
         found = []
         for one in batches:
             other = TracedField(self.scene, self.grid, self.response)
-            other.__dict__["_splines"] = (len(batches) * mean - one) / (len(batches) - 1), batches
+            other.__dict__["_whole"] = (len(batches) * mean - one) / (len(batches) - 1)
+            other.__dict__["_parts"] = batches
             found.append(other)
         return found
 
@@ -192,21 +196,56 @@ class TracedField:
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
-        direct = on_receivers(direct_flux(self.scene, place_m), normal)
-        return direct + on_receivers(self._at(self._mean[:3], place_m), normal)
+        place = np.asarray(place_m, float)
+        direct = on_receivers(direct_flux(self.scene, place), normal)
+        diffuse = self._quick.at(self._cells(place)) * self._factor(place)[:, None]
+        return direct + on_receivers(diffuse, normal)
+
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
+        """Flux vectors of direct and of diffuse light, and their slopes by the place.
+
+        Parameters
+        ----------
+        place_m : array, shape (n, 3), m
+
+        Returns
+        -------
+        list of (flux, slopes)
+            Shapes (n, 3), 1/m^2, and (n, 3, 3), 1/m^3: component, then direction.
+        """
+        place = np.asarray(place_m, float)
+        both = self._quick.with_slopes(self._cells(place))  # [n, value and by z y x, component]
+        axes = (self.grid.x_m, self.grid.y_m, self.grid.z_m)
+        step = np.array([axis[1] - axis[0] for axis in axes])
+        around = by_place(lambda at: self._factor(at)[:, None], place)[:, 0]
+        factor = self._factor(place)[:, None]
+        flux = both[:, 0]
+        slopes = np.swapaxes(both[:, :0:-1], 1, 2) / step  # by x, y and z
+        slopes = slopes * factor[:, :, None] + flux[:, :, None] * around[:, None, :]
+        return [flux_and_slopes(self.scene, place), (flux * factor, slopes)]
 
     def diffuse_flux(self, place_m: Array) -> Array:
         """Flux vector of scattered and reflected light, and what of it flies back, 1/m^2, shape (n, 4)."""
         return self._at(self._mean, place_m)
 
     def _at(self, splines: Array, place_m: Array) -> Array:
-        x, y, z = np.asarray(place_m, float).T
-        axes = ((self.grid.z_m, z), (self.grid.y_m, y), (self.grid.x_m, x))
-        at = [(value - axis[0]) / (axis[1] - axis[0]) for axis, value in axes]
+        place = np.asarray(place_m, float)
+        at = self._cells(place).T
         found = [map_coordinates(one, at, order=3, prefilter=False, mode="nearest") for one in splines]
+        return np.stack(found, axis=1) * self._factor(place)[:, None]
+
+    def _cells(self, place: Array) -> Array:
+        """Places in cells along (z, y, x), shape (n, 3)."""
+        axes = (self.grid.z_m, self.grid.y_m, self.grid.x_m)
+        first = np.array([axis[0] for axis in axes])
+        return np.asarray((place[:, ::-1] - first) / np.array([axis[1] - axis[0] for axis in axes]))
+
+    def _factor(self, place: Array) -> Array:
+        """What the splines, which are smooth, leave out: another water on the straight way, and 1 / z^2."""
+        x, y, z = place.T
         straight = rays(self.scene.lamp, x, y, z).water_m
         depth = self._change * straight - 0.5 * (self.scene.water.hardening_per_m * straight) ** 2
-        return np.stack(found, axis=1) * (np.exp(-depth) / z**2)[:, None]
+        return np.asarray(np.exp(-depth) / z**2)
 
     @cached_property
     def _water(self) -> tuple[Array, Array]:
@@ -214,7 +253,7 @@ class TracedField:
         at = middles_nm(self.scene)[0].mean(keepdims=True)
         return absorption_per_m(self.scene.water, at), scattering_per_m(self.scene.water, at)
 
-    @property
+    @cached_property
     def _change(self) -> float:
         (a,), (b,) = self._water
         before = self.response.reference
@@ -228,28 +267,35 @@ class TracedField:
 
     @cached_property
     def _mean(self) -> Array:
-        mean, _ = self._splines
-        return np.tensordot(self._weights, mean, axes=1)
+        return np.tensordot(self._weights, self._whole, axes=1)
+
+    @cached_property
+    def _quick(self) -> Splines:
+        return Splines.of(self._mean[:3])
 
     @cached_property
     def _batches(self) -> Array:
-        _, batches = self._splines
-        return np.tensordot(batches, self._weights, axes=([1], [0]))
+        return np.tensordot(self._parts, self._weights, axes=([1], [0]))
 
     @cached_property
-    def _splines(self) -> tuple[Array, Array]:
-        """Coefficients of the splines of every history: of the mean, and batch by batch.
+    def _whole(self) -> Array:
+        """Coefficients of the splines of every history, shape (n_rows, 4, n_z, n_y, n_x)."""
+        return self._coefficients(self.response.tally.mean(axis=0)[None])[0]
 
-        Shape (n_rows, 4, n_z, n_y, n_x), and (n_batches, the same).
-        """
+    @cached_property
+    def _parts(self) -> Array:
+        """The same batch by batch, which takes as many times as long, shape (n_batches, n_rows, ...)."""
+        return self._coefficients(self.response.tally)
+
+    def _coefficients(self, tally: Array) -> Array:
         shape = (len(COMPONENTS), *self.grid.shape)
-        tally = self.response.tally.reshape(*self.response.tally.shape[:2], *shape)
+        tally = tally.reshape(*tally.shape[:2], *shape)
         tally = _averaged_over_images(tally, self.scene) * (self.grid.z_m**2)[:, None, None]
         tally = _at_middles(_at_middles(tally).swapaxes(-1, -2)).swapaxes(-1, -2)
         # The straight line of the response is not in the tally, but in its factor exp(-change r).
         for axis in (-3, -2, -1):
             tally = spline_filter1d(tally, order=3, axis=axis, mode="nearest", output=np.float32)
-        return tally.mean(axis=0), tally
+        return tally
 
 
 def _at_middles(means: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.flux.field import Region, traced_field
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
@@ -42,6 +42,8 @@ class Light(Protocol):
 
     def reading(self, place_m: Array, normal: Array) -> Array: ...
 
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]: ...
+
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]: ...
 
     def batches(self, place_m: Array, normal: Array) -> Array: ...
@@ -60,6 +62,10 @@ class FormulaLight:
     def reading(self, place_m: Array, normal: Array) -> Array:
         """Readings, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
         return on_receivers(direct_flux(self.scene, place_m), normal)
+
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
+        """Flux vector of the direct light, (n, 3), and its slopes by the place, (n, 3, 3)."""
+        return [flux_and_slopes(self.scene, np.asarray(place_m, float))]
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """`reading`, and errors of zero."""
@@ -187,11 +193,32 @@ class Model:
 
     def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
         """Derivatives by coordinates of the pose, shape (m, n_elements, len(names))."""
-        step = STEP * np.eye(len(POSE))[[POSE.index(name) for name in names]]
-        both = np.concatenate([poses[:, None] + step, poses[:, None] - step], axis=1)
-        flat = self.readings(both.reshape(-1, len(POSE)))
-        read = flat.reshape(len(poses), 2, len(names), len(self.elements))
-        return np.swapaxes(read[:, 0] - read[:, 1], 1, 2) / (2 * STEP)
+        return self.with_slopes(poses, names)[1]
+
+    def with_slopes(self, poses: Array, names: Sequence[str]) -> tuple[Array, Array]:
+        """`readings` and `by_pose`, from one look at the light: its slopes, and those of places and normals.
+
+        A place turns with its element's arm, the reading with the place and with the normal.
+        """
+        elements, shape = self.elements, (len(poses), len(self.elements))
+        place, normal = placed(elements, poses)
+        turned = [POSE.index(name) for name in names if name not in POSE[:3]]
+        arm, facing = _by_angles(elements, poses, [k - 3 for k in turned])  # [angle, m, n, 3]
+        read, slopes = np.zeros(shape), np.zeros((*shape, len(names)))
+        for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
+            light, gradient = flux.reshape(*shape, 3), by_place.reshape(*shape, 3, 3)
+            one = -(light * normal).sum(axis=-1)
+            seen = one > 0
+            read += np.where(seen, one, 0.0)
+            along = -(normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
+            lit = light * seen[..., None]
+            for k, name in enumerate(names):
+                if name in POSE[:3]:
+                    slopes[..., k] += along[..., POSE.index(name)]
+                else:
+                    angle = turned.index(POSE.index(name))
+                    slopes[..., k] += (along * arm[angle]).sum(-1) - (lit * facing[angle]).sum(-1)
+        return self.gain * read, self.gain * slopes
 
     @cached_property
     def _waters(self) -> dict[str, tuple[Model, Model]]:
@@ -224,3 +251,11 @@ class Model:
             place, normal = placed(self.elements, pose[None])
             read.append(self.light.reading(place[0] @ turn.T, normal[0] @ turn.T))
         return self.gain * (read[0] - read[1]) / (2 * STEP)
+
+
+def _by_angles(elements: Elements, poses: Array, angles: Sequence[int]) -> tuple[Array, Array]:
+    """Slopes of places and normals by yaw, pitch or roll, m/rad and 1/rad, shape (len(angles), m, n, 3)."""
+    step = STEP * np.eye(3)[list(angles)][:, None]
+    both = rotations(np.concatenate([poses[:, 3:] + step, poses[:, 3:] - step]))
+    turns = np.swapaxes((both[: len(angles)] - both[len(angles) :]) / (2 * STEP), -1, -2)
+    return elements.place_m @ turns, elements.normal @ turns

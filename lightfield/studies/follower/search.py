@@ -75,7 +75,7 @@ def search(
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Found:
-    """Poses that explain readings, from every start.
+    """Poses that explain readings, from every start, best first.
 
     Parameters
     ----------
@@ -88,28 +88,48 @@ def search(
     box : (low, high), optional
         Poses, shape (6,), to stay between.
     """
+    found = descend(
+        model, readings, variance, names, starts, gain_sigma=gain_sigma, box=box, most_steps=most_steps
+    )
+    order = np.argsort(found.chi2, kind="stable")
+    return Found(found.poses[order], found.gains[order], found.chi2[order])
+
+
+def descend(
+    model: Model,
+    readings: Array,
+    variance: Array,
+    names: Sequence[str],
+    starts: Array,
+    *,
+    gain_sigma: float = 0.0,
+    box: tuple[Array, Array] | None = None,
+    most_steps: int = MOST_STEPS,
+) -> Found:
+    """As `search`, in the order of the starts; readings and variances may be of each, (s, n_elements)."""
     at = [POSE.index(name) for name in names]
-    weight = 1 / np.sqrt(variance)
+    wide = len(starts), len(model.elements)
+    readings, weight = (np.broadcast_to(v, wide) for v in (readings, 1 / np.sqrt(variance)))
     prior = 1 / gain_sigma if gain_sigma > 0 else 0.0
     frees_gain = gain_sigma > 0
     poses, gain = np.array(starts, float), np.zeros(len(starts))
 
-    def residual(poses: Array, gain: Array) -> tuple[Array, Array]:
+    def residual(poses: Array, gain: Array, of: Array) -> tuple[Array, Array]:
         read = model.readings(poses) * np.exp(gain)[:, None]
-        return np.concatenate([(readings - read) * weight, -prior * gain[:, None]], axis=1), read
+        return np.concatenate([(readings[of] - read) * weight[of], -prior * gain[:, None]], axis=1), read
 
-    r, read = residual(poses, gain)
-    chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
     going = np.ones(len(poses), bool)
-    slopes = np.zeros((len(poses), len(weight) + 1, len(at) + frees_gain))
+    r, read = residual(poses, gain, going)
+    chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
+    slopes = np.zeros((len(poses), wide[1] + 1, len(at) + frees_gain))
     stale = going.copy()
     for _ in range(most_steps):
         fresh = going & stale
         if fresh.any():
             by_pose = model.by_pose(poses[fresh], names) * np.exp(gain[fresh])[:, None, None]
-            slopes[fresh, :-1, : len(at)] = by_pose * weight[:, None]
+            slopes[fresh, :-1, : len(at)] = by_pose * weight[fresh][:, :, None]
             if frees_gain:
-                slopes[fresh, :-1, -1], slopes[fresh, -1, -1] = read[fresh] * weight, prior
+                slopes[fresh, :-1, -1], slopes[fresh, -1, -1] = read[fresh] * weight[fresh], prior
         j = slopes[going]
         curvature = np.swapaxes(j, 1, 2) @ j
         diagonal = np.maximum(np.einsum("sii->si", curvature), TINY)
@@ -126,7 +146,7 @@ def search(
             tried_gain += np.clip(step[:, -1], -LONGEST_GAIN_STEP, LONGEST_GAIN_STEP)
         if box is not None:
             tried = np.clip(tried, *box)
-        new_r, new_read = residual(tried, tried_gain)
+        new_r, new_read = residual(tried, tried_gain, going)
         new = (new_r**2).sum(axis=1)
         index = np.flatnonzero(going)
         better = new < chi2[index]
@@ -141,5 +161,4 @@ def search(
         going[index[ended]] = False
         if not going.any():
             break
-    order = np.argsort(chi2, kind="stable")
-    return Found(poses[order], np.exp(gain[order]), chi2[order])
+    return Found(poses, np.exp(gain), chi2)

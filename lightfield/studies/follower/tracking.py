@@ -9,12 +9,13 @@ reading, and is added afterwards.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import chi2
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.pose import Estimate, Estimator
 
@@ -58,6 +59,104 @@ class Tracked:
     estimate: Estimate
 
 
+class Filter:
+    """States of several vehicles side by side: places, angles and their rates, and how well they are known.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Coordinates of the pose that are followed, n of them.
+    count : int
+        Vehicles.
+
+    Attributes
+    ----------
+    state, covariance : array, shape (count, 2 n) and (count, 2 n, 2 n)
+    known : array of bool, shape (count,)
+        A first reading has come.
+    refused : array of int, shape (count,)
+        Readings in a row that were not used.
+    """
+
+    def __init__(self, names: Sequence[str], count: int = 1) -> None:
+        self.at = [POSE.index(name) for name in names]
+        n = len(self.at)
+        self.state, self.covariance = np.zeros((count, 2 * n)), np.zeros((count, 2 * n, 2 * n))
+        self.known, self.refused = np.zeros(count, bool), np.zeros(count, int)
+
+    @property
+    def poses(self) -> Array:
+        """Shape (count, 6), m and rad."""
+        return self._whole(self.state[:, : len(self.at)])
+
+    @property
+    def rates(self) -> Array:
+        """Shape (count, 6), m/s and rad/s."""
+        return self._whole(self.state[:, len(self.at) :])
+
+    @property
+    def sees_nothing_familiar(self) -> Mask:
+        """Vehicles whose filter begins anew with the next reading, shape (count,)."""
+        return ~self.known | (self.refused >= MOST_REFUSED)
+
+    def predict(self, seconds: float) -> None:
+        """Move the states on."""
+        n = len(self.at)
+        move = np.eye(2 * n)
+        move[:n, n:] = seconds * np.eye(n)
+        agility = np.diag(AGILITY[self.at])
+        grown = np.block(
+            [
+                [agility * seconds**3 / 3, agility * seconds**2 / 2],
+                [agility * seconds**2 / 2, agility * seconds],
+            ]
+        )
+        self.state = self.state @ move.T
+        self.covariance = move @ self.covariance @ move.T + grown
+
+    def correct(self, measured: Array, noise: Array, found: Mask) -> tuple[Array, Mask]:
+        """Take up one pose each, shape (count, n), with covariances (count, n, n), where one was `found`.
+
+        Returns
+        -------
+        innovation : array, shape (count,)
+            Squared distance from what was expected; NaN where nothing was.
+        used : array of bool, shape (count,)
+        """
+        n = len(self.at)
+        anew = found & self.sees_nothing_familiar
+        innovation = np.full(len(found), np.nan)
+        self.state[anew] = np.concatenate([measured, np.zeros_like(measured)], axis=1)[anew]
+        self.covariance[anew] = 0.0
+        self.covariance[anew, :n, :n] = noise[anew]
+        self.covariance[anew, n:, n:] = np.diag(RATE_SIGMA[self.at] ** 2)
+        tried = np.flatnonzero(found & self.known & ~anew)
+        used = anew.copy()
+        if len(tried):
+            apart = measured[tried] - self.state[tried, :n]
+            before, scatter = self.covariance[tried], noise[tried]
+            spread = before[:, :n, :n] + scatter
+            innovation[tried] = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
+            likely = chi2.sf(innovation[tried], n) >= GATE
+            gain = np.swapaxes(np.linalg.solve(spread, before[:, :n]), 1, 2)
+            # Joseph's form keeps it positive.
+            rest = np.tile(np.eye(2 * n), (len(tried), 1, 1))
+            rest[:, :, :n] -= gain
+            after = rest @ before @ np.swapaxes(rest, 1, 2) + gain @ scatter @ np.swapaxes(gain, 1, 2)
+            up = tried[likely]
+            self.state[up] += (gain @ apart[..., None])[likely, :, 0]
+            self.covariance[up] = after[likely]
+            used[up] = True
+        self.known |= used
+        self.refused = np.where(used, 0, self.refused + 1)
+        return innovation, used
+
+    def _whole(self, part: Array) -> Array:
+        found = np.zeros((len(part), len(POSE)))
+        found[:, self.at] = part
+        return found
+
+
 @dataclass
 class Tracker:
     """`update` with one reading after the other, off line and on line alike.
@@ -68,73 +167,33 @@ class Tracker:
     """
 
     estimator: Estimator
-    _state: Array | None = field(default=None, repr=False)
-    _covariance: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    _filter: Filter = field(init=False, repr=False)
     _time_s: float = field(default=0.0, repr=False)
-    _refused: int = field(default=0, repr=False)
     _common: Array | float = field(default=0.0, repr=False)
+
+    def __post_init__(self) -> None:
+        self._filter = Filter(self.estimator.names)
 
     def update(self, readings: Array, time_s: float) -> Tracked:
         """The state after a reading; times must rise."""
-        at = [POSE.index(name) for name in self.estimator.names]
-        n = len(at)
-        expected = self._predict(time_s, at) if self._state is not None else None
+        one, n = self._filter, len(self._filter.at)
+        expected = None
+        if one.known[0]:
+            one.predict(time_s - self._time_s)
+            expected = one.poses[0]
+        self._time_s = time_s
         found = self.estimator.estimate(readings, expected)
         innovation, used = np.nan, False
         if found.noise_only is not None and np.isfinite(found.noise_only.covariance).all():
-            measured, noise = found.pose[at], found.noise_only.covariance
-            if self._state is None or self._refused >= MOST_REFUSED:
-                self._state = np.concatenate([measured, np.zeros(n)])
-                self._covariance = np.zeros((2 * n, 2 * n))
-                self._covariance[:n, :n] = noise
-                self._covariance[n:, n:] = np.diag(RATE_SIGMA[at] ** 2)
-                used = True
-            else:
-                innovation, used = self._correct(measured, noise)
-            self._refused = 0 if used else self._refused + 1
-        self._time_s = time_s
-        return self._tracked(time_s, at, found, innovation, used)
-
-    def _predict(self, time_s: float, at: list[int]) -> Array:
-        """Moves the state on; gives the pose that it comes to."""
-        assert self._state is not None
-        n, dt = len(at), time_s - self._time_s
-        move = np.eye(2 * n)
-        move[:n, n:] = dt * np.eye(n)
-        agility = np.diag(AGILITY[at])
-        grown = np.block([[agility * dt**3 / 3, agility * dt**2 / 2], [agility * dt**2 / 2, agility * dt]])
-        self._state = move @ self._state
-        self._covariance = move @ self._covariance @ move.T + grown
-        pose = np.zeros(len(POSE))
-        pose[at] = self._state[:n]
-        return pose
-
-    def _correct(self, measured: Array, noise: Array) -> tuple[float, bool]:
-        assert self._state is not None
-        n = len(measured)
-        apart = measured - self._state[:n]
-        spread = self._covariance[:n, :n] + noise
-        innovation = float(apart @ np.linalg.solve(spread, apart))
-        if chi2.sf(innovation, n) < GATE:
-            return innovation, False
-        gain = np.linalg.solve(spread, self._covariance[:n]).T
-        self._state = self._state + gain @ apart
-        # Joseph's form keeps it positive.
-        rest = np.eye(2 * n)
-        rest[:, :n] -= gain
-        self._covariance = rest @ self._covariance @ rest.T + gain @ noise @ gain.T
-        return innovation, True
-
-    def _tracked(
-        self, time_s: float, at: list[int], found: Estimate, innovation: float, used: bool
-    ) -> Tracked:
-        n = len(at)
-        pose, rate = np.full(len(POSE), np.nan), np.full(len(POSE), np.nan)
-        covariance = np.full((n, n), np.nan)
-        if self._state is not None:
-            pose, rate = np.zeros(len(POSE)), np.zeros(len(POSE))
-            pose[at], rate[at] = self._state[:n], self._state[n:]
-            covariance = self._covariance[:n, :n].copy()
+            answer = one.correct(
+                found.pose[None, one.at], found.noise_only.covariance[None], np.array([True])
+            )
+            innovation, used = float(answer[0][0]), bool(answer[1][0])
+        else:
+            one.refused += 1
         if found.total is not None and found.noise_only is not None and used:
             self._common = found.total.covariance - found.noise_only.covariance
+        known = bool(one.known[0])
+        pose, rate = (v[0] if known else np.full(len(POSE), np.nan) for v in (one.poses, one.rates))
+        covariance = one.covariance[0, :n, :n].copy() if known else np.full((n, n), np.nan)
         return Tracked(time_s, pose, rate, covariance, covariance + self._common, innovation, used, found)

@@ -1,0 +1,72 @@
+"""`lightfield follow`: a follower in the closed loop, in one scene or in several, or over many parameters."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.commands._follower import PHOTONS, outputs_of, photons_of
+from lightfield.commands._json import write_json
+from lightfield.commands._options import add_option
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.storage.files import atomic_path, output_file
+
+#: More runs side by side tell no more, and take minutes.
+MOST_RUNS = 200
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    parser.add_argument(
+        "--with", dest="others", type=Path, action="append", default=[], metavar="SCENE",
+        help="another scene to run; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--believe", metavar="B,B,...",
+        help="light it believes in: field, fitted, exact, clear, relative (default: as the scene says)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--runs", type=int, default=4, metavar="N", help="with noise, gain and water of their own (default 4)"
+    )
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    parser.add_argument(
+        "--track", type=Path, metavar="OUT.nc", help="write the first follower's runs over time"
+    )
+    add_option(parser, "--max-photons", PHOTONS)
+    add_option(parser, "--seed", 0)
+    add_option(parser, "--no-trace")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run, print, write."""
+    from lightfield.studies.following.study import BELIEFS, follow
+
+    scenes = {}
+    for path in [args.scene, *args.others]:
+        scene = Scene.load(path)
+        scenes[scene.name or path.stem] = scene
+    inputs = [args.scene, *args.others]
+    outputs_of(args, *inputs)
+    if args.track:
+        output_file(args.track, *inputs, *(file for file in (args.json, args.report) if file))
+    if not 1 <= args.runs <= MOST_RUNS:
+        raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
+    beliefs = args.believe.split(",") if args.believe else []
+    unknown = [word for word in beliefs if word not in BELIEFS]
+    if unknown:
+        raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
+    found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
+    print(found.as_text())
+    if args.json:
+        write_json(found.as_data(), args.json)
+    if args.track:
+        with atomic_path(args.track) as temporary:
+            found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
+    if args.report:
+        from lightfield.report.follower.follow_page import write_following
+
+        print(f"report: {write_following(found, args.report).resolve()}")
+    return 0

@@ -1,0 +1,145 @@
+"""Figures of a closed loop: a film strip from above, and the way over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, RENDER, SERIES, WIDTH, figure, label
+from lightfield.studies.following.study import BELIEFS, Followed
+
+#: Frames of a strip, and rows of one figure.
+FRAMES, MOST_ROWS = 5, 6
+#: Width and height of a frame, inches, about.
+PANEL_INCHES = np.array([1.7, 0.9])
+#: Half widths of the lamp's beam that are drawn as light, the outer ones fainter.
+FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
+#: Colours of what is believed: the traced field in that of renders, the formula in its own.
+COLOURS = {
+    "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
+}  # fmt: skip
+
+
+def strip_figure(cases: Sequence[Followed]) -> Figure:
+    """Frames of the first run of every follower, from above: the lamp on the left, its light to the right."""
+    shown = cases[:MOST_ROWS]
+    far = max(float(np.nanmax(one.track.pose[:, 0, 2] + one.track.leader_m[:, 2])) for one in shown) + 0.8
+    wide = 0.3 + max(
+        0.5, *(float(np.abs(one.track.pose[:, 0, 0] + one.track.leader_m[:, 0]).max()) for one in shown)
+    )
+    with figure(WIDTH, 0.75 + 1.35 * len(shown)) as fig:
+        axes = fig.subplots(len(shown), FRAMES, squeeze=False, sharex=True, sharey=True)
+        for row, one in zip(axes, shown, strict=True):
+            times = one.track.time_s
+            for axis, k in zip(row, np.linspace(0, len(times) - 1, FRAMES).round().astype(int), strict=True):
+                _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]))
+                axis.set_xlim(-0.4, far)
+                axis.set_ylim(-wide, wide)
+            row[0].set_ylabel("across (m)", fontsize=8.5)
+            name = row[0].annotate(
+                f"{one.name}; believes {BELIEFS[one.mission.believes]}", (0, 1), (0, 15), ha="left",
+                xycoords="axes fraction", textcoords="offset points", fontsize=9.5, fontweight="bold",
+            )  # fmt: skip
+            name.set_in_layout(False)
+        for axis in axes[-1]:
+            axis.set_xlabel("along the beam (m)", fontsize=8.5)
+    return fig
+
+
+def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
+    track, mission = one.track, one.mission
+    lamp, pose, believed = track.leader_m[k], track.pose[k, 0], track.estimate[k, 0]
+    lit, colour = bool(track.lit[k, 0]), COLOURS[mission.believes]
+    half = np.tan(np.radians(one.scene.lamp.hwhm_deg))
+    end = lamp[2] + 20.0
+    if lit:
+        for wider, strength in FANS:
+            edge = wider * half * 20.0
+            corners = np.array([[lamp[2], lamp[0]], [end, lamp[0] + edge], [end, lamp[0] - edge]])
+            axis.fill(*corners.T, color=SERIES[4], alpha=strength, linewidth=0)
+    axis.plot(lamp[2], lamp[0], "o", color=SERIES[4] if lit else MUTED, markersize=6, markeredgecolor=INK)
+    past = slice(max(0, k - len(track.time_s) // FRAMES), k + 1)
+    way = track.pose[past, 0, :3] + track.leader_m[past]
+    axis.plot(way[:, 2], way[:, 0], color=colour, linewidth=0.9, alpha=0.7)
+    goal = lamp[2] + track.goal_m[k, 0]
+    axis.plot([goal, goal], [lamp[0] - 0.25, lamp[0] + 0.25], color=GOOD, linewidth=2.2)
+    _vehicle(axis, pose + np.append(lamp, np.zeros(3)), size, colour, filled=True)
+    if np.isfinite(believed).all():
+        _vehicle(axis, believed + np.append(lamp, np.zeros(3)), size, colour, filled=False)
+    axis.set_title(
+        f"{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
+        fontweight="normal", color=INK if lit else BAD,
+    )  # fmt: skip
+    axis.tick_params(labelsize=7.5)
+    axis.grid(False)
+
+
+def _vehicle(axis: Axes, pose: np.ndarray, size: np.ndarray, colour: str, *, filled: bool) -> None:
+    """A dart that points where the follower looks, towards the lamp at rest; larger than it is.
+
+    It is drawn in inches and then taken into the panel's own metres, which across are longer than along.
+    """
+    body = 0.13 * np.array([[-1.0, 0.0], [1.0, 0.5], [0.6, 0.0], [1.0, -0.5]])
+    c, s = np.cos(pose[3]), np.sin(pose[3])
+    along, across = body[:, 0] * c + body[:, 1] * s, body[:, 1] * c - body[:, 0] * s
+    metres = size / PANEL_INCHES
+    axis.fill(
+        pose[2] + metres[0] * along, pose[0] + metres[1] * across, facecolor=colour if filled else "none",
+        edgecolor=colour, linewidth=1.0, linestyle="-" if filled else (0, (2, 1)), zorder=3 if filled else 4,
+    )  # fmt: skip
+
+
+def way_figure(cases: Sequence[Followed]) -> Figure:
+    """Distance and offset of all runs over time; thick: their mean."""
+    with figure(WIDTH, 3.6) as fig:
+        far, aside = fig.subplots(1, 2, width_ratios=(1.5, 1))
+        for k, one in enumerate(cases[:MOST_ROWS]):
+            track = one.track
+            colour, style = (
+                COLOURS[one.mission.believes],
+                ("-", (0, (4, 2)), (0, (1, 1)))[_scene(cases, k) % 3],
+            )
+            going = np.isnan(track.contact[:, 0]) | (track.time_s[:, None] <= track.contact[:, 0])
+            z = np.where(going, track.pose[..., 2], np.nan)
+            x = np.where(going, 100 * np.hypot(track.pose[..., 0], track.pose[..., 1]), np.nan)
+            for axis, values in ((far, z), (aside, x)):
+                axis.plot(track.time_s, values, color=colour, linewidth=0.6, alpha=0.35, linestyle=style)
+            far.plot(
+                track.time_s, _mean(z), color=colour, linestyle=style, linewidth=2,
+                label=f"{one.name}: {one.mission.believes}",
+            )  # fmt: skip
+            aside.plot(track.time_s, _mean(x), color=colour, linestyle=style, linewidth=2)
+        first = cases[0]
+        far.plot(first.track.time_s, first.track.goal_m.mean(axis=1), color=GOOD, linewidth=1.4, zorder=1)
+        _events(far, first)
+        far.legend(fontsize=8.5, loc="best")
+        far.margins(y=0.15)
+        label(far, "time (s)", "distance from the lamp (m)", "Distance; green: asked for")
+        label(aside, "time (s)", "distance from the axis (cm)", "Off the axis")
+        aside.set_ylim(bottom=0)
+    return fig
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    count = np.isfinite(values).sum(axis=1)
+    return np.where(count > 0, np.nansum(values, axis=1) / np.maximum(count, 1), np.nan)
+
+
+def _scene(cases: Sequence[Followed], k: int) -> int:
+    return list(dict.fromkeys(one.name for one in cases)).index(cases[k].name)
+
+
+def _events(axis: Axes, one: Followed) -> None:
+    """Darkness, water that changes, a current that sets in."""
+    mission = one.mission
+    if mission.dark_for_s > 0:
+        axis.axvspan(mission.dark_from_s, mission.dark_from_s + mission.dark_for_s, color=MUTED, alpha=0.25)
+    if mission.turbid_factor != 1:
+        axis.axvspan(
+            mission.turbid_from_s, mission.turbid_from_s + mission.turbid_for_s, color=SERIES[2], alpha=0.2
+        )
+    if mission.current_from_s > 0:
+        axis.axvline(mission.current_from_s, color=MUTED, linestyle=":")

@@ -1,0 +1,97 @@
+"""Page of `follow`: how a follower fares that believes in this light, in that water."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.report.follower.follow_figures import strip_figure, way_figure
+from lightfield.report.follower.page import light_in_words, section, write
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, Spread
+from lightfield.studies.following.study import Followed, Following
+
+#: Metrics of the table, beside those of docking.
+OF_FOLLOWING = (
+    "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
+)  # fmt: skip
+#: Shown where they are not zero, or exist.
+ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "back_after", "outside")
+
+
+def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
+    """Write the page."""
+    cases = found.cases
+    first = cases[0]
+    docking = any(one.mission.task == "dock" for one in cases)
+    names = [name for name in (*OF_DOCKING, *OF_FOLLOWING) if any(name in one.runs for one in cases)]
+    names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
+    rows = [[f"{METRICS[n][1]} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
+    count = len(first.track.contact)
+    sections = [
+        section(
+            "From above",
+            [
+                page_figure(
+                    strip_figure(cases),
+                    "strip",
+                    "First run of every follower. Circle: the lamp, with its light; green: where the "
+                    "follower should be; filled: where it is; dashed outline: where it takes itself to be. "
+                    "Across is stretched, and the vehicle is drawn larger than it is.",
+                    "Film strip of the followers from above",
+                )
+            ],
+        ),
+        Section(
+            "Over time",
+            [
+                page_figure(
+                    way_figure(cases),
+                    "way",
+                    f"Thin: each of {count} runs, with noise, gain and water of its own as far as the scene "
+                    "says that they are not known. Thick: their mean. Grey band: dark; green band: the water "
+                    "changes.",
+                    "Distance and offset over time",
+                )
+            ],
+            tables=[
+                Table(
+                    "Mean of the runs ± scatter from run to run.",
+                    ["", *(f"{one.name}: {one.mission.believes}" for one in cases)],
+                    rows,
+                )
+            ],
+        ),
+    ]
+    mission = first.mission
+    lead = [
+        f"{mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom, law {mission.law}, "
+        f"{first.scene.array.sample_hz if first.scene.array else 0:g} readings a second, "
+        f"leader: {mission.leader}. "
+        "The pose comes from the readings alone, by maximum likelihood and a Kalman filter."
+    ]
+    origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
+    title = "Docking" if docking else "Following"
+    verdicts = " ".join(one.verdict.replace("+-", "±") + "." for one in cases)
+    return write(path, title, verdicts, lead, sections, first.scene, origin)
+
+
+def _matters(one: Followed, name: str) -> bool:
+    return name in one.runs and bool(np.any(np.nan_to_num(one.runs[name], nan=1.0) != 0))
+
+
+def _cell(one: Followed, name: str) -> str:
+    if name not in one.runs:
+        return "–"
+    if name == "docked":
+        return f"{int(one.runs[name].sum())} of {len(one.runs[name])}"
+    return _words(one.spreads[name])
+
+
+def _words(one: Spread) -> str:
+    if not one.runs:
+        return "never"
+    return f"{one.mean:.3g}" + (f" ± {one.scatter:.2g}" if np.isfinite(one.scatter) else "")

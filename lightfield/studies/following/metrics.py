@@ -1,0 +1,133 @@
+"""How well a run went, in numbers: one row for every run, and their mean with its error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene.follower import Mission
+from lightfield.studies.following.loop import CONE, Track
+
+#: Part of a run after which it counts as settled (chosen; a third, as the leader then has turned once).
+SETTLED = 1 / 3
+#: Length of the end of a run, s.
+END_S = 10.0
+#: A vehicle has found back where it is this near to where it should be, m: across, and along the beam (what
+#: docking asks for).
+BACK_M = np.array([0.1, 0.3])
+#: Name, unit and meaning of every metric.
+METRICS: dict[str, tuple[str, str]] = {
+    "standoff": ("m", "distance from the lamp along the beam, once settled"),
+    "standoff_at_end": ("m", f"the same in the last {END_S:g} s"),
+    "standoff_rms": ("m", "root mean square of distance kept less distance asked for, once settled"),
+    "across_rms": ("m", "root mean square of the distance from the axis, once settled"),
+    "yaw_rms": ("deg", "root mean square of the turn away from the lamp, once settled"),
+    "belief_less_truth": ("m", "distance believed less true distance, mean once settled"),
+    "belief_scatter": ("m", "scatter of that from reading to reading"),
+    "overshoot": ("m", "farthest beyond the distance asked for, before it settled"),
+    "nearest": ("m", "least distance from the lamp"),
+    "effort": ("N", "root mean square of the horizontal thrust, once settled"),
+    "without_light": ("s", "time in which no element saw light"),
+    "doubtful": ("%", "readings that do not fit the light that is believed in, three in a row"),
+    "outside": ("s", "time outside the space in which the light is known: numbers of such a run mean little"),
+    "back_after": ("s", "from the return of the light until it is in its place again"),
+    "docked": ("1", "within 0.1 m, 5 degrees and 0.1 m/s at the dock's mouth"),
+    "contact_time": ("s", "when it came to the dock's mouth"),
+    "contact_across": ("m", "distance from the dock's axis there"),
+    "contact_yaw": ("deg", "turn there"),
+    "contact_speed": ("m/s", "speed there"),
+}
+OF_DOCKING = ("docked", "contact_time", "contact_across", "contact_yaw", "contact_speed")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A metric over several runs.
+
+    Parameters
+    ----------
+    mean : float
+        NaN where no run has it.
+    scatter : float
+        Standard deviation from run to run; NaN of a single one.
+    error : float
+        Standard error of the mean.
+    runs : int
+        Those that have it.
+    """
+
+    mean: float
+    scatter: float
+    error: float
+    runs: int
+
+    @classmethod
+    def of(cls, values: Array) -> Spread:
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return cls(np.nan, np.nan, np.nan, 0)
+        scatter = float(known.std(ddof=1)) if len(known) > 1 else np.nan
+        return cls(float(known.mean()), scatter, scatter / np.sqrt(len(known)), len(known))
+
+
+def metrics_of(track: Track, mission: Mission) -> dict[str, Array]:
+    """Every metric that a task has, shape (runs,) each."""
+    time, pose = track.time_s, track.pose
+    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    late, end = time >= SETTLED * time[-1], time >= time[-1] - END_S
+    z, across = pose[..., 2], np.hypot(pose[..., 0], pose[..., 1])
+    missed = track.estimate[..., 2] - z
+    # Towards where it should be, positive on the side where it began.
+    side = np.sign(z[0] - track.goal_m[0])
+    beyond = np.max(-side * (z - track.goal_m)[~late], axis=0, initial=0.0)
+    found = {
+        "without_light": step * (~track.lit).sum(axis=0),
+        "doubtful": 100 * track.doubtful.mean(axis=0),
+        "outside": step * (~track.inside).sum(axis=0),
+    }
+    if mission.task == "follow":
+        found = {
+            "standoff": z[late].mean(axis=0),
+            "standoff_at_end": z[end].mean(axis=0),
+            "standoff_rms": _rms((z - track.goal_m)[late]),
+            "across_rms": _rms(across[late]),
+            "yaw_rms": np.degrees(_rms(pose[late, :, 3])),
+            "belief_less_truth": missed[late].mean(axis=0),
+            "belief_scatter": missed[late].std(axis=0),
+            "overshoot": beyond,
+            "nearest": z.min(axis=0),
+            "effort": _rms(np.hypot(track.force[late, :, 0], track.force[late, :, 1])),
+            **found,
+        }
+    if mission.dark_for_s > 0 and mission.task == "follow":
+        found["back_after"] = _back_after(track, mission.dark_from_s + mission.dark_for_s)
+    if mission.task == "dock":
+        when, aside, yaw, speed = track.contact.T
+        # A vehicle that never came to the dock has not docked.
+        with np.errstate(invalid="ignore"):
+            well = (aside <= CONE[0]) & (yaw <= CONE[1]) & (speed <= CONE[2])
+        values = (well.astype(float), when, aside, np.degrees(yaw), speed)
+        found |= dict(zip(OF_DOCKING, values, strict=True))
+    return found
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt((values**2).mean(axis=0)))
+
+
+def _back_after(track: Track, since_s: float) -> Array:
+    """Time from the light's return until the vehicle is in its place for good; NaN: never."""
+    after = track.time_s >= since_s
+    across = np.hypot(track.pose[after, :, 0], track.pose[after, :, 1])
+    along = np.abs(track.pose[after, :, 2] - track.goal_m[after])
+    away = (across > BACK_M[0]) | (along > BACK_M[1])
+    time = track.time_s[after] - since_s
+    found = np.full(track.pose.shape[1], np.nan)
+    for k in range(len(found)):
+        out = np.flatnonzero(away[:, k])
+        last = int(out[-1]) + 1 if len(out) else 0
+        if last < len(time):
+            found[k] = time[last]
+    return found

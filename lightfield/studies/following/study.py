@@ -1,0 +1,279 @@
+"""How does a follower fare that believes in this light, in that water? Runs of a closed loop, compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.arrays import Array
+from lightfield.errors import SceneError
+from lightfield.scene import Follower, Scene
+from lightfield.scene.follower import Mission
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.survey import DOCKING, array_of
+from lightfield.studies.following.light import densest_per_m, light_of_mission
+from lightfield.studies.following.loop import Track, run_loop
+from lightfield.studies.following.metrics import METRICS, Spread, metrics_of
+
+#: In words, what a follower believes.
+BELIEFS = {
+    "field": "the traced field",
+    "fitted": "the formula, K and gain fitted in this water",
+    "exact": "the formula, exact c and lamp power",
+    "clear": "the formula, K and gain from clear water",
+    "relative": "the formula, relative readings only",
+}
+#: Distance, m, by which a follower may miss what was asked for: what docking allows along the beam.
+ALLOWED_M = DOCKING["z"]
+#: Samples of a run in JSON.
+SHOWN = 241
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Runs of one follower in one scene.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene.
+    scene : Scene
+    track : Track
+    runs : dict of str to array, shape (runs,)
+        Metrics, see `METRICS`.
+    traced : bool
+    """
+
+    name: str
+    scene: Scene
+    track: Track
+    runs: dict[str, Array]
+    traced: bool
+
+    @property
+    def mission(self) -> Mission:
+        return (self.scene.follower or Follower()).mission
+
+    @property
+    def spreads(self) -> dict[str, Spread]:
+        """Every metric over the runs."""
+        return {name: Spread.of(values) for name, values in self.runs.items()}
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        found, mission = self.spreads, self.mission
+        believes = f"{self.name}: a follower that believes {BELIEFS[mission.believes]}"
+        count = len(self.track.contact)
+        if mission.task == "dock":
+            docked = int(self.runs["docked"].sum())
+            reached = found["contact_time"].runs
+            if docked:
+                return f"{believes} docks in {docked} of {count} runs"
+            how = "misses the dock" if reached else "never comes to the dock"
+            return f"{believes} {how}"
+        z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
+        off = z.mean - mission.standoff_m
+        stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
+        if found["outside"].mean > 0:
+            return f"{stands}, and leaves the light that is known"
+        if abs(off) <= ALLOWED_M:
+            return stands
+        return f"{stands}: {abs(off):.1f} m too {'far' if off > 0 else 'near'}"
+
+    def as_data(self) -> dict[str, Any]:
+        mission, track = self.mission, self.track
+        every = max(1, -(-len(track.time_s) // SHOWN))
+        return {
+            "scene": self.name,
+            "scattering_per_m": densest_per_m(self.scene) / max(1.0, mission.turbid_factor),
+            "believes": mission.believes,
+            "task": mission.task,
+            "law": mission.law,
+            "vehicle": mission.vehicle,
+            "degrees_of_freedom": mission.degrees_of_freedom,
+            "runs": len(track.contact),
+            "light": "traced field" if self.traced else "formula",
+            "verdict": self.verdict,
+            "metrics": {
+                name: {
+                    "unit": METRICS[name][0],
+                    "meaning": METRICS[name][1],
+                    "mean": _number(one.mean),
+                    "scatter_between_runs": _number(one.scatter),
+                    "standard_error": _number(one.error),
+                    "by_run": [_number(v) for v in self.runs[name]],
+                }
+                for name, one in self.spreads.items()
+            },
+            "first_run": {
+                "time_s": track.time_s[::every].tolist(),
+                "pose_m_deg": in_degrees(track.pose[::every, 0]).round(6).tolist(),
+                "believed_m_deg": _listed(in_degrees(track.estimate[::every, 0])),
+                "leader_m": track.leader_m[::every].round(6).tolist(),
+            },
+        }
+
+    def as_text(self) -> str:
+        """A line per metric: mean, scatter from run to run, error of the mean."""
+        mission = self.mission
+        lines = [
+            f"{self.name}: {len(self.track.contact)} runs of {mission.duration_s:g} s, {mission.task}, "
+            f"{mission.law}, {mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom; "
+            f"believes {BELIEFS[mission.believes]}",
+        ]
+        for name, one in self.spreads.items():
+            unit, meaning = METRICS[name]
+            if name == "docked":
+                text = f"{int(self.runs[name].sum())} of {len(self.runs[name])}"
+            elif not one.runs:
+                text = "never"
+            else:
+                text = f"{_pm(one)} {unit}"
+                if np.isfinite(one.error):
+                    text += f" (mean +- {one.error:.2g})"
+            lines.append(f"  {name.replace('_', ' '):<18} {text:<32} {meaning}")
+        return "\n".join(lines)
+
+    def dataset(self) -> xr.Dataset:
+        """Everything over time, dimensions (time_s, run, coordinate)."""
+        track, mission = self.track, self.mission
+        dims = ("time_s", "run", "coordinate")
+        about = {
+            "pose": (dims, track.pose, {"long_name": "true pose from the lamp", "units": "m, rad"}),
+            "estimate": (dims, track.estimate, {"long_name": "pose believed", "units": "m, rad"}),
+            "estimate_stderr": (dims, track.sigma, {"long_name": "its error by noise", "units": "m, rad"}),
+            "speed": (dims[:2], track.speed, {"units": "m s-1", "long_name": "past the lamp"}),
+            "force": ((*dims[:2], "thrust"), track.force, {"units": "N, N m"}),
+            "brightest": (dims[:2], track.brightest, {"units": "m-2", "long_name": "brightest reading"}),
+            "goal": (dims[:2], track.goal_m, {"units": "m", "long_name": "distance asked for"}),
+            "leader": (("time_s", "axis"), track.leader_m, {"units": "m"}),
+        }
+        flags = {
+            name: (dims[:2], getattr(track, name).astype("i1")) for name in ("lit", "doubtful", "inside")
+        }
+        metrics = {
+            name: (("run",), values, {"units": METRICS[name][0], "long_name": METRICS[name][1]})
+            for name, values in self.runs.items()
+        }
+        return xr.Dataset(
+            {**about, **flags, **metrics},
+            coords={
+                "time_s": ("time_s", track.time_s, {"units": "s"}),
+                "coordinate": list(POSE),
+                "thrust": ["surge", "sway", "heave", "yaw"],
+                "axis": list("xyz"),
+            },
+            attrs={"scene_toml": self.scene.to_toml(), "believes": mission.believes, "title": self.verdict},
+        )
+
+
+@dataclass(frozen=True)
+class Following:
+    """Several followers, or one.
+
+    Parameters
+    ----------
+    cases : list of Followed
+    """
+
+    cases: list[Followed]
+
+    def as_data(self) -> dict[str, Any]:
+        return {"cases": [one.as_data() for one in self.cases]}
+
+    def as_text(self) -> str:
+        return "\n".join([*(one.as_text() for one in self.cases), *(one.verdict for one in self.cases)])
+
+
+def follow(
+    scenes: Mapping[str, Scene],
+    believes: Sequence[str] = (),
+    *,
+    runs: int = 4,
+    seed: int = 0,
+    photons: float = 1e7,
+    densest: float | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Following:
+    """Let followers run the missions of scenes.
+
+    Parameters
+    ----------
+    scenes : mapping of str to Scene
+        By name; each with an array.
+    believes : sequence of str
+        Every scene is run with each of these (`BELIEFS`); by default with what it says itself.
+    runs : int
+        Of every follower, with noise, gain and water of their own.
+    seed : int
+    photons : float
+        Of a trace, which scenes share that differ in their water alone; zero: only the formula.
+    densest : float, 1/m, optional
+        Most scattering of all scenes that should share it.
+    report : callable, optional
+        Called with the part that is done.
+
+    Raises
+    ------
+    SceneError, RenderError
+        No array; a follower or a way that is not in the water.
+    """
+    cases = []
+    whole = [(name, with_belief(scene, b)) for name, scene in scenes.items() for b in believes or ("",)]
+    if densest is None and len(scenes) > 1:
+        densest = max(map(densest_per_m, scenes.values()))
+    for k, (name, scene) in enumerate(whole):
+        elements = elements_of(array_of(scene))
+        light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
+
+        def told(part: float, done: int = k) -> None:
+            if report is not None:
+                report((done + part) / len(whole))
+
+        track = run_loop(scene, light, elements, runs=runs, seed=seed, report=told)
+        mission = (scene.follower or Follower()).mission
+        cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
+    return Following(cases)
+
+
+def with_belief(scene: Scene, believes: str) -> Scene:
+    """The scene with a follower that believes otherwise.
+
+    Raises
+    ------
+    SceneError
+        Water whose scattering is not one number cannot be cleared.
+    """
+    if scene.follower is None:
+        scene = scene.model_copy(update={"follower": Follower()})
+    if believes:
+        scene = scene.with_values({"follower.mission.believes": believes})
+    mission = (scene.follower or Follower()).mission
+    if scene.water.base != "none" and (mission.believes == "clear" or mission.turbid_factor != 1):
+        raise SceneError(
+            "the scattering of this water is not one number", where="water.base", found=scene.water.base,
+            rule="water that clears or changes is told by water.scattering_per_m",
+            remedy='set water.base = "none"',
+        )  # fmt: skip
+    return scene
+
+
+def _pm(one: Spread) -> str:
+    if not np.isfinite(one.scatter):
+        return f"{one.mean:.3g}"
+    digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
+    return f"{one.mean:.{digits}f} +- {one.scatter:.{digits}f}"
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _listed(values: Array) -> list[list[float | None]]:
+    return [[_number(round(float(v), 6)) for v in row] for row in values]
