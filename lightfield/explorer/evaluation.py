@@ -64,7 +64,7 @@ class Evaluator:
         return Evaluation(numbers, arrays)
 
     def map_stderr(self, state: State, plane: int) -> Array:
-        """Standard error of the render at a plane, shape (SIDE, SIDE), by photons and by what varies slowly."""
+        """Standard error of the render at a plane, shape (SIDE, SIDE): photons, and what varies slowly."""
         modes, smooth = self._plane(plane).errors(self.values(state))
         return np.hypot(np.linalg.norm(modes, axis=1), smooth).reshape(SIDE, SIDE)
 

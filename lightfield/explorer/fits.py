@@ -17,6 +17,8 @@ from lightfield.fitting.parameter import Model
 
 #: Amplitudes from which a fit starts, in multiples of the typical one, as `compare` does.
 _STARTS = (1.0, 10.0, -3.0)
+#: Shapes of an effect that a fit starts from, at most.
+MOST_SHAPES = 12
 #: What a fit may leave of chi-square.
 _LEFT = 1e-5
 
@@ -90,6 +92,7 @@ class Fits:
         if chosen and near is None:
             base = self._begun(keys, model)
             starts = [problem.default_start(base, chosen, size) for size in _STARTS]
+            starts += [_shaped(starts[0], chosen[-1], point) for point in chosen[-1].grid[1:MOST_SHAPES]]
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
                 starts.append(_start(model, before.values))
         fits = [self._fit(model, start) for start in starts]
@@ -159,6 +162,11 @@ class Fits:
     def _fitted(self, keys: tuple[str, ...], fit: Fit) -> Fitted:
         score = self.score(fit.prediction, int((fit.model.high > fit.model.low).sum()))
         return Fitted(keys, fit.values, fit.stderr(self.experiment.phi), score)
+
+
+def _shaped(start: Array, last: Candidate, point: tuple[float, ...]) -> Array:
+    """The start with other shapes of the last effect."""
+    return np.concatenate([start[: len(start) - len(point)], point]) if point else start
 
 
 def _start(model: Model, values: Mapping[str, float]) -> Array:

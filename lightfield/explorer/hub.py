@@ -248,7 +248,8 @@ class Hub:
                 raise FitError(
                     "there are no readings to diagnose", remedy="drop a reading table into the page"
                 )
-            self._start("diagnosis", diagnosed, self._diagnosed, session.scene, session.readings)
+            given = session.scene, session.readings, session.diffuse is not None
+            self._start("diagnosis", diagnosed, self._diagnosed, *given)
             return
         forward = session.experiment.forward
         dense = forward.light.to_trace([session.evaluator.values(session.now)])

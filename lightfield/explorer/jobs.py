@@ -1,4 +1,4 @@
-"""Work that takes a while, in a process of its own: it reports, can be ended at any time, and slows nothing."""
+"""Work that takes a while, in a process of its own: it reports, can be ended, and slows nothing."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def trace_maps(scene: Scene, readings: Readings | None, dense_per_m: float | Non
     experiment.maps.predict(values)
 
 
-def diagnosed(scene: Scene, readings: Readings, tell: Tell) -> Diagnosed:
-    """Diagnose readings, and draw the report."""
+def diagnosed(scene: Scene, readings: Readings, traced: bool, tell: Tell) -> Diagnosed:
+    """Diagnose readings, with or without traced light, and draw the report."""
     from lightfield.diagnosis.diagnose import diagnose
     from lightfield.report.diagnosis.drawn import view_of
     from lightfield.report.diagnosis.page import diagnosis_page
 
-    found = diagnose(readings, scene, progress=tell)
-    if found.steps[1:]:
+    found = diagnose(readings, scene, diffuse="trace" if traced else None, progress=tell)
+    if found.steps[1:] and traced:
         tell("rendering the explained scene afresh")
         found = found.rendered()
     tell("drawing the report")

@@ -75,7 +75,7 @@ class Session:
         self.experiment, self.fits = experiment, Fits(experiment)
         self.evaluator = Evaluator(self.fits)
         self.survey = {}
-        if not experiment.has_data:
+        if not experiment.has_data or self._source is None:
             self.maps_ready = True
         first = self._first()
         kept = [s for s in history.states if self._suits(s)] if history else []

@@ -109,5 +109,8 @@
   document.addEventListener("dragleave", (event) => { if (!event.relatedTarget) LF.$("drop").hidden = true; });
   document.addEventListener("drop", (event) => { event.preventDefault(); LF.$("drop").hidden = true; drop(event.dataTransfer.files); });
 
+  // A machine that slept: the line may be dead although nobody said so.
+  window.addEventListener("online", () => socket.close());
+
   connect();
 })();
