@@ -25,6 +25,7 @@ COMMANDS = {
     "regime": "where the closed-form model can be trusted",
     "import": "turn instrument files into one reading table",
     "hide": "make readings with an effect hidden in them, to test a diagnosis",
+    "explore": "switch effects and drag parameters in the browser, and see the error fall",
     "diagnose": "find the physical effect that readings show and the model lacks",
     "attenuation": "what readings in water against air tell of the water",
     "range": "how far the lamp can be used, and how wide its spot is",

@@ -1,0 +1,1 @@
+"""The explorer: a page in the browser where effects are switched and parameters dragged, and all follows."""

@@ -1,0 +1,89 @@
+"""Numbers and arrays of one state: what the page paints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.explorer.fits import Fits
+from lightfield.explorer.places import SIDE
+from lightfield.explorer.state import State
+from lightfield.fitting.forward import SceneForward
+
+#: Planes whose evaluation is kept ready.
+_KEPT_PLANES = 16
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One state, evaluated.
+
+    Parameters
+    ----------
+    numbers : mapping
+        error_percent, chi2, dof, and whether the trace answers for this water.
+    arrays : mapping
+        model, formula, residual (sigma): shape (n,), of the readings. map_formula, and map_render once it
+        is traced: shape (SIDE, SIDE), at the plane.
+    """
+
+    numbers: Mapping[str, float | bool | None]
+    arrays: Mapping[str, Array]
+
+
+class Evaluator:
+    """Evaluates states of one experiment."""
+
+    def __init__(self, fits: Fits) -> None:
+        self.fits, self.experiment = fits, fits.experiment
+        self._plane = lru_cache(_KEPT_PLANES)(self._made)
+
+    def of(self, state: State, plane: int, with_maps: bool) -> Evaluation:
+        """What the page paints of a state."""
+        e = self.experiment
+        values = self.values(state)
+        model = e.forward.predict(values)
+        free = len(e.problem.base) + sum(len(e.candidates[key].parameters) for key in state.effects)
+        score = self.fits.score(model, free)
+        residual = np.where(e.problem.keep > 0, (e.problem.value - model) / e.sigma, np.nan)
+        arrays = {"model": model, "formula": formula(e.forward, values), "residual": residual}
+        some = self._plane(plane)
+        arrays["map_formula"] = formula(some, values).reshape(SIDE, SIDE)
+        if with_maps:
+            arrays["map_render"] = some.predict(values).reshape(SIDE, SIDE)
+        numbers: dict[str, float | bool | None] = {
+            "error_percent": score.error_percent,
+            "chi2": score.chi2,
+            "dof": score.dof,
+            "answers": e.forward.light.to_trace([values]) is None,
+        }
+        return Evaluation(numbers, arrays)
+
+    def map_stderr(self, state: State, plane: int) -> Array:
+        """Standard error of the render at a plane, shape (SIDE, SIDE): photons, and what varies slowly."""
+        modes, smooth = self._plane(plane).errors(self.values(state))
+        return np.hypot(np.linalg.norm(modes, axis=1), smooth).reshape(SIDE, SIDE)
+
+    def values(self, state: State) -> dict[str, float]:
+        """Values that count: of the base and of effects that are on."""
+        e = self.experiment
+        chosen = [e.candidates[key] for key in state.effects]
+        paths = [p.path for p in (*e.problem.base, *(p for c in chosen for p in c.parameters))]
+        held = {path for c in chosen for path in c.effect.instead_of}
+        middle = {p.path: p.value(0.5 * (p.low + p.high)) for p in e.problem.base if p.path in held}
+        return {path: state.values[path] for path in paths if path in state.values} | middle
+
+    def _made(self, plane: int) -> SceneForward:
+        e = self.experiment
+        return e.maps.subset(e.places.rows(plane))
+
+
+def formula(forward: SceneForward, values: Mapping[str, float]) -> Array:
+    """Readings by the closed form alone, shape (n,): direct light, as lamp and instrument make it."""
+    light = forward.light
+    direct = light.direct(light.scene_at(values, validate=False), forward.readings)
+    return forward.read(direct, values)

@@ -1,0 +1,260 @@
+"""What is explored: a scene, readings or the render in their place, and a model whose effects are all off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.layout import Layout, layout_of
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.search.preparation import bench, prepare
+from lightfield.diagnosis.verdict.calibration import by_shape
+from lightfield.errors import FitError
+from lightfield.explorer.places import SIDE, MapPlaces
+from lightfield.fitting import effects
+from lightfield.fitting.forward import Retraced, SceneForward
+from lightfield.fitting.light_source import DiffuseSource, remembered
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.scene.parameters import Parameter
+
+#: Without readings the model is asked for the render at every so many places of a map, to so many per cent of
+#: the light and of the plane's brightest. Chosen: what a careful measurement tells.
+EVERY, PERCENT, FLOOR_PERCENT = 5, 1.0, 0.1
+#: Part of the photons of a fit that a trace for the maps is worth: they are looked at, not fitted to.
+MAP_SHARE = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A model, what it is held against, and the places where it is shown.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it was given.
+    readings : Readings
+        What the model is held against: data, or the render of the scene at some places of the maps.
+    has_data : bool
+    problem : Problem
+        Its scene has every effect off that can be switched.
+    whiten : Whitener
+    phi : float
+        Variance of the noise over that of `whiten`.
+    sigma : array, shape (n,)
+        Standard error of every reading.
+    untestable : mapping
+        Effects that cannot be switched here, with reasons.
+    stated : mapping
+        Values of the effects that the scene itself has, by path.
+    maps : SceneForward
+        The same model at the places of the maps.
+    places : MapPlaces
+    gain : float, optional
+        Of the render that takes the place of readings.
+    assumed : tuple of str
+        Terms of the error budget that were not given.
+    """
+
+    scene: Scene
+    readings: Readings
+    has_data: bool
+    problem: Problem
+    whiten: Whitener
+    phi: float
+    sigma: Array
+    untestable: Mapping[str, str]
+    stated: Mapping[str, float]
+    maps: SceneForward
+    places: MapPlaces
+    gain: float | None = None
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def forward(self) -> SceneForward:
+        """Predicts the readings."""
+        return self.problem.forward
+
+    @property
+    def layout(self) -> Layout:
+        """Where and when was read."""
+        return self.problem.layout
+
+    @cached_property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """Every form of every effect that can be switched here, by "effect:form", in the table's order."""
+        every = (*self.problem.candidates, *self.problem.curves)
+        return {":".join(candidate.key): candidate for candidate in every}
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Every parameter of scene and curves by path."""
+        curves = self.forward.light.curves
+        return self.forward.scene.parameters() | dict(curves.parameters if curves else {})
+
+    @cached_property
+    def switched_on(self) -> tuple[str, ...]:
+        """The effects that the scene itself has, by "effect:form"."""
+        found: dict[str, str] = {}
+        for key, candidate in self.candidates.items():
+            if any(p.path in self.stated for p in candidate.amplitudes):
+                found.setdefault(candidate.name, key)
+        return tuple(found.values())
+
+
+def explored(
+    scene: Scene,
+    readings: Readings | None,
+    diffuse: DiffuseSource | str | None = "trace",
+    dense_per_m: float | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Experiment:
+    """The experiment of a scene, with or without readings.
+
+    Parameters
+    ----------
+    scene : Scene
+    readings : Readings, optional
+    diffuse : "trace", None or callable
+        As `lightfield.diagnosis.diagnose.diagnose` takes it.
+    dense_per_m : float, optional, m^-1
+        Also trace in water that scatters so much.
+    progress : callable
+        Told what begins.
+
+    Raises
+    ------
+    LightfieldError
+        Scene and readings do not belong together, or cannot be modelled.
+    """
+    readings = readings.check_against(scene) if readings is not None else None
+    places, stated = MapPlaces.of(scene, readings), _stated(scene)
+    plain = _switched_off(scene, stated)
+    if readings is None:
+        return _against_render(scene, plain, stated, places, diffuse, dense_per_m, progress)
+    progress(f"judging the noise of {len(readings)} readings")
+    source, reason = source_of(plain, diffuse, readings)
+    source = remembered(source)
+    plain, quoted, budget = spectral(plain, readings), np.asarray(readings.stderr, float), budget_of(readings)
+    every = [*effects.all_of(scene).values(), *effects.curves().values()]
+    traces = Retraced(plain, readings, source)
+    traces.asked = dense_per_m
+    for forward in traces:
+        if dense_per_m is not None and forward.light.dense_per_m is None:
+            forward = SceneForward(plain, readings, source, dense_per_m=dense_per_m)
+        problem, untestable = problem_of(forward, readings, every, reason)
+        problem = by_shape(problem)
+        rng = np.random.default_rng(0)
+        prepared = prepare(problem, quoted, budget, rng)
+        traces.asked = prepared.to_trace_per_m
+    made = bench(prepared, 0.0, rng)
+    sigma = np.sqrt(prepared.noise.variance(1.0, 0.0))
+    maps = _at_maps(forward, places)
+    return Experiment(
+        scene, readings, True, prepared.problem, made.whiten, made.phi, sigma, untestable, stated, maps,
+        places, None, budget.assumed,
+    )  # fmt: skip
+
+
+def _against_render(
+    scene: Scene,
+    plain: Scene,
+    stated: Mapping[str, float],
+    places: MapPlaces,
+    diffuse: DiffuseSource | str | None,
+    dense_per_m: float | None,
+    progress: Callable[[str], None],
+) -> Experiment:
+    """Without readings: the traced light of the scene as it stands takes their place."""
+    progress("tracing the scene")
+    columns = dict(places.columns)
+    direct = direct_field(plain, columns["x_m"], columns["y_m"], columns["z_m"])
+    every = Readings.from_arrays(value=direct, **columns).check_against(scene)
+    source, reason = source_of(plain, diffuse, every)
+    whole = SceneForward(plain, every, remembered(source), full=1.0, dense_per_m=dense_per_m)
+    light = whole.predict(stated)
+    number = np.arange(SIDE)
+    coarse = number % EVERY == (SIDE // 2) % EVERY
+    rows = np.tile(np.outer(coarse, coarse).ravel(), len(places.z_m))
+    scale = 1.0 / float(light.max())
+    modes, smooth = whole.subset(rows).errors(stated)
+    own = scale * np.hypot(np.linalg.norm(modes, axis=1), smooth)
+    value = scale * light[rows]
+    top = np.repeat(value.reshape(len(places.z_m), -1).max(axis=1), coarse.sum() ** 2)
+    sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (FLOOR_PERCENT / 100 * top) ** 2)
+    columns = {name: column[rows] for name, column in columns.items()}
+    seen = Readings.from_arrays(value=value, stderr=sigma, **columns).check_against(scene)
+    light_source = replace(whole.light.subset(rows), readings=seen)
+    forward = SceneForward(plain, seen, full=float(value.max()), light=light_source)
+    table = [*effects.all_of(scene).values(), *effects.curves().values()]
+    problem, untestable = problem_of(forward, seen, table, reason)
+    layout, zero = layout_of(seen), np.zeros(len(seen))
+    whiten = Whitener(Noise(layout, sigma, value, Budget(0.0, 0.0, 0.0), zero))
+    return Experiment(
+        scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, whole, places,
+        scale, (f"misfits count in {PERCENT:g} % of the render",),
+    )  # fmt: skip
+
+
+def _at_maps(forward: SceneForward, places: MapPlaces) -> SceneForward:
+    return forward.at(MAP_SHARE, **places.columns)
+
+
+def _stated(scene: Scene) -> dict[str, float]:
+    """Values of the effects that a scene has, by path, with the shapes that belong to them."""
+    known, out = scene.parameters(), dict[str, float]()
+    for effect in effects.all_of(scene).values():
+        for form in effect.forms:
+            on = [f.path for f in form.amplitudes if f.path in known and _is_on(scene, f.path)]
+            if on:
+                out |= {p: known[p].value for p in on}
+                out |= {f.path: known[f.path].value for f in form.shapes if f.path in known}
+    return out
+
+
+def _is_on(scene: Scene, path: str) -> bool:
+    parameter = scene.parameters()[path]
+    return parameter.neutral is not None and parameter.value != parameter.neutral
+
+
+def _switched_off(scene: Scene, stated: Mapping[str, float]) -> Scene:
+    known = scene.parameters()
+    off = {path: known[path].neutral for path in stated if _is_on(scene, path)}
+    return scene.with_values(off) if off else scene
+
+
+def candidate_of(experiment: Experiment, key: str) -> Candidate:
+    """The form of an effect that a key "effect:form" names.
+
+    Raises
+    ------
+    FitError
+        There is none, or it cannot be switched here.
+    """
+    if key not in experiment.candidates:
+        name = key.partition(":")[0]
+        raise FitError(
+            "this effect cannot be switched here",
+            where=name[:60],
+            found=experiment.untestable.get(name, "no effect of that name"),
+            remedy="choose one of the list",
+        )
+    return experiment.candidates[key]
+
+
+def all_lit(experiment: Experiment) -> dict[str, float]:
+    """Values of all effects that make diffuse light, a little on."""
+    return {
+        p.path: p.value(p.start + typical)
+        for candidate in experiment.candidates.values()
+        if candidate.effect.diffuse
+        for p, typical in zip(candidate.amplitudes, candidate.typical, strict=True)
+    }

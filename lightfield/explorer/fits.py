@@ -1,0 +1,184 @@
+"""Fits of sets of effects, each remembered: what the ladder, the switches and "Fit these" rest on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.errors import FitError
+from lightfield.explorer.experiment import Experiment, candidate_of
+from lightfield.fitting.least_squares import Fit, least_squares
+from lightfield.fitting.parameter import Model
+
+#: Amplitudes from which a fit starts, in multiples of the typical one, as `compare` does.
+_STARTS = (1.0, 10.0, -3.0)
+#: Shapes of an effect that a fit starts from, at most.
+MOST_SHAPES = 12
+#: What a fit may leave of chi-square.
+_LEFT = 1e-5
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well a model follows what it is held against.
+
+    Parameters
+    ----------
+    error_percent : float
+        Rms of (reading - model) / model over the bright readings.
+    chi2, dof : float, int
+        In units of the quoted errors and the error budget.
+    """
+
+    error_percent: float
+    chi2: float
+    dof: int
+
+    @property
+    def chi2_per_dof(self) -> float:
+        return self.chi2 / self.dof
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set of effects, fitted.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        "effect:form" of each.
+    values, stderr : mapping
+        By path, of base parameters and effects; a standard error is NaN where it is undetermined.
+    """
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    stderr: Mapping[str, float]
+    score: Score
+
+
+class Fits:
+    """Fits to one experiment."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.experiment = experiment
+        self._known: dict[frozenset[str], Fitted] = {}
+        self._bright = bright(experiment.problem)
+
+    def known(self, keys: Iterable[str]) -> Fitted | None:
+        """The fit of a set, if it was made."""
+        return self._known.get(frozenset(keys))
+
+    def of(self, keys: tuple[str, ...], near: Mapping[str, float] | None = None) -> Fitted:
+        """The best fit of a set that is known; from some values, or from the usual starts.
+
+        Raises
+        ------
+        FitError
+            An effect that cannot be switched here, or two that cannot be switched together.
+        """
+        found = self.known(keys)
+        if found is not None and near is None:
+            return replace(found, effects=keys)
+        chosen = self.explanation(keys)
+        problem = self.experiment.problem
+        model = problem.model(chosen)
+        starts = [model.start if near is None else _start(model, near)]
+        if chosen and near is None:
+            base = self._begun(keys, model)
+            starts = [problem.default_start(base, chosen, size) for size in _STARTS]
+            starts += [_shaped(starts[0], chosen[-1], point) for point in chosen[-1].grid[1:MOST_SHAPES]]
+            if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
+                starts.append(_start(model, before.values))
+        fits = [self._fit(model, start) for start in starts]
+        best = min(fits, key=lambda fit: fit.chi2)
+        fitted = self._fitted(keys, best)
+        if found is not None and found.score.chi2 <= fitted.score.chi2:
+            return replace(found, effects=keys)
+        self._known[frozenset(keys)] = fitted
+        return fitted
+
+    def base(self, keys: tuple[str, ...], held: Mapping[str, float]) -> Fitted:
+        """A fit of the base parameters alone, the effects as stated."""
+        model = self.experiment.problem.model(self.explanation(keys))
+        free = {p.path for p in self.experiment.problem.base}
+        parameters = tuple(
+            p if p.path in free or p.path not in held else p.held(p.coordinate_of(held[p.path]))
+            for p in model.parameters
+        )
+        some = Model(model.forward, parameters)
+        fit = self._fit(some, some.start)
+        return self._fitted(keys, fit)
+
+    def explanation(self, keys: Iterable[str]) -> tuple[Candidate, ...]:
+        """The effects of some keys, which can be switched together.
+
+        Raises
+        ------
+        FitError
+        """
+        chosen: list[Candidate] = []
+        for key in keys:
+            one = candidate_of(self.experiment, key)
+            for other in chosen:
+                if not one.effect.combines_with(other.effect):
+                    raise FitError(
+                        "these effects cannot be switched on together",
+                        found=f"{other.name}, {one.name}",
+                        rule="each effect once, no curve with what it contains, and what is known for direct "
+                        "light alone not with diffuse light",
+                        remedy=f"switch {other.name} off first",
+                    )
+            chosen.append(one)
+        return tuple(chosen)
+
+    def score(self, prediction: Array, parameters: int) -> Score:
+        """How well a prediction, shape (n,), with so many free parameters does."""
+        e = self.experiment
+        residual = e.whiten(e.problem.keep * (e.problem.value - prediction))
+        dof = max(int(e.problem.keep.sum()) - parameters, 1)
+        return Score(percent(e.problem, prediction, self._bright), float(residual @ residual) * e.phi, dof)
+
+    @property
+    def floor_percent(self) -> float:
+        """What the readings' own errors leave of any explanation, as errors count here."""
+        value = self.experiment.problem.value[self._bright]
+        part = self.experiment.sigma[self._bright] / value
+        return float(100 * np.sqrt(np.mean(part**2))) if part.size else float("nan")
+
+    def _begun(self, keys: tuple[str, ...], model: Model) -> Array:
+        base = self.known(())
+        return model.start if base is None else _start(model, base.values)
+
+    def _fit(self, model: Model, start: Array) -> Fit:
+        e = self.experiment
+        return least_squares(model, e.problem.value, e.whiten, start, e.problem.keep, tolerance=_LEFT)
+
+    def _fitted(self, keys: tuple[str, ...], fit: Fit) -> Fitted:
+        score = self.score(fit.prediction, int((fit.model.high > fit.model.low).sum()))
+        return Fitted(keys, fit.values, fit.stderr(self.experiment.phi), score)
+
+
+def _shaped(start: Array, last: Candidate, point: tuple[float, ...]) -> Array:
+    """The start with other shapes of the last effect."""
+    return np.concatenate([start[: len(start) - len(point)], point]) if point else start
+
+
+def _start(model: Model, values: Mapping[str, float]) -> Array:
+    """Coordinates of some values, within the bounds; of what has none the model's start."""
+    start = [
+        p.coordinate_of(values[p.path])
+        if p.path in values and _has(p.coordinate, values[p.path])
+        else p.start
+        for p in model.parameters
+    ]
+    return np.clip(np.array(start), model.low, model.high)
+
+
+def _has(coordinate: str, value: float) -> bool:
+    return coordinate != "log" or value > 0

@@ -1,0 +1,326 @@
+"""Between the session and the browsers: one thing is computed at a time, and never what is out of date."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from queue import SimpleQueue
+from typing import Any, Protocol, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from lightfield.errors import FitError, LightfieldError, UsageError
+from lightfield.explorer import protocol
+from lightfield.explorer.jobs import Diagnosed, Job, diagnosed, trace_maps
+from lightfield.explorer.session import Session
+from lightfield.explorer.state import History
+
+Made = TypeVar("Made")
+#: Requests that wait, of all browsers, at most. Chosen.
+MOST_WAITING = 1000
+#: The survey of effects is sent after every so many.
+_SENT_EVERY = 4
+_DEFECT = "a defect of the program: see the terminal"
+
+
+class Browser(Protocol):
+    """A page that is connected."""
+
+    def send(self, message: str | bytes) -> None: ...
+
+
+class Worker:
+    """A thread that computes one thing after the other, and keeps nobody waiting at the end."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        threading.Thread(target=self._work, name="explorer", daemon=True).start()
+
+    def _work(self) -> None:
+        # On many small matrices more BLAS threads only get in each other's way.
+        with threadpool_limits(1, "blas"):
+            while True:
+                self._waiting.get()()
+
+    async def do(self, what: Callable[[], Made]) -> Made:
+        """What a function gives, computed in the thread."""
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[Made] = loop.create_future()
+
+        def settle(value: Made | None, error: BaseException | None) -> None:
+            if future.done():
+                return
+            if error is not None:
+                future.set_exception(error)
+            else:
+                future.set_result(value)  # type: ignore[arg-type]
+
+        def run() -> None:
+            value, error = None, None
+            try:
+                value = what()
+            except Exception as found:
+                error = found
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(settle, value, error)
+
+        self._waiting.put(run)
+        return await future
+
+
+class Hub:
+    """Takes requests of browsers, and sends them what the session makes of them.
+
+    Parameters
+    ----------
+    session : Session
+        Not begun yet.
+    history : History, optional
+        To go on with.
+    """
+
+    def __init__(self, session: Session, history: History | None = None) -> None:
+        self.session, self._history = session, history
+        self.browsers: set[Browser] = set()
+        self.ready, self.stage, self.failed = False, "starting", ""
+        self.job: Job | None = None
+        self._worker, self._beside, self._awake = Worker(), Worker(), asyncio.Event()
+        self._waiting: deque[tuple[Browser, protocol.Request]] = deque()
+        self._loop = asyncio.get_running_loop()
+        self._unsure = True  # the errors of the shown map are not sent yet
+
+    # -- browsers ------------------------------------------------------------------------------
+
+    def connect(self, browser: Browser) -> None:
+        """A page is there: it gets everything that is known."""
+        self.browsers.add(browser)
+        browser.send(self._job_message())
+        if self.ready:
+            browser.send(_text("experiment", **self.session.experiment_data()))
+            browser.send(_text("state", **self.session.state_data()))
+            self._unsure = True
+            self._ask(browser, protocol.Plain(id=0, do="survey"))
+
+    def disconnect(self, browser: Browser) -> None:
+        """A page is gone; what it asked for too."""
+        self.browsers.discard(browser)
+        self._waiting = deque(pair for pair in self._waiting if pair[0] is not browser)
+
+    def receive(self, browser: Browser, message: str | bytes) -> None:
+        """A page asks for something; what cannot be understood is answered at once."""
+        try:
+            request = protocol.read_request(message)
+            if len(self._waiting) >= MOST_WAITING:
+                raise UsageError("too many requests wait", found=len(self._waiting), remedy="ask again later")
+            if not self.ready:
+                raise UsageError("the model is not ready yet", found=self.stage, remedy="wait")
+        except LightfieldError as error:
+            browser.send(_text("error", id=protocol.request_id(message), message=str(error)))
+            return
+        self._ask(browser, request)
+
+    def _ask(self, browser: Browser, request: protocol.Request) -> None:
+        self._waiting.append((browser, request))
+        self._awake.set()
+
+    def _next(self) -> tuple[Browser, protocol.Request]:
+        """The next request; of values that follow each other the newest, with what the older ones set."""
+        browser, request = self._waiting.popleft()
+        while isinstance(request, protocol.Set) and not request.done and self._waiting:
+            other, newer = self._waiting[0]
+            if other is not browser or not isinstance(newer, protocol.Set):
+                break
+            self._waiting.popleft()
+            request = newer.model_copy(update={"values": {**request.values, **newer.values}})
+        return browser, request
+
+    def _everyone(self, message: str | bytes) -> None:
+        for browser in list(self.browsers):
+            browser.send(message)
+
+    # -- work ----------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Begin, then answer for ever."""
+        try:
+            await self._do(partial(self.session.begin, self._say, self._history))
+        except LightfieldError as error:
+            self.failed = self.stage = str(error)
+            self._everyone(self._job_message())
+            raise
+        self.ready = True
+        self._new_experiment()
+        if not self.session.maps_ready:
+            self._start("tracing the maps", trace_maps, self._traced)
+        counted = 0
+        while True:
+            if self._waiting:
+                await self._answer(*self._next())
+            elif await self._do(self.session.survey_next):
+                counted += 1
+                if counted % _SENT_EVERY == 0:
+                    self._send_state()
+            else:
+                if counted:
+                    counted = 0
+                    self._send_state()
+                if self._unsure and self.session.maps_ready:
+                    self._unsure = False
+                    await self._send_errors()
+                    continue
+                self._awake.clear()
+                if not self._waiting:
+                    await self._awake.wait()
+
+    async def _do(self, what: Callable[[], Made]) -> Made:
+        return await self._worker.do(what)
+
+    def _say(self, stage: str) -> None:
+        self._loop.call_soon_threadsafe(self._on_stage, stage)
+
+    def _on_stage(self, stage: str) -> None:
+        self.stage = stage
+        self._everyone(self._job_message())
+
+    async def _answer(self, browser: Browser, request: protocol.Request) -> None:
+        session = self.session
+        try:
+            if isinstance(request, protocol.Plain) and request.do in ("diagnose", "trace", "cancel"):
+                self._on_job(request.do)
+            elif isinstance(request, protocol.Drop):
+                await self._do(partial(session.drop, request.files, self._say))
+                self._new_experiment(retrace=True)
+            elif not (isinstance(request, protocol.Plain) and request.do == "survey"):
+                await self._do(partial(session.act, request, self._say))
+                if isinstance(request, protocol.Own):
+                    self._new_experiment()
+            evaluation = await self._do(session.evaluation)
+        except LightfieldError as error:
+            browser.send(_text("error", id=request.id, message=str(error)))
+            return
+        head = {"type": "evaluation", "plane": session.plane, **evaluation.numbers}
+        for one in list(self.browsers):
+            one.send(protocol.pack({**head, "id": request.id if one is browser else None}, evaluation.arrays))
+        self._unsure = True
+        if not (isinstance(request, protocol.Set) and not request.done):
+            self._send_state()
+
+    def _send_state(self) -> None:
+        self._everyone(_text("state", **self.session.state_data()))
+
+    def _new_experiment(self, retrace: bool = False) -> None:
+        self._everyone(_text("experiment", **self.session.experiment_data()))
+        self._everyone(self._job_message())
+        self._send_state()
+        for browser in list(self.browsers):
+            self._ask(browser, protocol.Plain(id=0, do="survey"))
+        if retrace and not self.session.maps_ready:
+            self._start("tracing the maps", trace_maps, self._traced)
+
+    async def _send_errors(self) -> None:
+        session = self.session
+        state, plane = session.now, session.plane
+        found = await self._do(partial(session.evaluator.map_stderr, state, plane))
+        if session.now is state and session.plane == plane:
+            self._everyone(protocol.pack({"type": "errors", "plane": plane}, {"map_stderr": found}))
+
+    async def make(self, document: Callable[[Session], Made]) -> Made:
+        """A document of the session."""
+        return await self._do(partial(document, self.session))
+
+    # -- jobs ----------------------------------------------------------------------------------
+
+    def _on_job(self, do: str) -> None:
+        session = self.session
+        if do == "cancel":
+            self.end_job()
+            return
+        if self.job is not None:
+            raise UsageError(
+                "something is under way", found=self.job.name, remedy="wait for it, or cancel it"
+            )
+        if do == "diagnose":
+            if session.readings is None:
+                raise FitError(
+                    "there are no readings to diagnose", remedy="drop a reading table into the page"
+                )
+            given = session.scene, session.readings, session.diffuse is not None
+            self._start("diagnosis", diagnosed, self._diagnosed, *given)
+            return
+        forward = session.experiment.forward
+        dense = forward.light.to_trace([session.evaluator.values(session.now)])
+        self._start("tracing anew", trace_maps, partial(self._traced, dense=dense), *self._traced_for(dense))
+
+    def _traced_for(self, dense: float | None) -> tuple[Any, ...]:
+        session = self.session
+        return session.scene, session.readings, dense or session.dense_per_m
+
+    def _start(self, name: str, work: Callable[..., object], done: Callable[[Any], Any], *given: Any) -> None:
+        self.end_job()
+        self.job = Job(name, work, *(given or self._traced_for(None)))
+        self._loop.add_reader(self.job.pipe.fileno(), self._heard, self.job, done)
+        self._everyone(self._job_message())
+
+    def _heard(self, job: Job, done: Callable[[Any], Any]) -> None:
+        """Something comes from the process of a job."""
+        if job is not self.job:
+            return
+        try:
+            kind, what = job.pipe.recv()
+        except (EOFError, OSError):
+            kind, what = "error", f"{job.name} ended unexpectedly; see the terminal"
+        if kind == "stage":
+            job.stage = what
+            self._everyone(self._job_message())
+            return
+        self.end_job()
+        if kind == "error":
+            self._everyone(_text("error", id=None, message=what))
+        else:
+            self._task = self._loop.create_task(_awaited(done(what)))
+
+    def end_job(self) -> None:
+        """End what is under way, if anything is."""
+        if self.job is not None:
+            job, self.job = self.job, None
+            self._loop.remove_reader(job.pipe.fileno())
+            job.end()
+            self._everyone(self._job_message())
+
+    async def _traced(self, _: None, dense: float | None = None) -> None:
+        session = self.session
+        if dense is not None:
+            session.dense_per_m = dense
+            await self._do(partial(session.begin, self._say, session.history))
+        experiment = session.experiment
+        await self._beside.do(session.ready_maps)
+        if session.experiment is experiment:
+            session.maps_ready = True
+            self._new_experiment()
+
+    async def _diagnosed(self, found: Diagnosed) -> None:
+        self.session.verdict, self.session.report = found.verdict, found.report
+        self._send_state()
+
+    def _job_message(self) -> str:
+        job = self.job
+        return _text(
+            "job",
+            ready=self.ready,
+            failed=self.failed,
+            name=job.name if job else None,
+            stage=job.stage if job else self.stage if not self.ready else None,
+            maps_ready=self.session.maps_ready,
+        )
+
+
+async def _awaited(found: Any) -> None:
+    await found
+
+
+def _text(kind: str, **content: object) -> str:
+    return json.dumps(protocol.plain({"type": kind, **content}), allow_nan=False)

@@ -1,0 +1,74 @@
+"""Where the explorer shows light: a square of places on every plane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+#: Places along the side of a map, odd: one is on the axis. Chosen: light bends over half a metre.
+SIDE = 41
+#: Planes that are shown at most; of more distances these are spread evenly. Chosen.
+MOST_PLANES = 9
+#: Distances closer than this, in m, are one plane.
+_SAME_M = 0.02
+
+
+@dataclass(frozen=True)
+class MapPlaces:
+    """Places of the maps, plane by plane, near to far.
+
+    Parameters
+    ----------
+    z_m : tuple of float
+        Distance of each plane.
+    x_m, y_m : arrays, shape (SIDE,)
+        The same on all planes.
+    """
+
+    z_m: tuple[float, ...]
+    x_m: Array
+    y_m: Array
+
+    @classmethod
+    def of(cls, scene: Scene, readings: Readings | None) -> MapPlaces:
+        """Those of a scene's planes, or of the distances in water that were read."""
+        if readings is not None and (np.asarray(readings.medium) != "air").any():
+            z = np.asarray(readings.z_m, float)[np.asarray(readings.medium) != "air"]
+        elif scene.detector.positions_m is not None:
+            z = np.array(scene.detector.positions_m, float)[:, 2]
+        else:
+            z = np.array(scene.detector.planes_m, float)
+        z = np.unique(np.round(z, 3))
+        z = z[np.concatenate([[True], np.diff(z) > _SAME_M])]
+        if len(z) > MOST_PLANES:
+            z = z[np.round(np.linspace(0, len(z) - 1, MOST_PLANES)).astype(int)]
+        width, height = scene.plane_size_m
+        middles = (np.arange(SIDE) + 0.5) / SIDE - 0.5
+        return cls(tuple(z.tolist()), width * middles, height * middles)
+
+    @cached_property
+    def columns(self) -> Mapping[str, NDArray[np.generic]]:
+        """Columns of readings at all places, each of shape (n_planes * SIDE * SIDE,)."""
+        z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
+        n = z.size
+        return {
+            "x_m": x.ravel(),
+            "y_m": y.ravel(),
+            "z_m": z.ravel(),
+            "medium": np.full(n, "water"),
+            "time_s": np.zeros(n),
+        }
+
+    def rows(self, plane: int) -> NDArray[np.bool_]:
+        """Which of all places lie on a plane."""
+        out = np.zeros(len(self.z_m) * SIDE * SIDE, bool)
+        out[plane * SIDE * SIDE : (plane + 1) * SIDE * SIDE] = True
+        return out

@@ -1,0 +1,318 @@
+"""One exploration: what every request does to it. No server and no browser are known here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from lightfield.errors import FitError, UsageError
+from lightfield.explorer import protocol
+from lightfield.explorer.described import experiment_data, state_data
+from lightfield.explorer.dropped import dropped
+from lightfield.explorer.evaluation import Evaluation, Evaluator
+from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
+from lightfield.explorer.fits import Fits
+from lightfield.explorer.state import History, State
+from lightfield.fitting.light_source import DiffuseSource, remembered
+from lightfield.fitting.parameter import FitParameter
+from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
+from lightfield.scene import Scene
+from lightfield.scene.listed import OWN_FIELD
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class Session:
+    """An exploration.
+
+    Parameters
+    ----------
+    scene : Scene
+    readings : Readings, optional
+    diffuse : "trace", None or callable
+        As `explored` takes it.
+
+    Attributes
+    ----------
+    verdict : mapping, optional
+        Of the last diagnosis, as the page shows it.
+    maps_ready : bool
+        The light of the maps was traced, and does not keep anybody waiting.
+    """
+
+    scene: Scene
+    readings: Readings | None = None
+    diffuse: DiffuseSource | str | None = "trace"
+    dense_per_m: float | None = None
+    verdict: Mapping[str, object] | None = None
+    report: str | None = None
+    maps_ready: bool = False
+    plane: int = 0
+    history: History = field(default_factory=lambda: History([State((), {})]))
+    survey: dict[tuple[tuple[str, ...], str], float] = field(default_factory=dict)
+    experiment: Experiment = field(init=False)
+    fits: Fits = field(init=False)
+    evaluator: Evaluator = field(init=False)
+    _before: State | None = None
+    _dragged: State = field(default_factory=lambda: State((), {}))
+
+    def __post_init__(self) -> None:
+        # One memory of traces for all experiments with these scene and places.
+        given = response_for if self.diffuse == "trace" else self.diffuse
+        self._source = remembered(None if isinstance(given, str) else given)
+
+    def begin(self, say: Say = lambda stage: None, history: History | None = None) -> None:
+        """Make the model; from a former history where it fits.
+
+        Raises
+        ------
+        LightfieldError
+            As `explored`.
+        """
+        experiment = explored(self.scene, self.readings, self._source, self.dense_per_m, say)
+        self.experiment, self.fits = experiment, Fits(experiment)
+        self.evaluator = Evaluator(self.fits)
+        self.survey = {}
+        if not experiment.has_data or self._source is None:
+            self.maps_ready = True
+        first = self._first()
+        kept = [s for s in history.states if self._suits(s)] if history else []
+        named = {n: s for n, s in history.snapshots.items() if self._suits(s)} if history else {}
+        at = min(history.at, len(kept) - 1) if history and kept else 0
+        self.history = History(kept or [first], at, named)
+        self.plane = min(len(experiment.places.z_m) // 2, len(experiment.places.z_m) - 1)
+
+    def _first(self) -> State:
+        e = self.experiment
+        base = self.fits.of(())
+        if e.gain is not None:
+            known = {p.path: p.value(p.start) for p in e.problem.base}
+            return State(e.switched_on, known | {"gain": e.gain} | dict(e.stated), "the scene as it stands")
+        if not e.switched_on:
+            return State((), dict(base.values), "fit of gain, width and absorption")
+        fitted = self.fits.base(e.switched_on, e.stated)
+        return State(
+            e.switched_on, dict(fitted.values), "the scene's effects, gain, width and absorption fitted"
+        )
+
+    def _suits(self, state: State) -> bool:
+        base = {p.path for p in self.experiment.problem.base}
+        known = set(state.effects) <= self.experiment.candidates.keys() and base <= state.values.keys()
+        needed = [p.path for k in state.effects if known for p in self.experiment.candidates[k].parameters]
+        return known and set(needed) <= state.values.keys()
+
+    # -- what is asked for ---------------------------------------------------------------------
+
+    @property
+    def now(self) -> State:
+        """The state that is shown."""
+        return self.history.now if self._before is None else self._dragged
+
+    def act(self, request: protocol.Request, say: Say = lambda stage: None) -> None:
+        """Do what a request asks for; jobs and views of the server's own are not done here.
+
+        Raises
+        ------
+        LightfieldError
+            It cannot be done; nothing has changed then.
+        """
+        match request:
+            case protocol.View(plane=plane):
+                self.plane = min(plane, len(self.experiment.places.z_m) - 1)
+            case protocol.Set(values=values, done=done):
+                self._set(values, done)
+            case protocol.Switch(effect=effect, on=on):
+                self._switch(effect, on)
+            case protocol.Named(do="keep", name=name):
+                self.history.keep(name)
+            case protocol.Named(name=name):
+                self._settle()
+                self.history.back_to(name)
+            case protocol.At(do=do, at=at):
+                self._settle()
+                self._go(do, at)
+            case protocol.Own():
+                self._add_own(request, say)
+            case protocol.Plain(do="undo"):
+                self._settle()
+                self.history.step(-1)
+            case protocol.Plain(do="redo"):
+                self._settle()
+                self.history.step(1)
+            case protocol.Plain(do="fit"):
+                self._settle()
+                self._fit()
+            case _:
+                raise UsageError("this is not done by a session", found=request.do)
+
+    def _set(self, values: Mapping[str, float], done: bool) -> None:
+        now = self.now
+        known = self.parameters()
+        for path, value in values.items():
+            if path not in known:
+                raise UsageError("no such parameter here", found=path, remedy="switch its effect on first")
+            p = known[path]
+            u = p.coordinate_of(value) if p.coordinate != "log" or value > 0 else p.low - 1
+            room = 1e-6 * (p.high - p.low)
+            if not p.low - room <= u <= p.high + room:
+                ends = sorted((p.value(p.low), p.value(p.high)))
+                raise UsageError(
+                    "this value is out of range",
+                    where=path,
+                    found=value,
+                    rule=f"{ends[0]:.4g} to {ends[1]:.4g}",
+                )
+        self._dragged = replace(now, values={**now.values, **values}, did=f"{', '.join(values)} by hand")
+        self._before = self._before or self.history.now
+        if done:
+            self._settle()
+
+    def _settle(self) -> None:
+        """What was dragged becomes a state."""
+        if self._before is not None:
+            self._before = None
+            if self._dragged.values != self.history.now.values:
+                self.history.add(self._dragged)
+
+    def _switch(self, key: str, on: bool) -> None:
+        name = candidate_of(self.experiment, key).name
+        self._settle()
+        if on == (key in self.now.effects):
+            return
+        others = tuple(k for k in self.now.effects if k.partition(":")[0] != name)
+        effects = (*others, key) if on else others
+        word = f"{name.replace('_', ' ')} {'on' if on else 'off'}"
+        self._rungs(effects)
+        fitted = self.fits.of(effects)
+        self.history.add(State(effects, {**self.now.values, **fitted.values}, f"{word}, fitted"))
+
+    def _fit(self) -> None:
+        self._rungs(self.now.effects)
+        near = self.fits.of(self.now.effects, self.now.values)
+        self.history.add(replace(self.now, values={**self.now.values, **near.values}, did="fitted"))
+
+    def _rungs(self, effects: tuple[str, ...]) -> None:
+        self.fits.explanation(effects)
+        for k in range(len(effects)):
+            self.fits.of(effects[:k])
+
+    def _go(self, do: str, at: int) -> None:
+        if do == "state":
+            self.history.at = min(at, len(self.history.states) - 1)
+        elif do == "rung":
+            effects = self.now.effects[:at]
+            fitted = self.fits.of(effects)
+            rung = effects[-1].partition(":")[0].replace("_", " ") if effects else "base"
+            self.history.add(State(effects, {**self.now.values, **fitted.values}, f"rung {rung}"))
+        else:
+            self.accept(at)
+
+    def accept(self, at: int) -> None:
+        """Take over an explanation of the verdict.
+
+        Raises
+        ------
+        FitError
+            There is no such explanation.
+        """
+        offered = list(self.verdict["explanations"]) if self.verdict else []  # type: ignore[call-overload]
+        if at >= len(offered):
+            raise FitError("there is no such explanation", found=at, remedy="diagnose first")
+        one = offered[at]
+        effects = tuple(one["keys"])
+        self._rungs(effects)
+        fitted = self.fits.of(effects)
+        names = " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
+        self.history.add(State(effects, {**self.now.values, **fitted.values}, f"accepted: {names}"))
+
+    def _add_own(self, own: protocol.Own, say: Say) -> None:
+        parameters = {
+            p.name: {"unit": p.unit, "range": [p.low, p.high]}
+            | ({} if p.neutral is None else {"neutral": p.neutral})
+            for p in own.parameters
+        }
+        table = {"name": own.name, "stage": own.stage, "formula": own.formula, "parameters": parameters}
+        scene = Scene.from_dict(
+            {**self.scene.to_dict(), OWN_FIELD: [*self.scene.to_dict().get(OWN_FIELD, []), table]}
+        )
+        before = self.scene, self.history
+        self._settle()
+        try:
+            self.scene = scene
+            self.begin(say, before[1])
+            key = next(k for k, c in self.experiment.candidates.items() if c.name == own.name)
+            self._switch(key, True)
+        except Exception:
+            self.scene = before[0]
+            raise
+
+    def drop(self, files: Sequence[protocol.File], say: Say = lambda stage: None) -> None:
+        """Explore other readings: a reading table, or an index with the spectrometer files that it names.
+
+        Raises
+        ------
+        LightfieldError
+            They cannot be read, or do not belong to the scene; nothing has changed then.
+        """
+        readings = dropped(files, self.scene)
+        before = self.readings, self.verdict, self.report, self.maps_ready
+        self.readings, self.verdict, self.report, self.maps_ready = readings, None, None, False
+        self._settle()
+        try:
+            self.begin(say)
+        except Exception:
+            self.readings, self.verdict, self.report, self.maps_ready = before
+            raise
+
+    def parameters(self) -> dict[str, FitParameter]:
+        """What may be set now, by path."""
+        e = self.experiment
+        chosen = [e.candidates[key] for key in self.now.effects]
+        return {p.path: p for p in (*e.problem.base, *(p for c in chosen for p in c.parameters))}
+
+    # -- what is shown -------------------------------------------------------------------------
+
+    def evaluation(self) -> Evaluation:
+        """Numbers and arrays of the state that is shown."""
+        return self.evaluator.of(self.now, self.plane, self.maps_ready)
+
+    def ready_maps(self) -> None:
+        """Fetch what the maps need, which takes seconds the first time; may be done beside all else."""
+        experiment = self.experiment
+        values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
+        experiment.maps.predict(values)
+
+    def experiment_data(self) -> dict[str, object]:
+        """What does not change while one experiment is explored."""
+        return experiment_data(self.experiment, self.fits)
+
+    def state_data(self) -> dict[str, object]:
+        """Effects, parameters, ladder and history."""
+        here = {key: error for (effects, key), error in self.survey.items() if effects == self.now.effects}
+        history = self.history
+        return state_data(self.fits, self.now, here) | {
+            "history": [s.did for s in history.states],
+            "at": history.at,
+            "can_undo": history.at > 0,
+            "can_redo": history.at < len(history.states) - 1,
+            "snapshots": list(history.snapshots),
+            "plane": self.plane,
+            "verdict": self.verdict,
+        }
+
+    def survey_next(self) -> bool:
+        """Work out, for one effect more, the error with it switched the other way; is any left?"""
+        on = self.now.effects
+        for effect in self.state_data()["effects"]:  # type: ignore[attr-defined]
+            key = effect["key"]
+            if (on, key) in self.survey:
+                continue
+            turned = tuple(k for k in on if k != key) if effect["on"] else (*on, key)
+            try:
+                self.survey[on, key] = self.fits.of(turned).score.error_percent
+            except FitError:
+                self.survey[on, key] = float("nan")
+            return True
+        return False

@@ -1,0 +1,253 @@
+"""A session without a browser: what is shown is what `compare` says, and every step can be taken back."""
+
+from __future__ import annotations
+
+import json
+from copy import copy
+from pathlib import Path
+
+import analytic_readings
+import numpy as np
+import pytest
+
+from lightfield.errors import FitError, LightfieldError, UsageError
+from lightfield.explorer import protocol
+from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
+from lightfield.explorer.experiment import explored
+from lightfield.explorer.session import Session
+from lightfield.explorer.state import History
+from lightfield.formula.field import direct_field
+from lightfield.readings.table.write import dumps
+from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
+
+#: A constant of a fiftieth of the brightest reading is in the readings, and not in the scene.
+HIDDEN = {"detector.background": 0.02}
+BACKGROUND = "background:constant"
+
+
+def ask(session: Session, do: str, **more: object) -> None:
+    session.act(protocol.read_request(json.dumps({"id": 1, "do": do, **more})))
+
+
+@pytest.fixture(scope="module")
+def given() -> tuple[object, Scene]:
+    return analytic_readings.readings(HIDDEN, seed=3)
+
+
+@pytest.fixture(scope="module")
+def begun(given) -> Session:
+    session = Session(given[1], given[0], diffuse=None)
+    session.begin()
+    return session
+
+
+@pytest.fixture
+def session(begun: Session) -> Session:
+    """As it begins; fits that were made are remembered."""
+    session = copy(begun)
+    session.history, session.survey = History([begun.history.states[0]]), {}
+    return session
+
+
+def error(session: Session) -> float:
+    found = session.evaluation().numbers["error_percent"]
+    assert isinstance(found, float)
+    return found
+
+
+def test_the_first_numbers_are_those_of_compare(session: Session, given) -> None:
+    report = fit_readings(*given, diffuse=None)
+    numbers = session.evaluation().numbers
+    assert numbers["error_percent"] == pytest.approx(report.statistics.error_percent, rel=1e-3)
+    assert numbers["chi2"] == pytest.approx(report.statistics.chi2, rel=1e-3)
+    assert numbers["dof"] == report.statistics.dof
+
+
+def test_an_effect_that_is_switched_on_is_fitted_as_compare_fits_it(session: Session, given) -> None:
+    before = error(session)
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    report = fit_readings(*given, ["background"], diffuse=None)
+    assert error(session) == pytest.approx(report.statistics.error_percent, rel=1e-3)
+    assert error(session) < 0.7 * before
+    fitted = session.state_data()["parameters"]["detector.background"]
+    estimate = report.estimates["detector.background"]
+    assert fitted["value"] == pytest.approx(estimate.value, rel=1e-2)
+    assert fitted["stderr"] == pytest.approx(estimate.stderr, rel=0.1)
+    assert [rung["at"] for rung in session.state_data()["ladder"]] == [0, 1]
+
+
+def test_the_model_shown_is_the_formula(session: Session, given) -> None:
+    """Without scattered light the prediction is the closed form, here evaluated by itself."""
+    readings, believed = given
+    values = session.evaluator.values(session.now)
+    scene = believed.with_values({k: v for k, v in values.items() if k != "gain"})
+    light = direct_field(scene, readings.x_m, readings.y_m, readings.z_m)
+    assert np.allclose(session.evaluation().arrays["model"], values["gain"] * light, rtol=1e-6)
+
+
+def test_a_dragged_value_acts_at_once_and_is_one_step_of_the_history(session: Session) -> None:
+    best, steps = error(session), len(session.history.states)
+    for value in (0.2, 0.25, 0.3):
+        ask(session, "set", values={"water.absorption_per_m": value})
+        assert error(session) > best
+    ask(session, "set", values={"water.absorption_per_m": 0.35}, done=True)
+    assert len(session.history.states) == steps + 1
+    ask(session, "undo")
+    assert error(session) == pytest.approx(best)
+    ask(session, "redo")
+    assert session.now.values["water.absorption_per_m"] == 0.35
+    ask(session, "fit")
+    assert error(session) == pytest.approx(best, rel=1e-3)
+
+
+def test_snapshots_rungs_and_states_are_gone_back_to(session: Session) -> None:
+    base = error(session)
+    ask(session, "keep", name="as it was")
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    better = error(session)
+    ask(session, "restore", name="as it was")
+    assert error(session) == pytest.approx(base)
+    ask(session, "state", at=1)
+    assert error(session) == pytest.approx(better)
+    ask(session, "rung", at=0)
+    assert error(session) == pytest.approx(base, rel=1e-3)
+    with pytest.raises(UsageError, match="no such snapshot"):
+        ask(session, "restore", name="another")
+
+
+def test_the_survey_says_what_every_effect_would_bring(session: Session) -> None:
+    while session.survey_next():
+        pass
+    errors = {e["name"]: e["error_percent"] for e in session.state_data()["effects"]}
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    assert error(session) == pytest.approx(errors["background"], rel=1e-6)
+    assert all(value <= 1.02 * errors["beam_tilt"] for value in errors.values())
+
+
+@pytest.mark.parametrize(
+    ("do", "more"),
+    [
+        ("set", {"values": {"water.scattering_per_m": 0.1}}),
+        ("set", {"values": {"lamp.hwhm_deg": -3.0}}),
+        ("set", {"values": {"lamp.hwhm_deg": 1e6}}),
+        ("switch", {"effect": "witchcraft", "on": True}),
+        ("switch", {"effect": "scattering:Henyey-Greenstein", "on": True}),
+        ("accept", {"at": 0}),
+        ("restore", {"name": "x"}),
+        (
+            "own",
+            {
+                "name": "rope",
+                "stage": "path",
+                "formula": "1 - depth*exp(",
+                "parameters": [{"name": "depth", "low": 0, "high": 1, "neutral": 0}],
+            },
+        ),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(session: Session, do: str, more: dict) -> None:
+    before = session.now
+    with pytest.raises(LightfieldError):
+        ask(session, do, **more)
+    assert session.now == before and np.isfinite(error(session))
+
+
+def test_effects_that_exclude_each_other_are_refused(session: Session) -> None:
+    ask(session, "switch", effect="beam_shape:super-Gaussian", on=True)
+    curve = next(key for key in session.experiment.candidates if key.startswith("beam_profile"))
+    with pytest.raises(FitError, match="cannot be switched on together"):
+        ask(session, "switch", effect=curve, on=True)
+    assert session.now.effects == ("beam_shape:super-Gaussian",)
+
+
+def test_a_formula_of_ones_own_explains_what_it_was_made_with() -> None:
+    readings, scene = analytic_readings.readings(
+        seed=5, factor=lambda t: 1 - 0.3 * np.exp(-(((t.x_m - 0.1) / 0.1) ** 2))
+    )
+    session = Session(scene, readings, diffuse=None)
+    session.begin()
+    before = error(session)
+    numbers = [
+        {"name": "depth", "low": 0.0, "high": 0.9, "neutral": 0.0},
+        {"name": "x0", "low": -0.5, "high": 0.5, "unit": "m"},
+    ]
+    formula = "1 - depth*exp(-((x - x0)/0.1)**2)"
+    ask(session, "own", name="rope", stage="path", formula=formula, parameters=numbers)
+    assert error(session) < 0.3 * before
+    assert session.now.values["effect.rope.depth"] == pytest.approx(0.3, abs=0.02)
+    assert session.now.values["effect.rope.x0"] == pytest.approx(0.1, abs=0.01)
+    assert 'name = "rope"' in scene_toml(session)
+
+
+def test_a_session_is_saved_and_goes_on(session: Session, tmp_path: Path) -> None:
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    ask(session, "keep", name="with it")
+    ask(session, "set", values={"water.absorption_per_m": 0.2}, done=True)
+    file = tmp_path / "session.json"
+    file.write_text(session_json(session), encoding="utf-8")
+    again, history = open_session(file)
+    again.diffuse = None
+    again.__post_init__()
+    again.begin(history=history)
+    assert again.now == session.now and again.history.snapshots.keys() == {"with it"}
+    assert again.evaluation().numbers == session.evaluation().numbers
+    ask(again, "undo")
+    assert again.now.effects == (BACKGROUND,)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"format": "lightfield session 1"}', "\x00"])
+def test_what_is_no_session_is_one_clear_error(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "session.json"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(UsageError, match="not a session"):
+        open_session(file)
+
+
+def test_the_saved_scene_gives_the_model_and_the_table_its_residuals(session: Session, given) -> None:
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    saved = Scene.from_toml(scene_toml(session))
+    assert saved.detector.background == pytest.approx(session.now.values["detector.background"])
+    rows = [line.split(",") for line in residuals_csv(session).splitlines()]
+    table = {name: np.array([float(row[k]) for row in rows[1:]]) for k, name in enumerate(rows[0]) if k}
+    assert np.allclose(
+        table["value"] - table["model"], table["residual_sigma"] * table["sigma"], rtol=1e-5, atol=1e-9
+    )
+    assert np.allclose(table["value"], given[0].value, rtol=1e-8)
+
+
+def test_other_readings_are_dropped_in_and_bad_ones_change_nothing(session: Session) -> None:
+    other, _ = analytic_readings.readings(seed=9)
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    before = session.now
+    with pytest.raises(LightfieldError, match="line 3"):
+        session.drop([protocol.File(name="bad.csv", text="z_m,value\n4.5,1\n5.5,bright\n")])
+    assert session.now == before and session.readings is not other
+    session.drop([protocol.File(name="good.csv", text=dumps(other))])
+    assert session.now.effects == () and np.allclose(session.experiment.problem.value, other.value)
+
+
+def test_without_readings_the_scene_itself_is_the_target() -> None:
+    """With nothing that scatters the closed form is the whole light; less of a beam misses it."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}, "detector": {"planes_m": [4.5, 6.5]}})
+    session = Session(scene, diffuse=None)
+    session.begin()
+    assert error(session) == pytest.approx(0.0, abs=1e-6)
+    ask(session, "set", values={"lamp.hwhm_deg": 3.0}, done=True)
+    assert error(session) > 1
+    ask(session, "fit")
+    assert error(session) == pytest.approx(0.0, abs=1e-3)
+    shown = session.evaluation().arrays
+    assert shown["map_render"].shape == shown["map_formula"].shape
+    assert np.allclose(shown["map_render"], shown["map_formula"])
+
+
+def test_the_effects_of_a_scene_are_on_at_first_and_can_be_switched_off() -> None:
+    readings, scene = analytic_readings.readings({"lamp.tilt_x_deg": 0.8}, seed=2)
+    session = Session(scene.with_values({"lamp.tilt_x_deg": 0.8}), readings, diffuse=None)
+    session.begin()
+    assert session.now.effects == ("beam_tilt:tilt",)
+    good = error(session)
+    ask(session, "switch", effect="beam_tilt:tilt", on=False)
+    assert error(session) > 2 * good
+    assert explored(scene, readings, None).switched_on == ()
