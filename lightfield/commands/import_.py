@@ -16,7 +16,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "index",
         metavar="INDEX.csv",
         help="columns file, medium, x_m, y_m, z_m, time_s, role "
-        "(signal, dark, reference, ignore), integration_time_s; only file and z_m are required",
+        "(signal, dark, reference, ignore), integration_time_s, spectrum (which one of a file of several); "
+        "only file and z_m are required. With --column z_m=... a table of your own that has the places in it",
+    )
+    parser.add_argument(
+        "--column",
+        action="append",
+        default=[],
+        metavar="MEANING=NAME",
+        help="which column is what, by its name or number; may be given again. In files of plain columns: "
+        "wavelength_nm, value, dark, reference. In a table of your own: z_m, x_m, y_m, time_s, "
+        "integration_time_s, medium, role, value (or columns named by wavelengths)",
     )
     asked = parser.add_argument_group("what the instrument's files do not say")
     asked.add_argument("--quantity", help="irradiance, scalar_irradiance or radiance")
@@ -53,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
         units=args.units,
         bands_nm=[_band(text) for text in args.band],
         saturation_level=args.saturation_level,
+        columns=dict(_column(text) for text in args.column) or None,
         budget=ErrorBudget(
             args.plane_gain_percent,
             args.position_mm,
@@ -69,6 +80,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"  note: {warning}")
     print(args.output)
     return 0
+
+
+def _column(text: str) -> tuple[str, str]:
+    meaning, equals, name = text.partition("=")
+    if not (meaning and equals and name):
+        raise UsageError(
+            "not a column", found=text, rule="MEANING=NAME", remedy="for example --column 'z_m=distance (cm)'"
+        )
+    return meaning.strip(), name.strip()
 
 
 def _band(text: str) -> tuple[float, float]:

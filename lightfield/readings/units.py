@@ -37,6 +37,8 @@ def canonical(text: str) -> str:
         return "counts/s"
     if low in (RELATIVE, "1", "dimensionless", "none"):
         return RELATIVE
+    if re.search(r"[uµμm]?mol\b|photons", low):
+        raise ValueError("photons of a band have no spectrum: import them as relative")
     for quantity in SI:
         try:
             to_si(plain, quantity)

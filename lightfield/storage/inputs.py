@@ -42,6 +42,7 @@ LUMINAIRE = Kind("luminaire file", 10 * MEGABYTE, SceneError)
 READINGS = Kind("reading table", 50 * MEGABYTE, MeasurementError)
 INDEX = Kind("index", 10 * MEGABYTE, MeasurementError)
 SPECTRUM = Kind("spectrometer file", 10 * MEGABYTE, MeasurementError)
+CALIBRATION = Kind("instrument calibration", MEGABYTE, MeasurementError)
 MAPS = Kind("rendering", 1 << 40, OutputError)  # read piece by piece: the memory is the limit
 
 

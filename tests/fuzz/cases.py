@@ -6,10 +6,17 @@ import random
 import re
 from pathlib import Path
 
-from fuzz.inputs import INDEX, MORE, NAMED_BY, OWN, PLAN, READINGS, SCENE, SPECTRA, TABLES
+from fuzz.inputs import INDEX, LOGGERS, MORE, NAMED_BY, OTHERS, OWN, PLAN, READINGS, SCENE, SPECTRA, TABLES
 from fuzz.mutate import NASTY, mutated
 from lightfield.scene import Scene
 
+ASKED_OF = {
+    "cast.sb": "import others.csv --quantity irradiance --units relative --band 500:550 -o out.csv",
+    "ramses.dat": "import others.csv --quantity irradiance --units relative --band 500:550 -o out.csv",
+    "par.dat": "import loggers.csv --quantity scalar_irradiance --units relative --band 400:700 -o out.csv",
+    "table.csv": "import index.csv --quantity irradiance --units counts --band 500:550 "
+    "--column wavelength_nm=1 --column value=counts -o out.csv",
+}
 ASKED = "import index.csv --quantity irradiance --units counts --band 500:550 -o out.csv"
 PATHS = list(Scene.from_toml(SCENE).parameters())
 WORDS = sorted(
@@ -88,6 +95,8 @@ def make_case(seed: int, number: int, folder: Path) -> list[str]:
         "plan.toml": PLAN,
         "index.csv": INDEX,
         "own.toml": OWN,
+        "others.csv": OTHERS,
+        "loggers.csv": LOGGERS,
     }
     files |= {**SPECTRA, **TABLES}
     kind = rng.choice(KINDS)
@@ -104,7 +113,7 @@ def make_case(seed: int, number: int, folder: Path) -> list[str]:
     if kind == "options":
         return [_filled(word, rng) for word in rng.choice(OPTIONS).split()]
     if kind in ("index", "spectrum"):
-        return ASKED.split()
+        return ASKED_OF.get(damaged, ASKED).split()
     return rng.choice([line for line in COMMANDS if damaged in line or kind == "table"]).split()
 
 

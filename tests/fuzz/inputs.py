@@ -112,7 +112,14 @@ view.txt,water,0.1,0.0,4.5,10,signal,0.07
 jaz.txt,water,0.0,0.0,5.5,20,signal,0.07
 watts.txt,water,0.0,0.0,6.5,30,ignore,0.07
 dark.txt,,,,,0,dark,0.07
+avantes.ttt,water,0.2,0.0,5.5,40,signal,0.07
+table.csv,water,0.3,0.0,5.5,50,signal,0.07
 """
+OTHERS = """file,z_m,spectrum
+cast.sb,4.5,
+ramses.dat,5.5,
+"""
+LOGGERS = "file,z_m\npar.dat,4.5\n"
 
 
 def _rows(*columns: list[float]) -> str:
@@ -142,6 +149,17 @@ SPECTRA = {
     "Integration Time (sec): 7.000000E-2\nScans to average: 15\nBoxcar width: 5\n"
     ">>>>>Begin Spectral Data<<<<<\n" + _rows(_NM, _LIGHT),
     "jaz.txt": _HEAD.replace("SpectraSuite", "Jaz") + "W\tD\tS\n" + _rows(_NM, _DARK, _LIGHT) + _END,
+    "avantes.ttt": "TEST1-\nIntegration time: 70.00 ms\nAverage: 15 scans\n"
+    "Nr of pixels used for smoothing: 5\nData measured with spectrometer name: TEST1\n"
+    "Wave   ;Dark     ;Sample\n[nm]   ;[counts] ;[counts]\n" + _rows(_NM, _DARK, _LIGHT).replace("\t", ";"),
+    "table.csv": "wavelength_nm,counts\n" + _rows(_NM, _LIGHT).replace("\t", ","),
+    "cast.sb": "/begin_header\n/missing=-999\n/delimiter=comma\n/fields=date,time," + ",".join(
+        f"Ed{w}" for w in _NM) + "\n/units=yyyymmdd,hh:mm:ss" + ",uW/cm^2/nm" * 50
+    + "\n/end_header\n20200303,11:12:13," + ",".join(f"{c:.3f}" for c in _LIGHT) + "\n",
+    "ramses.dat": "[Spectrum]\nIDDevice = SAM_8166\nIDDataTypeSub1 = CALIBRATED\nIntegrationTime = 70\n"
+    "Unit2 = $03 $05 mW/(m^2 nm)\n[Data]\n0 70 0 0\n" + _rows(_NM, _LIGHT).replace("\t", " ")
+    + "[END] of [Data]\n[END] of [Spectrum]\n",
+    "par.dat": "time,PAR (umol)\n2020-01-01 00:00:00,100\n2020-01-01 00:00:10,102\n",
     "watts.txt": _HEAD.replace("SpectraSuite Data", "Jaz Absolute Irradiance") + "W\tD\tS\tP\n"
     + _rows(_NM, _DARK, _LIGHT, _LIGHT) + _END + ">>>>>Begin Calibration Data<<<<<\n[uJoule/count]\n"
     + "".join(f"{1e-6 * w:.8e}\n" for w in _NM) + ">>>>>End Calibration Data<<<<<\n",

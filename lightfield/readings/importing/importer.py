@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from typing import Any
@@ -12,16 +12,20 @@ import numpy as np
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
 from lightfield.readings.columns import ErrorBudget, LoadWarning
-from lightfield.readings.importing import provenance, reduction, saturation
+from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.importing.replicates import Point, join
 from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.formats import read_spectrum
+from lightfield.readings.instruments.formats import read_spectra
+from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import Readings
 from lightfield.readings.units import is_absolute
+
+#: So many names are listed in a message.
+SHOWN = 8
 
 
 def import_index(
@@ -32,6 +36,7 @@ def import_index(
     bands_nm: Bands,
     saturation_level: float | None = None,
     budget: ErrorBudget | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> Readings:
     """One reading table from the spectra that an index lists.
 
@@ -52,6 +57,9 @@ def import_index(
         Full scale, when known.
     budget : ErrorBudget, optional
         Goes into the head of the table.
+    columns : mapping of str to str, optional
+        Which column is what, by its name or number: `wavelength_nm`, `value`, `dark`, `reference` of files
+        of plain columns. With `z_m` among them `path` is no index but a table with the places in it.
 
     Raises
     ------
@@ -61,7 +69,11 @@ def import_index(
     where = fspath(path)
     unit = settle_request(quantity, units, bands_nm, saturation_level)
     problems = Problems(where)
-    shots = _settle(_read_files(read_index(path, problems), problems), unit == "counts", problems)
+    if columns and "z_m" in columns:
+        shots = places.read_places(where, columns, bands_nm, problems)
+    else:
+        shots = _read_files(read_index(path, problems), problems, columns)
+    shots = _settle(shots, unit == "counts", problems)
     if not is_absolute(unit):
         _check_one_instrument(shots, problems)
     problems.raise_any("not a usable index")
@@ -82,13 +94,15 @@ def import_index(
     return _table(rows, where, str(quantity), unit, bands_nm, budget or ErrorBudget(), metadata, notes)
 
 
-def _read_files(entries: Sequence[Entry], problems: Problems) -> list[Shot]:
+def _read_files(
+    entries: Sequence[Entry], problems: Problems, columns: Mapping[str, str] | None
+) -> list[Shot]:
     shots = []
     for entry in entries:
         if entry.role == "ignore":
             continue
         try:
-            spectrum = read_spectrum(entry.path)
+            spectra = read_spectra(entry.path, columns)
         except MeasurementError as error:
             if error.problems:
                 for what in error.problems:
@@ -102,8 +116,41 @@ def _read_files(entries: Sequence[Entry], problems: Problems) -> list[Shot]:
                     remedy=error.remedy,
                 )
             continue
-        shots.append(Shot(entry, spectrum, spectrum.integration_time_s, entry.time_s))
+        chosen = _chosen(entry, spectra, problems)
+        for number, spectrum in enumerate(chosen, 1):
+            named = entry if len(chosen) == 1 else replace(entry, file=f"{entry.file}[{number}]")
+            wet = _immersed(spectrum) if entry.medium == "water" else spectrum
+            shots.append(Shot(named, wet, spectrum.integration_time_s, entry.time_s))
     return shots
+
+
+def _chosen(entry: Entry, spectra: Sequence[Spectrum], problems: Problems) -> list[Spectrum]:
+    """Those of a file's spectra that the index means: repetitions at one place, never unlike ones."""
+    names = list(dict.fromkeys(spectrum.label for spectrum in spectra))
+    if entry.spectrum:
+        chosen = [s for s in spectra if s.label == entry.spectrum]
+        if not chosen and len(spectra) == 1 and not spectra[0].label:
+            chosen = list(spectra)
+        if not chosen:
+            problems.add(
+                f"{entry.file}: no such spectrum", place=entry.line, found=entry.spectrum,
+                rule=f"one of {', '.join(names[:SHOWN])}", remedy="correct the column spectrum of the index",
+            )  # fmt: skip
+        return chosen
+    if len(names) > 1:
+        problems.add(
+            f"{entry.file}: it holds unlike spectra", place=entry.line, found=", ".join(names[:SHOWN]),
+            rule="a line of the index for each", remedy="name one in a column spectrum of the index",
+        )  # fmt: skip
+        return []
+    return list(spectra)
+
+
+def _immersed(spectrum: Spectrum) -> Spectrum:
+    """The numbers as they are with the head in water."""
+    if spectrum.immersion is None:
+        return spectrum
+    return replace(spectrum, columns={"value": spectrum.columns["value"] * spectrum.immersion})
 
 
 def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Shot]:
@@ -195,12 +242,10 @@ def _reduce(
         chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
         wavelength = shot.spectrum.wavelength_nm
         for b, (low, high) in enumerate(bands):
-            value = reduction.band_mean(wavelength, values, low, high)
+            value = reduction.band_of(shot.spectrum, values, low, high)
             dark, error = 0.0, 0.0
             if chosen:
-                means = [
-                    reduction.band_mean(d.spectrum.wavelength_nm, d.spectrum.raw, low, high) for d in chosen
-                ]
+                means = [reduction.band_of(d.spectrum, d.spectrum.raw, low, high) for d in chosen]
                 dark, spread = reduction.mean_and_error(means)
                 error = 0.0 if np.isnan(spread) else spread
             scale = shot.exposure_s if counts else 1.0

@@ -15,7 +15,7 @@ from lightfield.storage.inputs import INDEX
 
 ROLES = ("signal", "dark", "reference", "ignore")
 NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
-COLUMNS = ("file", "medium", *NUMBERS, "role")
+COLUMNS = ("file", "medium", *NUMBERS, "role", "spectrum")
 NAN = float("nan")
 
 
@@ -31,6 +31,8 @@ class Entry:
     medium, role : str
     x_m, y_m, z_m, time_s, integration_time_s : float
         nan where not given; x and y are 0.
+    spectrum : str
+        Which one of the file's spectra, by its label; "" where it has one, or several of one label.
     """
 
     line: int
@@ -43,10 +45,11 @@ class Entry:
     z_m: float
     time_s: float
     integration_time_s: float
+    spectrum: str = ""
 
 
 def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
-    """Read an index CSV with the columns file, medium, x_m, y_m, z_m, time_s, role, integration_time_s.
+    """Read an index CSV with the columns of COLUMNS.
 
     Only `file` is required, and z_m for what is neither dark nor ignored.
 
@@ -71,7 +74,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             )
     if "file" not in place:
         return []
-    entries, used = [], dict[str, int]()
+    entries, used = [], dict[tuple[str, str], int]()
     for line, cells in sheet.rows:
         row = {name: cells[c].strip() for name, c in place.items()}
         before = len(problems.found)
@@ -83,14 +86,14 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             problems.add("unknown medium", place=line, found=medium, rule=" or ".join(MEDIA))
         if not row["file"]:
             problems.add("no file is named", place=line, remedy="name the spectrum's file")
-        elif (same := normpath(row["file"])) in used:
+        elif (same := (normpath(row["file"]), row.get("spectrum", ""))) in used:
             problems.add(
                 f"the same file as line {used[same]}",
                 place=line,
                 found=row["file"],
-                rule="one line for each file",
+                rule="one line for each spectrum",
             )
-        used.setdefault(normpath(row["file"]), line)
+        used.setdefault((normpath(row["file"]), row.get("spectrum", "")), line)
         if role not in ("dark", "ignore"):
             z_m = values["z_m"]
             if z_m != z_m and row.get("z_m", "") == "":
@@ -103,7 +106,10 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             values["x_m"], values["y_m"] = (
                 0.0 if row.get(n, "") == "" else values[n] for n in ("x_m", "y_m")
             )
-            entries.append(Entry(line, row["file"], Path(where).parent / row["file"], medium, role, **values))
+            path = Path(where).parent / row["file"]
+            entries.append(
+                Entry(line, row["file"], path, medium, role, **values, spectrum=row.get("spectrum", ""))
+            )
     if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
         problems.add(
             "no spectrum has the role signal or reference", remedy="add the lines of the measurement"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -38,7 +39,7 @@ def metadata_of(
     What all files share stands once, under [instrument.common]; the rest under the file's name.
     """
     shots = [*sequence, *darks]
-    headers = {shot.entry.file: dict(shot.spectrum.header) for shot in shots}
+    headers = {_file(shot): dict(shot.spectrum.header) for shot in shots}
     common = _common(list(headers.values()))
     about: dict[str, Any] = {"unit_in_files": unit, "notes": [str(note) for note in notes]}
     if saturation_level is not None:
@@ -55,6 +56,11 @@ def metadata_of(
             },
         },
     }
+
+
+def _file(shot: Shot) -> str:
+    """The file of a shot; one of many spectra has its number behind it."""
+    return re.sub(r"\[\d+\]$", "", shot.entry.file)
 
 
 def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:

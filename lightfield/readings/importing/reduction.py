@@ -75,6 +75,14 @@ def signal(shot: Shot, unit: str) -> Array:
     """
     spectrum = shot.spectrum
     if "value" in spectrum.columns:
+        if (
+            spectrum.processed_unit
+            and unit != units.RELATIVE
+            and not _same_unit(unit, spectrum.processed_unit)
+        ):
+            raise ValueError(f"this {spectrum.format} file is in {spectrum.processed_unit}, not {unit}")
+        if spectrum.photons and unit != units.RELATIVE:
+            raise ValueError(f"a {spectrum.format} counts photons: take the unit relative")
         return spectrum.columns["value"]
     if unit == "counts":
         with np.errstate(over="ignore", invalid="ignore"):
@@ -85,14 +93,36 @@ def signal(shot: Shot, unit: str) -> Array:
         raise ValueError(f"a {spectrum.format} file holds counts, not {unit}: take the unit counts")
     if not spectrum.processed_unit or "processed" not in spectrum.columns:
         raise ValueError(f"this {spectrum.format} file holds no calibrated irradiance: take the unit counts")
-    held = units.to_si(spectrum.processed_unit, "irradiance")
-    try:
-        same = abs(units.to_si(unit, "irradiance") - held) <= 1e-9 * held
-    except ValueError:
-        same = False
-    if not same:
+    if not _same_unit(unit, spectrum.processed_unit):
         raise ValueError(f"a {spectrum.format} file is in {spectrum.processed_unit}, not {unit}")
     return spectrum.columns["processed"]
+
+
+def _same_unit(one: str, other: str) -> bool:
+    """Do both mean the same of one quantity?"""
+    for quantity in units.SI:
+        try:
+            first, second = units.to_si(one, quantity), units.to_si(other, quantity)
+        except ValueError:
+            continue
+        return abs(first - second) <= 1e-9 * second
+    return False
+
+
+def band_of(spectrum: Spectrum, values: Array, low_nm: float, high_nm: float) -> float:
+    """Mean of a spectrum over a band, or the one number of an instrument that has this band.
+
+    Raises
+    ------
+    ValueError
+        The spectrum does not reach over the band; the instrument has another.
+    """
+    if spectrum.band_nm is None:
+        return band_mean(spectrum.wavelength_nm, values, low_nm, high_nm)
+    low, high = spectrum.band_nm
+    if (low_nm, high_nm) != (low, high):
+        raise ValueError(f"it has one number for {low:g}-{high:g} nm, and none for {low_nm:g}-{high_nm:g} nm")
+    return float(values[0])
 
 
 def has_dark(spectrum: Spectrum) -> bool:

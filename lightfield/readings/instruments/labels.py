@@ -11,10 +11,10 @@ from datetime import datetime
 LABELS = {
     "integration": r"(?!.*\bauto)(?=.*integra)(?=.*\b(time|zeit|temps|tiempo|tempo)|.*zeit).*",
     "averaged": r".*(spectra averaged|scans? to average|mittelung|moyenn|promedi|\bmediat).*",
-    "boxcar": r".*boxcar.*",
-    "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri).*",
+    "boxcar": r".*(boxcar|alisar|furgon|lissage|glattung).*",
+    "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri|electrica.*obscuridad).*",
     "nonlinearity": r".*(non-? ?linear|nicht-? ?linear|no linealidad).*",
-    "stray_light": r".*(stray light|streulicht|lumiere parasite|luz parasita).*",
+    "stray_light": r".*(stray light|streulicht|lumiere parasite|luz parasita|externa.*luz).*",
     "spectrometer": r"(spectrom|spektrom|espectrom|spettrom).*",
     "date": r"(date|datum|fecha|data)",
     "pixels": r".*(number of|anzahl|nombre de|numero d[ei]|aantal).*pixels?.*",

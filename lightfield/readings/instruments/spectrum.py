@@ -33,7 +33,16 @@ class Spectrum:
     calibration : array, shape (n_pixels,), optional
         Energy per count, in `calibration_unit`.
     processed_unit : str
-        Unit of "processed" where the format fixes it, else "".
+        Unit of "processed", or of "value", where the format fixes it, else "".
+    label : str
+        What tells it from the others of its file: a column or an instrument; "" where it is alone.
+        Spectra of one label were taken one after the other.
+    immersion : array, shape (n_pixels,), optional
+        By how much the numbers grow where the head is in water.
+    band_nm : (float, float), nm, optional
+        The instrument has no spectrum but one number for this band; the two pixels are its edges.
+    photons : bool
+        The number counts photons, not power.
     notes : tuple of str
         What is odd about the file but does not prevent its use.
     """
@@ -54,6 +63,10 @@ class Spectrum:
     calibration: Array | None = None
     calibration_unit: str = ""
     processed_unit: str = ""
+    label: str = ""
+    immersion: Array | None = None
+    band_nm: tuple[float, float] | None = None
+    photons: bool = False
     notes: tuple[str, ...] = field(default=())
 
     def __len__(self) -> int:

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
 from lightfield.readings.importing.saturation import saturated_pixels
-from lightfield.readings.instruments import jaz, jaz_irradiance, labels, oceanview, spectrasuite
+from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import parse_spectrum
-from lightfield.readings.instruments.oceanoptics import take_apart
+from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, spectrasuite
+from lightfield.readings.instruments.oceanoptics.document import take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
 
 WAVELENGTH = np.round(400 + 0.75 * np.arange(40), 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lightfield.readings.instruments.oceanoptics import Document, spectrum
+from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -22,5 +22,5 @@ def read(document: Document) -> Spectrum:
     MeasurementError
         All problems of the file, with their lines.
     """
-    block = document.block("processed", "spectr") or next(iter(document.blocks), None)
+    block = document.numbers
     return spectrum(document, NAME, block, ["value"], Problems(document.where))

@@ -16,7 +16,10 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 SHORTEST_NM, LONGEST_NM = 50.0, 30000.0
-_MARKER = re.compile(r"\s*>{3,}\s*(.*?)\s*<{3,}\s*")
+# Other languages have words behind the arrows: ">>>>> Comienza Data<<<<< Espectral Procesado Del EL".
+_MARKER = re.compile(r"\s*>{3,}\s*(.*?)\s*<{3,}\s*(.*?)\s*")
+_BEGINS = re.compile(r"begin|beginn|anfang|start|comienz|inici|debut|iniz")
+_ENDS = re.compile(r"end|ende|fin|fine|fim|termin|extremo|einde|konec")
 _HOLE = ("\u221e", "-\u221e", "\ufffd")  # how Java writes infinity and not-a-number
 
 
@@ -42,6 +45,8 @@ class Document:
     blocks : list of Block
     ended : bool
         Does the last line have an end?
+    lines : tuple of str
+        All of it, as it stands.
     """
 
     where: str
@@ -49,10 +54,16 @@ class Document:
     header: dict[str, str]
     blocks: list[Block]
     ended: bool
+    lines: tuple[str, ...] = ()
 
     def block(self, *words: str) -> Block | None:
         """The first block whose title holds all these words."""
         return next((b for b in self.blocks if all(word in labels.plain(b.title) for word in words)), None)
+
+    @property
+    def numbers(self) -> Block | None:
+        """The block of the spectrum: the first of which every language's words are left aside."""
+        return self.block("spectr") or next(iter(self.blocks), None)
 
 
 def take_apart(content: text.Text, where: str) -> Document:
@@ -63,11 +74,11 @@ def take_apart(content: text.Text, where: str) -> Document:
     for number, line in enumerate(content.lines, start=1):
         marker = _MARKER.fullmatch(line)
         if marker:
-            if labels.plain(marker[1]).startswith("end"):
-                if blocks:
-                    blocks[-1].closed = True
-            else:
-                blocks.append(Block(marker[1]))
+            words = f"{marker[1]} {marker[2]}".strip()
+            if not _ends(words, blocks):
+                blocks.append(Block(words))
+            elif blocks:
+                blocks[-1].closed = True
         elif not line.strip():
             continue
         elif blocks:
@@ -79,7 +90,16 @@ def take_apart(content: text.Text, where: str) -> Document:
             title = line.strip()
         else:
             _note_header(header, number, line.strip())
-    return Document(where, title, header, blocks, content.ended)
+    return Document(where, title, header, blocks, content.ended, content.lines)
+
+
+def _ends(words: str, blocks: Sequence[Block]) -> bool:
+    """Does this marker end a block? By its word where that is known; else if a block is open."""
+    if _BEGINS.match(labels.plain(words)):
+        return False
+    if _ENDS.match(labels.plain(words)):
+        return True
+    return bool(blocks) and not blocks[-1].closed and bool(blocks[-1].lines)
 
 
 def _note_header(header: dict[str, str], number: int, line: str) -> None:

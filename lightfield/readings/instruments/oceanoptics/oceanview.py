@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from lightfield.readings.instruments.oceanoptics import Document, spectrum
+from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -14,7 +14,9 @@ NAME = "OceanView"
 def claims(document: Document) -> bool:
     """Is this an OceanView file?"""
     named = re.match(r"data from .* node", document.title.lower())
-    return bool(named) or (document.block("spectr") is not None and document.block("processed") is None)
+    if named or "spectrasuite" in document.title.lower():
+        return bool(named)
+    return bool(document.blocks) and document.block("processed", "spectr") is None
 
 
 def read(document: Document) -> Spectrum:
@@ -25,5 +27,5 @@ def read(document: Document) -> Spectrum:
     MeasurementError
         All problems of the file, with their lines.
     """
-    block = document.block("spectr") or next(iter(document.blocks), None)
+    block = document.numbers
     return spectrum(document, NAME, block, ["value"], Problems(document.where))

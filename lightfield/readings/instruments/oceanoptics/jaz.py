@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
-from lightfield.readings.instruments.oceanoptics import Document, spectrum
+from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -15,9 +16,9 @@ COLUMNS = {"D": "dark", "R": "reference", "S": "signal", "P": "processed"}
 
 def claims(document: Document) -> bool:
     """Is this a Jaz file of counts?"""
-    block = document.block("processed", "spectr")
+    block = document.numbers
     lettered = block is not None and bool(block.lines) and block.lines[0][1].upper().split()[:1] == ["W"]
-    return document.title.lower().startswith("jaz") or lettered
+    return re.search(r"\bjaz\b", document.title.lower()) is not None or lettered
 
 
 def read(document: Document) -> Spectrum:
@@ -33,7 +34,7 @@ def read(document: Document) -> Spectrum:
 
 def read_lettered(document: Document, name: str, problems: Problems, **more: Any) -> Spectrum:
     """A spectrum whose columns are named by letters in their first line."""
-    block = document.block("processed", "spectr") or next(iter(document.blocks), None)
+    block = document.numbers
     columns = ["signal"]
     if block is not None and block.lines:
         line, names = block.lines[0]

@@ -1,0 +1,159 @@
+"""A table of one's own that has the places in it: a column for z, and values or a spectrum in each row."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
+from lightfield.readings.columns import MEDIA
+from lightfield.readings.importing.index import ROLES, Entry
+from lightfield.readings.importing.reduction import Shot
+from lightfield.readings.instruments import plain
+from lightfield.readings.instruments.columns import Table, check_axis, find_table
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+from lightfield.readings.text import read_text
+from lightfield.storage.inputs import READINGS
+
+PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
+MEANINGS = (*PLACES, "value", "medium", "role")
+NAME = "table of places"
+#: Units that a name may have in brackets, or behind an underscore, in metres and in seconds.
+_FACTORS = {
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048},
+    "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+}
+
+
+def read_places(
+    where: str, columns: Mapping[str, str], bands_nm: Sequence[tuple[float, float]], problems: Problems
+) -> list[Shot]:
+    """One shot for each row: its place, and its value for the band, or its spectrum (wavelengths as names).
+
+    Parameters
+    ----------
+    where : str
+        Path of the table.
+    columns : mapping of str to str
+        Which column is what (of MEANINGS), by its name or number from 1. Lengths and times are in the unit
+        that the name has in brackets ("depth (cm)") or behind an underscore, else in m and s.
+    bands_nm : sequence of (float, float), nm
+        The value, where one is named, is that of the only band.
+    problems : Problems
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or holds no table.
+    """
+    unknown = [meaning for meaning in columns if meaning not in MEANINGS]
+    for meaning in unknown:
+        problems.add("unknown meaning of a column", found=meaning, rule=", ".join(MEANINGS))
+    table = find_table(read_text(where, READINGS).lines, problems)
+    if table is None:
+        raise MeasurementError(
+            "no table of numbers", where=where, rule="names of columns, and two rows or more below them",
+            remedy="export it as CSV",
+        )  # fmt: skip
+    at = {m: plain.place(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
+    problems.raise_any("not a usable table")
+    numbers = {m: _lengths(table, m, at[m], problems) for m in PLACES if m in at}
+    spectra = _one_band(where, table, at["value"], bands_nm, problems) if "value" in at else None
+    if spectra is None:
+        spectra = _spectra(where, table, problems)
+    shots = []
+    for k, line in enumerate(table.lines):
+        row = {m: table.cells[k][at[m]] for m in ("medium", "role") if m in at}
+        given = {m: float(values[k]) for m, values in numbers.items()}
+        entry = Entry(
+            line=line,
+            file=f"row {k + 1}",
+            path=Path(where),
+            medium=row.get("medium") or "water",
+            role=row.get("role") or "signal",
+            x_m=given.get("x_m", 0.0),
+            y_m=given.get("y_m", 0.0),
+            z_m=given["z_m"],
+            time_s=given.get("time_s", float("nan")),
+            integration_time_s=given.get("integration_time_s", float("nan")),
+        )
+        if entry.medium not in MEDIA:
+            problems.add("unknown medium", place=line, found=entry.medium, rule=" or ".join(MEDIA))
+        if entry.role not in ROLES:
+            problems.add("unknown role", place=line, found=entry.role, rule=", ".join(ROLES))
+        if entry.role in ("signal", "reference") and not entry.z_m > 0:
+            problems.add("z_m is an impossible position", place=line, found=entry.z_m, rule="z_m > 0")
+        if entry.role != "ignore" and k < len(spectra):
+            shots.append(Shot(entry, spectra[k], entry.integration_time_s, entry.time_s))
+    return shots
+
+
+def _lengths(table: Table, meaning: str, index: int, problems: Problems) -> Array:
+    """A column in m or s, by the unit in its name."""
+    values = table.column(index, problems)
+    name, factors = table.names[index], _FACTORS["s" if meaning.endswith("_s") else "m"]
+    said = (table.units[index] or (m[1] if (m := re.search(r"_([a-z]+)$", name)) else "")).strip().lower()
+    if said and said not in factors:
+        if table.units[index]:
+            problems.add(
+                f"unknown unit of {meaning}", found=said, rule=", ".join(factors), remedy="rename the column"
+            )
+        return values
+    return np.asarray(values * factors.get(said, 1.0))
+
+
+def _one_band(
+    where: str, table: Table, index: int, bands_nm: Sequence[tuple[float, float]], problems: Problems
+) -> list[Spectrum]:
+    if len(bands_nm) != 1:
+        problems.add(
+            "one value for several bands",
+            found=f"{len(bands_nm)} bands",
+            rule="one band for a column of values",
+        )
+    low, high = bands_nm[0]
+    return [
+        Spectrum(
+            source=where,
+            format=NAME,
+            wavelength_nm=np.array([low, high]),
+            columns={"value": np.full(2, value)},
+            header={"title": NAME},
+            band_nm=(low, high),
+        )
+        for value in table.column(index, problems)
+    ]
+
+
+def _spectra(where: str, table: Table, problems: Problems) -> list[Spectrum]:
+    across = table.across()
+    if not across:
+        problems.add(
+            "no values",
+            found=", ".join(table.names[:8]),
+            rule="a column for value, or three and more named by wavelengths, as 525 or Ed525.0",
+            remedy="say which column is the value",
+        )
+        return []
+    if len(across) > 1:
+        problems.add(
+            "several spectra in each row",
+            found=", ".join(across),
+            rule="one",
+            remedy="leave one in the table",
+        )
+    places, wavelength = next(iter(across.values()))
+    check_axis(wavelength, (), problems)
+    values = np.array([table.column(k, problems) for k in places])  # [n_wavelengths, n_rows]
+    return [
+        Spectrum(
+            source=where, format=NAME, wavelength_nm=wavelength, columns={"value": values[:, k]},
+            header={"title": NAME},
+        )
+        for k in range(values.shape[1])
+    ]  # fmt: skip

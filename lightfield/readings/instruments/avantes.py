@@ -1,0 +1,108 @@
+"""Avantes: text that AvaSoft 6 to 8 exports (.ttt, .trt, .txt, .csv), one to four columns of it."""
+
+from __future__ import annotations
+
+import re
+
+from lightfield.arrays import Array
+from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.columns import check_axis, find_table, header_of, wavelength_column
+from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+NAME = "Avantes"
+_SAID = re.compile(
+    r"data measured with spectrometer|filename-->|nr of pixels used for smoothing|averaging nr\."
+)
+#: What the columns hold, by the first letters of their names; the rest is what the program made of them.
+_HOLDS = {
+    "refl": "processed",
+    "dark": "dark",
+    "ref": "reference",
+    "white": "reference",
+    "sample": "signal",
+    "scope": "signal",
+}
+
+
+def claims(document: Document) -> bool:
+    """Is this an AvaSoft file?"""
+    return any(_SAID.search(line.lower()) for line in document.lines[:12])
+
+
+def read(document: Document) -> Spectrum:
+    """Read it.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, with their lines.
+    """
+    problems = Problems(document.where)
+    table = find_table(document.lines, problems)
+    if table is None:
+        problems.add("there are no spectral data", rule="lines of numbers", remedy="export it again")
+        problems.raise_any(f"not a usable {NAME} file")
+        raise AssertionError  # not reached
+    axis = wavelength_column(table)
+    wavelength = table.column(axis, problems, whole=True)
+    check_axis(wavelength, table.lines, problems)
+    columns: dict[str, Array] = {}
+    for k, name in enumerate(table.names):
+        if k != axis:
+            words = labels.plain(name)
+            holds = next(
+                (meaning for start, meaning in _HOLDS.items() if words.startswith(start)), "processed"
+            )
+            columns.setdefault(holds, table.column(k, problems))
+    if set(columns) == {"processed"}:
+        columns = {"value": columns["processed"]}
+    elif "signal" not in columns:
+        problems.add(
+            "no column of the sample", found=", ".join(table.names), remedy="export it with the counts"
+        )
+    problems.raise_any(f"not a usable {NAME} file")
+    notes = []
+    if not document.ended:
+        for values in columns.values():
+            values[-1] = float("nan")
+        notes.append("the file ends within a line; its last pixel is not used")
+    header = header_of(document.lines[: table.lines[0] - 1])
+    exposure = _after(header, r"int(egration|\.) ?time.*")
+    unit = {"ms": 1e-3, "us": 1e-6, "s": 1.0}.get(_unit(*exposure), 1e-3) if exposure else 1.0
+    seconds = unit * _number(exposure[1]) if exposure else float("nan")
+    named = _after(header, r"data measured with spectrometer.*")
+    averaged, smoothed = _after(header, r"(averag|nrofaverages).*"), _after(header, r".*smoothing.*")
+    return Spectrum(
+        source=document.where,
+        format=NAME,
+        wavelength_nm=wavelength,
+        columns=columns,
+        header={"title": document.title, **header},
+        integration_time_s=seconds if 0 < seconds < 1e5 else float("nan"),
+        spectra_averaged=_whole(averaged),
+        boxcar=_whole(smoothed),
+        spectrometer=named[1] if named else "",
+        notes=tuple(notes),
+    )
+
+
+def _after(header: dict[str, str], pattern: str) -> tuple[str, str] | None:
+    found = next(((k, v) for k, v in header.items() if re.fullmatch(pattern, labels.plain(k))), None)
+    return found and (found[0], re.sub(r"^[->,;\s]*", "", found[1]))
+
+
+def _unit(label: str, said: str) -> str:
+    match = re.search(r"[\[(](\w+)[\])]", label) or re.search(r"\d\s*(ms|us|s)\b", said)
+    return match[1].lower() if match else ""
+
+
+def _number(said: str) -> float:
+    match = re.match(r"\d+([.,]\d+)?", said)
+    return float(match[0].replace(",", ".")) if match else float("nan")
+
+
+def _whole(said: tuple[str, str] | None) -> int | None:
+    match = re.match(r"\d{1,9}", said[1]) if said else None
+    return int(match[0]) if match else None

@@ -1,0 +1,228 @@
+"""Numbers in columns, wherever they begin in a file, whatever parts them: names, units, cells."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.readings import text
+from lightfield.readings.instruments import labels
+from lightfield.readings.problems import Problems
+
+#: What may part cells, the surer first: a comma may be a decimal mark.
+_SEPARATORS = ("\t", ";", None, ",")
+_WHEN = re.compile(r"[\d:/.\-_TZ+]*\d[:/\-_]\d[\d:/.\-_TZ+]*(\s+[\d:.]+)?(\s*[AaPp]\.?[Mm]\.?)?")
+#: Wavelength in a name: 525, 525nm, Es525.0, ES(525.00), lambda_525.
+_AT = re.compile(r"(?P<name>.*?)[\s_(\[]*(?P<nm>\d{3,4}(?:[.,]\d+)?)\s*(?:nm)?[)\]]?")
+#: A cell of a line of units.
+_UNIT = re.compile(
+    r"[\[(].*[\])]|nm|s|ms|m|cm|counts?|ts|rn|volts?|deg ?c|%|.*mol.*|[um\u00b5\u03bc]?w.*|", re.IGNORECASE
+)
+_NM = re.compile(r"(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
+#: A row may begin with a word (the name of a place) if more numbers than this follow.
+_NAMELESS = 3
+#: Of a line of units this part is known ones.
+MOSTLY = 0.6
+#: So many lines above the numbers may name them.
+MOST_NAMED = 3
+#: Beyond is another unit, as angstroms or pixels.
+SHORTEST_NM, LONGEST_NM = 100.0, 5000.0
+#: So many columns named by wavelengths are a spectrum, fewer may be chance.
+LEAST_ACROSS = 3
+
+
+@dataclass(frozen=True)
+class Table:
+    """A block of numbers.
+
+    Parameters
+    ----------
+    head : tuple of str
+        Lines before it.
+    names, units : tuple of str
+        Of the columns; "" where the file does not say.
+    lines : tuple of int
+        Line of each row.
+    cells : list of list of str
+    mark : str
+        Decimal mark.
+    """
+
+    head: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    lines: tuple[int, ...]
+    cells: list[list[str]]
+    mark: str
+
+    def column(self, index: int, problems: Problems, whole: bool = False) -> Array:
+        """Numbers of a column; nan where a cell says there is none. What is no number goes to `problems`.
+
+        `whole`: each cell must hold a number.
+        """
+        out = np.full(len(self.cells), np.nan)
+        for k, row in enumerate(self.cells):
+            cell = row[index]
+            if not whole and (not cell or text.NOT_A_NUMBER.fullmatch(cell)):
+                continue
+            try:
+                out[k] = text.number(cell, self.mark)
+            except ValueError as error:
+                problems.add(f"{cell!r:.40} {error}", place=self.lines[k], remedy="export it again")
+        return out
+
+    def across(self) -> dict[str, tuple[list[int], Array]]:
+        """Columns that are named by wavelengths: what stands before the number, to their places and nm."""
+        found: dict[str, list[tuple[int, float]]] = {}
+        for k, name in enumerate(self.names):
+            match = _AT.fullmatch(name)
+            if match and SHORTEST_NM <= (nm := float(match["nm"].replace(",", "."))) <= LONGEST_NM:
+                found.setdefault(match["name"].strip(), []).append((k, nm))
+        return {
+            name: ([k for k, _ in places], np.array([nm for _, nm in places]))
+            for name, places in found.items()
+            if len(places) >= LEAST_ACROSS
+        }
+
+
+def find_table(lines: Sequence[str], problems: Problems, start: int = 0) -> Table | None:
+    """The first block of two rows of numbers or more, with the names above it; None where there is none.
+
+    Rows behind it that do not fit, and are followed by such that do, go to `problems`.
+    """
+    numbered = [(k, line.strip()) for k, line in enumerate(lines, 1) if k > start and line.strip()]
+    for separator in _SEPARATORS:
+        rows = [(k, _cells(line, separator)) for k, line in numbered]
+        first = _first(rows)
+        if first is not None:
+            return _table(rows, first, [line for _, line in numbered], problems)
+    return None
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    cells = [_NM.sub(r"\1", cell.strip().strip('"').strip()) for cell in line.split(separator)]
+    return cells[:-1] if separator and len(cells) > 2 and not cells[-1] else cells
+
+
+def _is_row(cells: Sequence[str]) -> bool:
+    """Are these numbers, times and blanks by more than half?"""
+    known = [_is_number(cell) or not cell or _WHEN.fullmatch(cell) is not None for cell in cells]
+    begins = known[:1] == [True] or sum(known) > _NAMELESS
+    return begins and len(cells) > 1 and 2 * sum(known) > len(cells) and any(map(_is_number, cells))
+
+
+def _is_number(cell: str) -> bool:
+    return text.NUMBER.fullmatch(cell.replace(",", ".", 1)) is not None or (
+        text.NOT_A_NUMBER.fullmatch(cell) is not None
+    )
+
+
+def _first(rows: Sequence[tuple[int, list[str]]]) -> int | None:
+    for k in range(len(rows) - 1):
+        here, after = rows[k][1], rows[k + 1][1]
+        if len(here) == len(after) and _is_row(here) and _is_row(after):
+            return k
+    return None
+
+
+def _table(
+    rows: Sequence[tuple[int, list[str]]], first: int, lines: Sequence[str], problems: Problems
+) -> Table | None:
+    width = len(rows[first][1])
+    # Names that are wavelengths look like a row of numbers.
+    kinds = [_is_number(cell) for cell in rows[first][1]]
+    if any(not kind and _is_number(cell) for kind, cell in zip(kinds, rows[first + 1][1], strict=True)):
+        first += 1
+    fitting = [len(cells) == width and _is_row(cells) for _, cells in rows]
+    last = max((k for k, fits in enumerate(fitting) if fits), default=first)
+    if last == first:
+        return None
+    body = [rows[k] for k in range(first, last + 1) if fitting[k]]
+    for k in range(first, last + 1):
+        if not fitting[k]:
+            problems.add(
+                "the line does not fit the others",
+                place=rows[k][0],
+                found=lines[k],
+                rule=f"{width} cells of numbers",
+                remedy="export it again",
+            )
+    names, units, above = _names(rows, first, width)
+    try:
+        mark = text.decimal_mark(cell for _, cells in body for cell in cells if _is_number(cell))
+    except ValueError as error:
+        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
+        mark = "."
+    return Table(
+        tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark
+    )
+
+
+def _names(
+    rows: Sequence[tuple[int, list[str]]], first: int, width: int
+) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """Names and units of the columns, and how many lines are above them."""
+    top = first
+    while top and len(rows[top - 1][1]) == width and first - top < MOST_NAMED:
+        top -= 1
+    if top == first:
+        return ("",) * width, ("",) * width, first
+    named = [tuple(rows[k][1]) for k in range(top, first)]
+    # A line of units, and one of how the values came about, may stand between the names and the numbers.
+    below = next((k for k in range(1, len(named)) if _are_units(named[k])), None)
+    if below is not None:
+        return named[below - 1], tuple(cell.strip("[]() ") for cell in named[below]), top + below - 1
+    names = named[-1]
+    units = tuple(m[1].strip() if (m := re.search(r"[\[(]([^\])]*)[\])]", name)) else "" for name in names)
+    return names, units, first - 1
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    said = [cell for cell in cells if cell]
+    return bool(said) and sum(_UNIT.fullmatch(cell) is not None for cell in said) >= MOSTLY * len(said)
+
+
+def wavelength_column(table: Table) -> int:
+    """Which column is the wavelength: by its name or unit, else the first."""
+    for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
+        words = labels.plain(name)
+        if unit == "nm" or re.match(r"(wave|lambda|λ|longitud|wellenl|longueur|lunghezza|w$|nm$)", words):
+            return k
+    return 0
+
+
+def header_of(head: Sequence[str]) -> dict[str, str]:
+    """Label and text of the lines before a table, parted by a colon, an equals sign or a tabulator."""
+    found: dict[str, str] = {}
+    for number, line in enumerate(head, 1):
+        match = re.fullmatch(r"\W*([^:=\t]{1,80}?)\s*[:=\t]\s*(.*?)[\s\"]*", line)
+        if match:
+            found.setdefault(match[1].strip(), match[2].strip(" \"'"))
+        else:
+            found[f"line {number}"] = line.strip()
+    return found
+
+
+def check_axis(wavelength_nm: Array, lines: Sequence[int], problems: Problems) -> None:
+    """Wavelengths that can be, and increase; what is wrong goes to `problems`."""
+    for k in np.flatnonzero(~((wavelength_nm >= SHORTEST_NM) & (wavelength_nm <= LONGEST_NM))).tolist():
+        problems.add(
+            "impossible wavelength",
+            place=lines[k] if k < len(lines) else None,
+            found=wavelength_nm[k].item(),
+            rule=f"{SHORTEST_NM:g}-{LONGEST_NM:g} nm",
+            remedy="export wavelengths in nm, or say which column they are in",
+        )
+    with np.errstate(invalid="ignore"):
+        falls = np.flatnonzero(np.diff(wavelength_nm) <= 0).tolist()
+    for k in falls:
+        problems.add(
+            "the wavelength does not increase",
+            place=lines[k + 1] if k + 1 < len(lines) else None,
+            found=wavelength_nm[k + 1].item(),
+            remedy="export it again",
+        )

@@ -1,0 +1,77 @@
+"""PAR loggers (LI-COR, Campbell and others): one number for 400-700 nm a row, in photons, no spectrum."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from lightfield.readings.instruments.columns import Table, find_table, header_of
+from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+NAME = "PAR logger"
+#: Photosynthetically active radiation, by definition.
+BAND_NM = (400.0, 700.0)
+_NAMED = re.compile(r"(?<![a-z])(par|ppfd|pfd|qntm|quantum)(?![a-z])|[uµμ]mol", re.IGNORECASE)
+_PHOTONS = "it counts photons of 400-700 nm, which the colour of the water changes otherwise than power"
+_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
+
+
+def claims(document: Document) -> bool:
+    """Is this a table with a column of photosynthetically active radiation?"""
+    table = find_table(document.lines, Problems(document.where))
+    return table is not None and bool(_columns(table))
+
+
+def _columns(table: Table) -> list[int]:
+    return [
+        k
+        for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True))
+        if _NAMED.search(name.replace("_", " ")) or _NAMED.search(unit)
+        if not table.across() and not _CLOCK.search(table.cells[0][k])
+    ]
+
+
+def read(document: Document) -> list[Spectrum]:
+    """One number for the band of each row; the column's name is the label.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, with their lines.
+    """
+    problems = Problems(document.where)
+    table = find_table(document.lines, problems)
+    chosen = _columns(table) if table is not None else []
+    if table is None or not chosen:
+        problems.add("no column of PAR", rule="a name like PAR, PPFD or quantum, or a unit in umol")
+        problems.raise_any(f"not a usable {NAME} file")
+        raise AssertionError  # not reached
+    values = {k: table.column(k, problems) for k in chosen}
+    problems.raise_any(f"not a usable {NAME} file")
+    header = {"title": document.title, **header_of(table.head)}
+    when = next((k for k, cell in enumerate(table.cells[0]) if _CLOCK.search(cell)), None)
+    return [
+        Spectrum(
+            source=document.where,
+            format=NAME,
+            wavelength_nm=np.array(BAND_NM),
+            columns={"value": np.full(2, values[k][row])},
+            header={**header, "unit": table.units[k]},
+            date=_date(table.cells[row][when]) if when is not None else "",
+            label=table.names[k],
+            band_nm=BAND_NM,
+            photons=True,
+            notes=(_PHOTONS,),
+        )
+        for k in chosen
+        for row in range(len(table.cells))
+        if np.isfinite(values[k][row])
+    ]
+
+
+def _date(cell: str) -> str:
+    """A date that can be told, or "": of 03/04/20 nobody can say which is the month."""
+    return cell if re.match(r"\d{4}-\d{2}-\d{2} \d{2}:\d{2}:\d{2}", cell) else ""

@@ -1,0 +1,159 @@
+"""Plain columns: wavelength and values beside it, or a spectrum a row under wavelengths as names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.readings import units
+from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.columns import (
+    Table,
+    check_axis,
+    find_table,
+    header_of,
+    wavelength_column,
+)
+from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.problems import Problems
+
+NAME = "plain columns"
+#: What a mapping may name.
+MEANINGS = ("wavelength_nm", "value", "dark", "reference")
+
+
+def claims(document: Document) -> bool:
+    """Is there a block of numbers with wavelengths down or across?"""
+    table = find_table(document.lines, Problems(document.where))
+    if table is None:
+        return False
+    if table.across():
+        return True
+    problems = Problems(document.where)
+    axis = table.column(wavelength_column(table), problems, whole=True)
+    check_axis(axis, table.lines, problems)
+    # A few bad lines are reported; a column of something else is another file.
+    return len(problems.found) <= max(1, len(axis) // 10)
+
+
+def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[Spectrum]:
+    """The spectra of a table: one for each column beside the wavelength, or one for each row.
+
+    Parameters
+    ----------
+    document : Document
+    mapping : mapping of str to str, optional
+        Which column is what (of MEANINGS), by its name or number from 1; the others are left aside.
+
+    Raises
+    ------
+    MeasurementError
+        All problems of the file, with their lines.
+    """
+    problems = Problems(document.where)
+    table = find_table(document.lines, problems)
+    if table is None:
+        problems.add("there are no columns of numbers", remedy="export it as text")
+        problems.raise_any("not a usable file of columns")
+        raise AssertionError  # not reached
+    across = table.across()
+    if across and not mapping:
+        return _across(document, table, across, problems)
+    chosen = {meaning: place(table, name, meaning, problems) for meaning, name in (mapping or {}).items()}
+    problems.raise_any("not a usable file of columns")
+    axis = chosen.get("wavelength_nm", wavelength_column(table))
+    wavelength = table.column(axis, problems, whole=True)
+    check_axis(wavelength, table.lines, problems)
+    if "value" in chosen and len(chosen) > 1 + ("wavelength_nm" in chosen):
+        named = {"signal" if m == "value" else m: k for m, k in chosen.items() if m != "wavelength_nm"}
+        sets = [
+            (
+                "",
+                {meaning: table.column(k, problems) for meaning, k in named.items()},
+                table.units[chosen["value"]],
+            )
+        ]
+    else:
+        wanted = [chosen["value"]] if "value" in chosen else [k for k in range(len(table.names)) if k != axis]
+        sets = [
+            ("" if "value" in chosen else table.names[k] or f"column {k + 1}",
+             {"value": table.column(k, problems)}, table.units[k])
+            for k in wanted
+        ]  # fmt: skip
+    problems.raise_any("not a usable file of columns")
+    notes: tuple[str, ...] = ()
+    if not document.ended:
+        for _, columns, _ in sets:
+            for values in columns.values():
+                values[-1] = np.nan
+        notes = ("the file ends within a line; its last pixel is not used",)
+    return [
+        _spectrum(document, table, wavelength, columns, label, unit, notes) for label, columns, unit in sets
+    ]
+
+
+def place(table: Table, name: str, meaning: str, problems: Problems) -> int:
+    """Which column has this name, or this number from 1; a problem where none has."""
+    plain = [labels.plain(known) for known in table.names]
+    if labels.plain(name) in plain:
+        return plain.index(labels.plain(name))
+    if name.isdecimal() and 1 <= int(name) <= len(table.names):
+        return int(name) - 1
+    known = ", ".join(n for n in table.names if n) or f"1 to {len(table.names)}"
+    problems.add(f"no column for {meaning}", found=name, rule=f"one of {known}", remedy="correct the name")
+    return 0
+
+
+def _across(
+    document: Document, table: Table, across: dict[str, tuple[list[int], Array]], problems: Problems
+) -> list[Spectrum]:
+    out = []
+    for name, (places, wavelength) in across.items():
+        check_axis(wavelength, (), problems)
+        columns = [table.column(k, problems) for k in places]
+        out += [
+            _spectrum(
+                document, table, wavelength, {"value": np.array([c[row] for c in columns])}, name,
+                table.units[places[0]], (),
+            )
+            for row in range(len(table.cells))
+        ]  # fmt: skip
+    problems.raise_any("not a usable file of columns")
+    return out
+
+
+def _spectrum(
+    document: Document,
+    table: Table,
+    wavelength: Array,
+    columns: Mapping[str, Array],
+    label: str,
+    unit: str,
+    notes: tuple[str, ...],
+) -> Spectrum:
+    header = header_of(table.head)
+    exposure = labels.lookup(header, "integration")
+    seconds = float("nan")
+    if exposure:
+        try:
+            seconds = labels.seconds(*exposure)
+        except ValueError as error:
+            notes = (*notes, f"the exposure is not known: {exposure[0]!r} {error}")
+    try:
+        known = units.canonical(unit) if unit else ""
+    except ValueError:
+        known = ""
+    return Spectrum(
+        source=document.where,
+        format=NAME,
+        wavelength_nm=wavelength,
+        columns=columns,
+        header={"title": document.title, **header},
+        integration_time_s=seconds,
+        processed_unit=known if units.is_absolute(known or "counts") else "",
+        label=label,
+        notes=notes,
+    )
