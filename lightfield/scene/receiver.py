@@ -14,6 +14,8 @@ from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.profile import LN2
 from lightfield.scene.parameters import fields_on
 
+#: Half angle from which on a view is wide: more is not told apart.
+_WIDE_DEG = 60.0
 #: Fields of a detector that make its response.
 RECEIVER = fields_on(Detector, Acts.RECEIVER)
 
@@ -21,6 +23,19 @@ RECEIVER = fields_on(Detector, Acts.RECEIVER)
 def looks_aside(detector: Detector) -> bool:
     """Is the receiver's axis another than that of the tank?"""
     return detector.aim == "lamp" or detector.tilt_x_deg != 0
+
+
+def half_view_rad(detector: Detector) -> float:
+    """Half angle of what a receiver sees that keeps parallel to itself wherever it is, at most 60 degrees.
+
+    That of a collimator, or the half width of an acceptance. A receiver that is aimed at the lamp sees the
+    same part of the beam from everywhere: its view counts as wide.
+    """
+    if detector.quantity == "radiance":
+        half = 90.0 if detector.aim == "lamp" else 0.5 * detector.full_angle_deg
+    else:
+        half = detector.acceptance_hwhm_deg or 90.0
+    return math.radians(min(half, _WIDE_DEG))
 
 
 def tilted_axis(detector: Detector) -> tuple[float, float, float]:
