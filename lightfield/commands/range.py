@@ -28,8 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--to", type=float, metavar="M", help="farthest distance, m (default: twice the last plane)"
     )
-    parser.add_argument("--array", type=int, default=5, metavar="N", help="receivers on a side (default 5)")
-    parser.add_argument("--array-side", type=float, default=0.6, metavar="M", help="in m (default 0.6)")
+    parser.add_argument(
+        "--array", type=int, metavar="N",
+        help="receivers on a side (default: the scene's [array]; without one 5 x 5 on 0.4 m, curved)",
+    )  # fmt: skip
+    parser.add_argument("--array-side", type=float, metavar="M", help="side of the array, m")
+    parser.add_argument("--array-radius", type=float, metavar="M", help="of its curvature, m; 0: flat")
+    add_option(parser, "--max-photons", 2e6)
     add_option(parser, "--no-trace")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
@@ -37,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
-    scene = Scene.load(args.scene)
+    scene = _with_array(Scene.load(args.scene), args)
     readings = read_table(args.readings, scene) if args.readings else None
     inputs = [path for path in (args.scene, args.readings) if path]
     outputs = [file for file in (args.json, args.report) if file]
@@ -53,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         trace = response_for
     found = working_range(
         scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
-        count=args.array, side_m=args.array_side,
+        **({} if args.max_photons is None else {"photons": args.max_photons}),
     )  # fmt: skip
     print(as_text(found))
     if args.json:
@@ -63,3 +68,20 @@ def run(args: argparse.Namespace) -> int:
 
         print(f"report: {write_range(found, args.report).resolve()}")
     return 0
+
+
+def _with_array(scene: Scene, args: argparse.Namespace) -> Scene:
+    """The scene with what the options say of the array."""
+    asked = {
+        "array.count": None if args.array is None else [args.array, args.array],
+        "array.size_m": args.array_side,
+        "array.radius_m": args.array_radius,
+    }
+    changed = {path: value for path, value in asked.items() if value is not None}
+    if not changed:
+        return scene
+    if scene.array is None:
+        from lightfield.studies.working_range.poses import ARRAY
+
+        scene = scene.model_copy(update={"array": ARRAY})
+    return scene.with_values(changed)

@@ -198,5 +198,5 @@ class AtPlaces:
 
 def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Any) -> Rendering:
     """A rendering of cells around places in the water."""
-    grid = positions_grid(x, y, z, CELL_M, scene.lamp.hwhm_deg, scene.tank)
+    grid = positions_grid(x, y, z, CELL_M, scene.lamp.hwhm_deg, scene.tank, detector=scene.detector)
     return render_scene(scene, grid=surrounded(grid, scene.tank), **settings)

@@ -9,14 +9,25 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, percent_axis
+from lightfield.report.style import (
+    FORMULA,
+    GOOD,
+    MUTED,
+    RENDER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    legend_below,
+    percent_axis,
+)
 from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows
 
 
 def band_figure(found: Bands) -> Figure:
     """Left: what is left of the lamp's light and K. Right: what a band of that width is worth, far away."""
     at, z = found.spectrum.wavelength_nm.values, found.spectrum.z_m.values
-    with figure(WIDTH, 4.2) as fig:
+    with figure(WIDTH, 4.6) as fig:
         left, right = fig.subplots(1, 2)
         left.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
         for k, far in enumerate(z):
@@ -30,7 +41,6 @@ def band_figure(found: Bands) -> Figure:
         left.plot(at, K.min() / K, color=MUTED, linestyle=(0, (2, 2)), label="least K over K")
         left.set_ylim(0, 1.05)
         percent_axis(left.yaxis)
-        left.legend(loc="lower left")
         label(left, "wavelength (nm)", "of the largest", "What the detector sees of the lamp")
         row = found.bands.isel(z_m=-1)
         middle = 0.5 * (row.low_nm.values + row.high_nm.values)
@@ -45,9 +55,9 @@ def band_figure(found: Bands) -> Figure:
             right.plot(middle[best], values[best], "o", color=shade)
         right.set_ylim(0, 1.08)
         percent_axis(right.yaxis)
-        right.legend(loc="lower left")
         title = f"What a band of {found.width_nm:g} nm is worth at {z[-1]:g} m"
         label(right, "middle of the band (nm)", "of the best", title)
+        legend_below(fig, left, right, columns=3)
     return fig
 
 

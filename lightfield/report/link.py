@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import BAD, MUTED, SERIES, WIDTH, figure, label
+from lightfield.report.style import BAD, MUTED, SERIES, WIDTH, figure, label, legend_below
 from lightfield.studies.link.study import REPORTED_DOCKING_M, Link
 from lightfield.studies.link.text import HEAD, bandwidth_sentence, headline, rows
 
@@ -34,7 +34,6 @@ def reach_figure(found: Link) -> Figure:
         left.axhline(found.receiver.ber, color=BAD, linewidth=1)
         left.set_yscale("log")
         left.set_ylim(LEAST_BER, 0.6)
-        left.legend(title="dashed: exp(−cz)", loc="lower right")
         label(
             left, "z (m)", "errors per bit", f"{found.receiver.bit_rate_per_s / 1e6:g} Mbit/s, on-off keying"
         )
@@ -56,6 +55,7 @@ def reach_figure(found: Link) -> Figure:
         right.set_yticks(range(len(names), 0, -1), names)
         right.grid(False, axis="y")
         label(right, "range for data (m)", "", "Grey: docking by light, as reported")
+        legend_below(fig, left)
     return fig
 
 
@@ -83,10 +83,10 @@ def light_figure(found: Link) -> Figure:
         left.set_yscale("log")
         top = float(data.power_w.max())
         left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)
-        left.legend(title="dashed: exp(−cz)", loc="upper right")
         label(left, "z (m)", "W", "Received power")
         right.set_yscale("log")
         label(right, "z (m)", "MHz", "Bandwidth by the traced paths")
+        legend_below(fig, left)
     return fig
 
 

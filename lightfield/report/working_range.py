@@ -20,11 +20,12 @@ from lightfield.report.style import (
     WIDTH,
     figure,
     label,
+    legend_below,
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.working_range.study import ACROSS_M, ALONG_M, WorkingRange
-from lightfield.studies.working_range.text import BLIND, distance, headline, metres, rows
+from lightfield.studies.working_range.study import POSE_RULES, WorkingRange
+from lightfield.studies.working_range.text import array_sentence, distance, headline, metres, rows
 
 #: Errors are drawn this many times as wide as one standard error.
 SIGMAS = 3.0
@@ -80,35 +81,40 @@ def light_figure(found: WorkingRange) -> Figure:
     return fig
 
 
+TITLES = {"across": "Across the beam", "along": "Along the beam", "turned": "Yaw and pitch"}
+
+
 def pose_figure(found: WorkingRange) -> Figure:
-    """Least standard errors of a position against distance, with what docking asks."""
+    """Least standard errors of a pose against distance, with what docking asks."""
     data, z = found.dataset, found.dataset.z_m.values
-    with figure(WIDTH, 3.6) as fig:
-        axes = fig.subplots(1, 2, sharey=True)
-        for axis, name, limit, title in (
-            (axes[0], "across", ACROSS_M, "Across the beam"),
-            (axes[1], "along", ALONG_M, "Along the beam"),
-        ):
+    with figure(WIDTH, 4.1) as fig:
+        axes = fig.subplots(1, 3)
+        for axis, (name, (_, unit, limit)) in zip(axes, POSE_RULES.items(), strict=True):
             for suffix, shade, words in (
-                ("", RENDER, "lamp power known"),
+                ("", RENDER, "gain known as the scene says"),
                 ("_relative", SERIES[2], "relative readings only"),
             ):
-                axis.plot(z, data[f"sigma_{name}{suffix}_m"].values, color=shade, label=words)
-                by_formula = data[f"sigma_{name}{suffix}_formula_m"].values
+                sigma = data[f"sigma_{name}{suffix}_{unit}"].values
+                error = SIGMAS * data[f"sigma_{name}{suffix}_stderr_{unit}"].values
+                low, high = np.maximum(sigma - error, 1e-2 * sigma), sigma + error
+                axis.fill_between(z, low, high, color=shade, alpha=0.3, linewidth=0)
+                axis.plot(z, sigma, color=shade, label=words)
+                by_formula = data[f"sigma_{name}{suffix}_formula_{unit}"].values
                 axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)
             axis.axhline(limit, color=BAD, linewidth=1)
             axis.annotate(
-                f"asked: {limit:g} m",
-                (z[0], limit),
-                (2, 3),
+                f"asked: {limit:g} {unit}",
+                (z[-1] if name == "turned" else z[0], limit),
+                (-2 if name == "turned" else 2, 3),
                 textcoords="offset points",
                 color=BAD,
                 fontsize=9,
+                ha="right" if name == "turned" else "left",
             )
             axis.set_yscale("log")
             plain_log_axis(axis.yaxis)
-            label(axis, "z (m)", "standard error (m)" if name == "across" else "", title)
-        axes[0].legend(loc="lower right")
+            label(axis, "z (m)", f"standard error ({unit})", TITLES[name])
+        legend_below(fig, axes[0])
     return fig
 
 
@@ -120,15 +126,17 @@ def range_page(found: WorkingRange) -> str:
         "Light on the axis and radius of half intensity against distance",
     )  # fmt: skip
     pose = page_figure(
-        pose_figure(found), "pose", "Dashed: the same by the formula. Red: what docking asks.",
-        "Least standard errors of a position against distance",
+        pose_figure(found), "pose",
+        f"Dashed: the same by the formula. Red: what docking asks. Bands of {SIGMAS:g} standard errors of "
+        "the render.",
+        "Least standard errors of a pose against distance",
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", ("up to", "with scattered light", "formula"), rows(found)
     )
     sections = [
         Section("How far", (light,), (), (table,)),
-        Section("What an array of receivers tells of its position", (pose,), (BLIND,)),
+        Section("What an array of receivers tells of its pose", (pose,), (array_sentence(found),)),
     ]
     title = f"{found.scene.name or 'Lamp'}: working range"
     return study_page(title, headline(found), (), sections, found.scene.to_toml())

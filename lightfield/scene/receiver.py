@@ -14,6 +14,8 @@ from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.profile import LN2
 from lightfield.scene.parameters import fields_on
 
+#: Half angle from which on a view is wide: more is not told apart.
+_WIDE_DEG = 60.0
 #: Fields of a detector that make its response.
 RECEIVER = fields_on(Detector, Acts.RECEIVER)
 
@@ -27,6 +29,19 @@ def is_cosine(detector: Detector) -> bool:
     """Is the response the plain cosine to the axis of the tank?"""
     changed = detector.tilt_x_deg or detector.cosine_error or detector.acceptance_hwhm_deg
     return detector.quantity == "irradiance" and detector.aim == "axis" and not changed
+
+
+def half_view_rad(detector: Detector) -> float:
+    """Half angle of what a receiver sees that keeps parallel to itself wherever it is, at most 60 degrees.
+
+    That of a collimator, or the half width of an acceptance. A receiver that is aimed at the lamp sees the
+    same part of the beam from everywhere: its view counts as wide.
+    """
+    if detector.quantity == "radiance":
+        half = 90.0 if detector.aim == "lamp" else 0.5 * detector.full_angle_deg
+    else:
+        half = detector.acceptance_hwhm_deg or 90.0
+    return math.radians(min(half, _WIDE_DEG))
 
 
 def tilted_axis(detector: Detector) -> tuple[float, float, float]:

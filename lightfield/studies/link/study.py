@@ -276,7 +276,7 @@ def _late_light(
     """Trace, and sort the light by its delay."""
     zero = np.zeros(len(nodes))
     x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
-    grid = positions_grid(x, y, nodes, _CELL_M, water.lamp.hwhm_deg, None)
+    grid = positions_grid(x, y, nodes, _CELL_M, water.lamp.hwhm_deg, None, detector=water.detector)
     rendering = render_scene(water, grid=grid, reference=Reference(a, b, 0.0), symmetry=True, **tracing)
     response = rendering.response
     mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))

@@ -2,11 +2,10 @@
 
     light      E(z) / E(z0) > 20 % of that at the nearest plane (the paper's rule)
     signal     E(z) > k sigma, sigma the noise of one reading
-    pose       standard errors of a position that a flat array of n x n receivers tells, by its Fisher matrix
+    pose       x, y, z, yaw and pitch that the follower's array can know, by its Cramer-Rao bound
 
-F = J^T J / sigma^2 with J the derivatives of the array's readings by x, y, z and, where only relative ones
-are used, a gain; the bound is the root of the diagonal of its inverse (Rao 1945; Cramer 1946). Light and its
-derivatives are those of the render, scattered light included, or those of the formula.
+The bound is that of `studies.follower.information`, with gain and water unknown as far as the scene says
+(`poses`). Light and its derivatives are those of the render, scattered light included, or of the formula.
 """
 
 from __future__ import annotations
@@ -16,21 +15,30 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.polynomial import chebyshev
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
-from lightfield.scene import Scene
+from lightfield.scene import DetectorArray, Scene
+from lightfield.studies.follower.information import Bound
+from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.light_at import LightAt, light_at
 from lightfield.studies.working_range.field import RADII, Field
+from lightfield.studies.working_range.poses import Known, known_poses
 
-#: The paper's rule, and what docking asks of a position across and along the beam, in metres.
-PAPER_SHARE, ACROSS_M, ALONG_M = 0.20, 0.1, 0.3
-#: Receivers of the array along a side, and its side in metres: the array of the paper.
-ARRAY_COUNT, ARRAY_SIDE_M = 5, 0.6
+#: The paper's rule.
+PAPER_SHARE = 0.20
+#: Photons of the flux vector whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
+PHOTONS = 2e6
+#: Directions of a pose that are asked about: coordinates, unit, and what docking asks of them (`DOCKING`).
+POSE_RULES = {
+    "across": (("x", "y"), "m", DOCKING["x"]),
+    "along": (("z",), "m", DOCKING["z"]),
+    "turned": (("yaw", "pitch"), "deg", float(np.degrees(DOCKING["yaw"]))),
+}
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: Readings so close to the axis, as a part of the distance, are on it.
@@ -42,6 +50,15 @@ _DEGREES, _LEAST_ERROR = (4, 3), 1e-3
 _SHOWN = 61
 #: Step of derivatives, m.
 _STEP_M = 1e-3
+_WORDS = {
+    "across": "position across the beam",
+    "along": "position along the beam",
+    "turned": "yaw and pitch",
+}
+#: Distances at which poses are asked about.
+_POSES = 13
+#: What cannot be known at all, in m and rad, for logarithms.
+_UNKNOWN = 1e6
 #: No light, for logarithms.
 _DARK = 1e-300
 #: Kept free before the end of a tank, m.
@@ -78,7 +95,8 @@ class WorkingRange:
     ----------
     dataset : xarray.Dataset
         Over `z_m`: `light`, `formula` (both over those at the reference), `half_radius_m` of both, and
-        `sigma_...` of poses, with `..._stderr`.
+        `sigma_across_m`, `sigma_along_m`, `sigma_turned_deg` of poses with `..._stderr`; with `_relative`
+        where the gain is unknown altogether, with `_formula` by direct light alone.
     reaches : tuple of Reach
     readings : xarray.Dataset, optional
         Over `z_m`: `value` and `stderr` of readings on the axis over that at the reference, and
@@ -87,6 +105,10 @@ class WorkingRange:
     share, noise, snr : float
         Part of the light that must be left; noise of a reading over the reading at the reference; signal over
         noise that is asked for.
+    array : DetectorArray
+        Whose poses were asked about.
+    nuisances : dict of str to float
+        What the follower does not know exactly, by its standard deviation.
     """
 
     dataset: xr.Dataset
@@ -96,6 +118,8 @@ class WorkingRange:
     share: float
     noise: float
     snr: float
+    array: DetectorArray
+    nuisances: dict[str, float]
 
     @property
     def reference_m(self) -> float:
@@ -112,15 +136,15 @@ def working_range(
     noise: float = 0.01,
     snr: float = 10.0,
     to_m: float | None = None,
-    count: int = ARRAY_COUNT,
-    side_m: float = ARRAY_SIDE_M,
+    photons: float = PHOTONS,
 ) -> WorkingRange:
     """Light, spot and accuracy of a pose against distance, and how far each of them suffices.
 
     Parameters
     ----------
     scene : Scene
-        Its first plane is the reference; light is the mean over its first band.
+        Its first plane is the reference; light is the mean over its first band. Its [array] and [follower]
+        say what reads and what is unknown; without, `ARRAY` and the defaults.
     trace : callable, optional
         `lightfield.render.diffuse.source.response_for`; None: direct light alone.
     readings : Readings, optional
@@ -133,9 +157,8 @@ def working_range(
         Signal over noise that must be left.
     to_m : float, optional, m
         Farthest distance; default: twice that of the last plane, or the end of the tank.
-    count : int
-        Receivers along a side of the array.
-    side_m : float, m
+    photons : float
+        Traced for the accuracy of poses.
 
     Raises
     ------
@@ -144,24 +167,18 @@ def working_range(
     SceneError
         No room in the tank.
     """
-    _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9), side_m=(side_m, 0.0, 100.0))
-    if not 2 <= count <= 101:
-        raise UsageError("impossible array", found=count, rule="2 to 101 receivers along a side")
+    _check(
+        share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9), photons=(photons, 1e3, 1e12)
+    )
     first, last = _ends(scene, to_m)
     nodes = np.linspace(first, last, _DISTANCES)
     z = np.unique(np.concatenate([np.linspace(first, last, _SHOWN), _planes(scene, last)]))
-    field, light = _field(scene, trace, nodes, side_m)
-    plain, _ = _field(scene, None, nodes, side_m)
+    field, light = _field(scene, trace, nodes)
+    plain, _ = _field(scene, None, nodes)
     fine = np.linspace(first, last, _SCAN)
-    array = _array(count, side_m)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
-    poses = {
-        name: np.array([_pose(f, at, array, noise * there[0], free) for at in z])
-        for name, f, there, free in (
-            ("", field, axis[0], False), ("_relative", field, axis[0], True),
-            ("_formula", plain, axis[1], False), ("_relative_formula", plain, axis[1], True),
-        )
-    }  # fmt: skip
+    at = np.linspace(first, last, _POSES)
+    known = known_poses(scene, at, photons=0.0 if trace is None else photons)
     modes = light.relative_modes[:: len(RADII)]
     relative = np.interp(z, nodes, np.linalg.norm(modes - modes[:1], axis=1))
     ratio, formula = (there / there[0] for there in axis)
@@ -175,17 +192,39 @@ def working_range(
             "half_radius_m": ("z_m", half[0], {"units": "m", "long_name": "radius of half intensity"}),
             "half_radius_stderr_m": ("z_m", half_error, {"units": "m"}),
             "half_radius_formula_m": ("z_m", half[1], {"units": "m"}),
-            **{
-                f"sigma_{axis}{name}_m": ("z_m", found[:, k], {"units": "m"})
-                for name, found in poses.items()
-                for k, axis in enumerate(("across", "along"))
-            },
+            **_sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
-        attrs={"reference_m": first, "array_count": count, "array_side_m": side_m, "noise": noise},
+        attrs={"reference_m": first, "noise": noise},
     )
     reaches = _reaches(dataset, fine, share, noise, snr)
-    return WorkingRange(dataset, reaches, _measured(readings, first), scene, share, noise, snr)
+    return WorkingRange(
+        dataset, reaches, _measured(readings, first), scene, share, noise, snr, known[0].array,
+        known[0].nuisances,
+    )  # fmt: skip
+
+
+def _sigmas(known: list[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:
+    """Standard errors of poses at distances, from those that were asked about; smooth in between."""
+    found = {}
+    for which, one in zip(("", "_formula"), known, strict=True):
+        for gain, bounds in (("", one.as_stated), ("_relative", one.relative)):
+            for axis, (names, unit, _) in POSE_RULES.items():
+                sigma, doubt = np.array([_worst(bound, names) for bound in bounds]).T
+                scale = 1.0 if unit == "m" else 180 / np.pi
+                curve = np.exp(PchipInterpolator(at, np.log(scale * sigma))(z))
+                name = f"sigma_{axis}{gain}{which}"
+                found[f"{name}_{unit}"] = ("z_m", curve, {"units": unit})
+                if not which:
+                    error = curve * np.interp(z, at, doubt)
+                    found[f"{name}_stderr_{unit}"] = ("z_m", error, {"units": unit})
+    return found
+
+
+def _worst(bound: Bound, names: tuple[str, ...]) -> tuple[float, float]:
+    """Largest standard error of some coordinates, and its relative doubt by the trace."""
+    name = max(names, key=bound.sigma.__getitem__)
+    return min(bound.sigma[name], _UNKNOWN), bound.doubt.get(name, 0.0)
 
 
 def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: float) -> tuple[Reach, ...]:
@@ -205,12 +244,25 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
         at = _last(light, np.log(level), fine, falling=True)
         stderr = _error(error, light, at)
         rules.append(Reach(name, words, at, stderr, _last(formula, np.log(level), fine, falling=True)))
-    for suffix, known in (("", "lamp power known"), ("_relative", "relative readings only")):
-        for axis, limit in (("across", ACROSS_M), ("along", ALONG_M)):
-            curves = [curve(f"sigma_{axis}{suffix}{which}_m") for which in ("", "_formula")]
+    for suffix, known in (("", ""), ("_relative", ", relative readings only")):
+        met = []
+        for axis, (_, unit, limit) in POSE_RULES.items():
+            name = f"sigma_{axis}{suffix}"
+            curves = [curve(f"{name}{which}_{unit}") for which in ("", "_formula")]
             at, by_formula = (_last(c, np.log(limit), fine, falling=False) for c in curves)
-            words = f"position {axis} the beam to {limit:g} m, {known}"
-            rules.append(Reach(f"pose_{axis}{suffix}", words, at, _error(error, curves[0], at), by_formula))
+            doubt = CubicSpline(z, data[f"{name}_stderr_{unit}"].values / data[f"{name}_{unit}"].values)
+            words = f"{_WORDS[axis]} to {limit:g} {unit}{known}"
+            met.append(Reach(f"pose_{axis}{suffix}", words, at, _error(doubt, curves[0], at), by_formula))
+        shortest = min(met, key=lambda reach: -1.0 if np.isnan(reach.z_m) else reach.z_m)
+        by_formula = min((r.formula_m for r in met), key=lambda at: -1.0 if np.isnan(at) else at)
+        whole = Reach(
+            f"pose{suffix}",
+            f"all that docking asks of a pose{known}",
+            shortest.z_m,
+            shortest.stderr_m,
+            by_formula,
+        )
+        rules += [*met, whole]
     return tuple(rules)
 
 
@@ -230,11 +282,10 @@ def _last(curve: CubicSpline, level: float, fine: Array, falling: bool) -> float
     return float(brentq(lambda z: float(curve(np.array(z))) - level, fine[k - 1], fine[k]))
 
 
-def _field(scene: Scene, trace: DiffuseSource | None, z: Array, side_m: float) -> tuple[Field, LightAt]:
+def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[Field, LightAt]:
     """Light around the axis, and at the places it was asked at (radii within distances)."""
     beam = float(np.tan(np.radians(scene.lamp.hwhm_deg)))
-    needed = np.sqrt(0.5) * side_m / (beam * z[0])
-    most = max(RADII[-1], 1.1 * needed)
+    most = float(RADII[-1])
     if scene.tank is not None:
         most = min(most, (scene.tank.box_m[0][1] - _BEFORE_WALL_M) / (beam * z[-1]))
     width = beam * most / RADII[-1]
@@ -259,35 +310,6 @@ def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
     excess = np.log(np.maximum(light.total, _DARK) / np.maximum(light.direct, _DARK))
     coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
     return np.asarray(terms @ coefficients)
-
-
-def _array(count: int, side_m: float) -> tuple[Array, Array]:
-    """x and y of the receivers of a flat square array, shape (count^2,), m."""
-    at = np.linspace(-0.5, 0.5, count) * side_m
-    x, y = np.meshgrid(at, at)
-    return x.ravel(), y.ravel()
-
-
-def _pose(field: Field, z_m: float, array: tuple[Array, Array], sigma: float, gain_free: bool) -> Array:
-    """Least standard errors of x or y and of z on the axis, m, of a flat array that faces the lamp."""
-    px, py = array
-    near, far = field.z_m[0], field.z_m[-1]
-
-    def read(x: float, y: float, z: float) -> Array:
-        return field.at((px + x) ** 2 + (py + y) ** 2, np.full(len(px), z))
-
-    h = _STEP_M
-    low, high = max(z_m - h, near), min(z_m + h, far)
-    columns = [
-        (read(h, 0, z_m) - read(-h, 0, z_m)) / (2 * h),
-        (read(0, h, z_m) - read(0, -h, z_m)) / (2 * h),
-        (read(0, 0, high) - read(0, 0, low)) / (high - low),
-    ]
-    if gain_free:
-        columns.append(read(0, 0, z_m))
-    J = np.stack(columns, 1) / sigma
-    bound = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
-    return np.array([max(bound[0], bound[1]), bound[2]])
 
 
 def _half_error(light: LightAt, field: Field, z: Array) -> Array:

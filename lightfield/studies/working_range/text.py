@@ -11,15 +11,9 @@ from lightfield.studies.working_range.study import Reach, WorkingRange
 
 def as_text(found: WorkingRange) -> str:
     """The answer for people."""
-    lines = [headline(found), "", f"{'':<58}{'with scattered light':>22}{'formula':>10}"]
-    lines += [f"{rule:<58}{own:>22}{formula:>10}" for rule, own, formula in rows(found)]
-    lines.append(
-        f"An array of {found.dataset.attrs['array_count']} x {found.dataset.attrs['array_count']} flat "
-    )
-    lines[-1] += (
-        f"receivers, {found.dataset.attrs['array_side_m']:g} m wide, noise of each {100 * found.noise:g} % "
-    )
-    lines[-1] += f"of the reading at {found.reference_m:g} m. {BLIND}"
+    lines = [headline(found), "", f"{'':<66}{'with scattered light':>22}{'formula':>18}"]
+    lines += [f"{rule:<66}{own:>22}{formula:>18}" for rule, own, formula in rows(found)]
+    lines.append(array_sentence(found))
     return "\n".join(lines)
 
 
@@ -32,8 +26,29 @@ def headline(found: WorkingRange) -> str:
     )
 
 
+def array_sentence(found: WorkingRange) -> str:
+    """Which array reads, and what it does not know."""
+    array = found.array
+    shape = f"curved with a radius of {array.radius_m:g} m" if array.radius_m else "flat"
+    if array.layout == "table":
+        words = "as in its table"
+    else:
+        words = f"{array.count[0]} x {array.count[1]}, {array.size_m:g} m, {shape}"
+    unknown = ", ".join(f"{name} {_known(name, sigma)}" for name, sigma in found.nuisances.items())
+    flat = "" if array.layout == "table" or array.radius_m else " " + FLAT
+    return (
+        f"Poses: the Cramer-Rao bound of one reading of the array ({words}; {array.layout}), on the axis, "
+        f"facing the lamp; known beforehand to: {unknown or 'all exactly'}.{flat} Docking asks for 0.1 m "
+        "across, 0.3 m along and 5 degrees."
+    )
+
+
 #: What a flat array cannot tell.
-BLIND = "A flat array that faces the lamp trades yaw against a step aside: it does not tell yaw."
+FLAT = "A flat array that faces the lamp trades yaw against a step aside: a curved one tells them apart."
+
+
+def _known(name: str, sigma: float) -> str:
+    return f"{np.degrees(sigma):.2g} deg" if name.startswith("lamp tilt") else f"{100 * sigma:.3g} %"
 
 
 def rows(found: WorkingRange) -> list[list[str]]:
@@ -60,6 +75,8 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
 
     data = found.dataset
     return {
+        "unknown": found.nuisances,
+        "array": found.array.model_dump(mode="json"),
         "reaches": [
             {
                 "name": r.name,
