@@ -45,14 +45,11 @@ __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene"
 
 #: Fields that the first scenes did not have; empty, they say nothing.
 CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
-LATER = (("water", AT_FIELD), *CURVES)
+LATER = (("water", AT_FIELD), *CURVES, ("detector", "response"), ("detector", "response_table"))
 TABLES = (
-    ("lamp", "intensity_table"),
-    ("lamp", "spectrum_table"),
-    ("water", "table"),
-    ("water", "phase", "file"),
-    ("array", "table"),
-)
+    ("lamp", "intensity_table"), ("lamp", "spectrum_table"), ("water", "table"), ("water", "phase", "file"),
+    ("detector", "response_table"), ("array", "table"),
+)  # fmt: skip
 #: Parts that change nothing of the light.
 LIGHTLESS = {"array", "follower"}
 

@@ -87,10 +87,11 @@ def test_doctor_and_demo_run_from_the_wheel_alone(built, tmp_path):
     """With all its dependencies, into a clean environment, far from the repository."""
     venv.create(tmp_path / "venv", with_pip=True)
     bin = tmp_path / "venv" / "bin"
-    run(bin / "python", "-m", "pip", "install", "--quiet", next(built.glob("*.whl")))
-    run(bin / "python", "-m", "pip", "check")
+    # Without the path of the tests, where pip would find the package in place already.
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     options = {"cwd": tmp_path, "env": clean}
+    run(bin / "python", "-m", "pip", "install", "--quiet", next(built.glob("*.whl")), **options)
+    run(bin / "python", "-m", "pip", "check", **options)
     where = run(bin / "python", "-c", "import lightfield as lf; print(lf.__file__)", **options)
     assert Path(where.strip()).is_relative_to(tmp_path / "venv")
     assert "PASS" in run(bin / "lightfield", "doctor", **options)
