@@ -1,3 +1,117 @@
-"""The light field of an underwater lamp: rendered, modelled, measured, explained."""
+"""The light field of an underwater lamp: rendered, modelled, measured, explained.
+
+    import lightfield as lf
+
+    readings = lf.load("readings.csv")
+    print(lf.diagnose(readings, "scene.toml"))
+
+What stands in `PUBLIC` is public: it keeps its name and its arguments, as CHANGELOG.md promises. Everything
+else is the inside of the library, and may change with any version. Names are looked up when they are first
+used, so that the import itself costs nothing.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+
+TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
+if TYPE_CHECKING:
+    from lightfield.api import array, pose
+    from lightfield.api.attenuation import Attenuation, attenuation
+    from lightfield.api.band import Band, band
+    from lightfield.api.diagnosis import Diagnosis, Plan, diagnose, plan
+    from lightfield.api.given import load
+    from lightfield.api.link import Link, link
+    from lightfield.api.maps import Comparison, Fit, Maps, compare, render
+    from lightfield.api.regime import Regime, regime
+    from lightfield.api.result import Result
+    from lightfield.api.sweep import Sweep, sweep
+    from lightfield.api.working_range import Range, range  # noqa: F401
+    from lightfield.errors import LightfieldError
+    from lightfield.readings import Readings
+    from lightfield.scene import Scene
 
 __version__ = "0.1.0"
+
+#: Public names, and where each is defined.
+PUBLIC = {
+    "Scene": "scene", "Readings": "readings", "LightfieldError": "errors", "load": "api.given",
+    "render": "api.maps", "Maps": "api.maps",
+    "compare": "api.maps", "Comparison": "api.maps", "Fit": "api.maps",
+    "diagnose": "api.diagnosis", "Diagnosis": "api.diagnosis",
+    "plan": "api.diagnosis", "Plan": "api.diagnosis",
+    "sweep": "api.sweep", "Sweep": "api.sweep",
+    "attenuation": "api.attenuation", "Attenuation": "api.attenuation",
+    "band": "api.band", "Band": "api.band",
+    "range": "api.working_range", "Range": "api.working_range",
+    "link": "api.link", "Link": "api.link",
+    "regime": "api.regime", "Regime": "api.regime",
+    "array": "api", "pose": "api",
+    "Result": "api.result",
+}  # fmt: skip
+# Not `range`: `from lightfield import *` would hide Python's own.
+__all__ = [
+    "Attenuation",
+    "Band",
+    "Comparison",
+    "Diagnosis",
+    "Fit",
+    "LightfieldError",
+    "Link",
+    "Maps",
+    "Plan",
+    "Range",
+    "Readings",
+    "Regime",
+    "Result",
+    "Scene",
+    "Sweep",
+    "array",
+    "attenuation",
+    "band",
+    "compare",
+    "diagnose",
+    "link",
+    "load",
+    "plan",
+    "pose",
+    "regime",
+    "render",
+    "sweep",
+]
+
+
+#: Public functions that share their name with a room of the library.
+ROOMS = ("render", "sweep")
+
+
+def __getattr__(name: str) -> object:
+    if name not in PUBLIC:
+        raise AttributeError(f"module 'lightfield' has no attribute {name!r}")
+    if name in ROOMS:
+        return import_module(f"{__name__}.{name}")
+    place = f"{__name__}.{PUBLIC[name]}"
+    if PUBLIC[name] == "api":
+        return import_module(f"{place}.{name}")
+    return getattr(import_module(place), name)
+
+
+class _Room(ModuleType):
+    """A room that is called as the public function of its name: Python keeps both under one name."""
+
+    def __call__(self, *args: object, **given: object) -> object:
+        return self.__wrapped__(*args, **given)
+
+    @property
+    def __wrapped__(self):  # type: ignore[no-untyped-def]  # what `inspect.signature` asks for
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(f"{__name__}.{PUBLIC[name]}"), name)
+
+
+def open_room(name: str) -> None:
+    """Let a room, by its full name, be called as the public function of its name."""
+    sys.modules[name].__class__ = _Room
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *PUBLIC])

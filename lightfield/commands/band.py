@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--between", default="400:700", metavar="LOW:HIGH", help="in nm (default 400:700)")
     parser.add_argument(
         "--response", type=Path, metavar="CSV",
-        help="detector: columns wavelength_nm, response (default: a typical silicon photodiode)",
+        help="detector: columns wavelength_nm, response (default: the scene's, or typical silicon)",
     )  # fmt: skip
     parser.add_argument(
         "--electrons", type=float, default=1e6, metavar="N",

@@ -66,9 +66,9 @@ def _words(line: str, scene: Path, out: Path) -> Iterator[str]:
 
 
 def _scenes(named: Path | None) -> Path:
-    """The folder of experiments: as named, in the current folder, or beside the package (a checkout)."""
-    checkout = Path(__file__).resolve().parents[2]
-    places = [named] if named else [Path("scenes"), checkout / "scenes"]
+    """The folder of experiments: as named, in the current folder, in the package, or beside it."""
+    package = Path(__file__).resolve().parents[1]
+    places = [named] if named else [Path("scenes"), package / "scenes", package.parent / "scenes"]
     for place in places:
         if all((place / name).is_dir() for name in EXPERIMENTS):
             return place
@@ -76,5 +76,5 @@ def _scenes(named: Path | None) -> Path:
         "the example experiments are not here",
         found=", ".join(map(str, places)),
         rule=f"a folder with {', '.join(EXPERIMENTS)}",
-        remedy="run it in the root of a checkout, or name their folder with --scenes",
+        remedy="name their folder with --scenes",
     )

@@ -66,6 +66,9 @@ class Diagnosis:
     verdict: Verdict
     found: compose.Found
 
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.verdict.readings} readings: {self.verdict.headline}>"
+
     @property
     def forward(self) -> SceneForward:
         return self.found.forward

@@ -16,6 +16,8 @@ from lightfield.readings.checks import against_scene, check_values
 from lightfield.readings.columns import COLUMNS, DEFAULTS, TERMS, TEXT_COLUMNS, ErrorBudget, LoadWarning
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lightfield.scene import Scene
 
 
@@ -123,6 +125,17 @@ class Readings:
 
     def __len__(self) -> int:
         return len(self.value)
+
+    def __repr__(self) -> str:
+        planes = np.unique(self.z_m).size
+        return f"<Readings: {len(self)} at {planes} distances, {self.quantity or 'quantity not stated'}>"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The table: a row per reading, columns as in the file, those without any value left out."""
+        import pandas as pd
+
+        table = pd.DataFrame({name: getattr(self, name) for name in COLUMNS} | dict(self.extra))
+        return table.dropna(axis="columns", how="all")
 
     def subset(self, chosen: ArrayLike) -> Readings:
         """The chosen readings (mask or indices), with warnings made anew.

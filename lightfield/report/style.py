@@ -46,7 +46,8 @@ THEMED = {
 WIDTH = 10.0  # inches of a figure that fills the page
 PAGE_PIXELS = 1020
 PNG_DPI = 150
-_RC: Any = {
+#: Of Matplotlib, while a figure is made.
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 10,
     "axes.titlesize": 10.5,
@@ -88,13 +89,13 @@ def figure(width: float = WIDTH, height: float = 4.0) -> Iterator[Figure]:
     ----------
     width, height : float, inches
     """
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         yield Figure(figsize=(width, height), layout="constrained")
 
 
 def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> Path:
     """Write a figure as PNG on white paper, whole or not at all."""
-    with matplotlib.rc_context(_RC), atomic_path(path) as temporary:
+    with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         FigureCanvasAgg(fig)
         fig.savefig(temporary, dpi=dpi, format="png")
     return Path(path)
@@ -117,7 +118,7 @@ def to_svg(fig: Figure, name: str) -> str:
         Different for every figure of a page: it keeps their internal references apart.
     """
     buffer = StringIO()
-    with matplotlib.rc_context({**_RC, "svg.hashsalt": name}):
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(fig)
         fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()

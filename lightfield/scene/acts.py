@@ -11,7 +11,7 @@ class Acts(Flag):
     # Every combination exists once. Enum's own hash is slow, and a fit looks lists up by it all the time.
     __hash__ = object.__hash__
 
-    POWER = auto()  #: spectral power of the lamp: all light alike
+    POWER = auto()  #: spectral power of the lamp, and the response to it: all light alike
     TIME = auto()  #: lamp power over its value at time zero
     BEAM = auto()  #: radiant intensity over directions, as planes at some distance see it
     SOURCE = auto()  #: from where light starts

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
+from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.scene import Scene
+from lightfield.scene.spectral.response import response_at, response_knots_nm
 from lightfield.scene.water.coefficients import known_nm
 
 #: Equal parts of a band, over each of which the water is taken to be the same.
@@ -54,23 +56,39 @@ def middles_nm(scene: Scene) -> Array:
 def over_bands(scene: Scene) -> Spectrum:
     """The lamp's light in every band as it is read, see `over_band`."""
     shift = scene.detector.wavelength_shift_nm
-    each = [over_band(scene.lamp, low + shift, high + shift) for low, high in scene.detector.bands_nm]
+    each = [
+        over_band(scene.lamp, low + shift, high + shift, scene.detector)
+        for low, high in scene.detector.bands_nm
+    ]
     return Spectrum(*(np.array(v) for v in zip(*each, strict=True)))
 
 
-def over_band(lamp: Lamp, low_nm: float, high_nm: float) -> Spectrum:
+def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None) -> Spectrum:
     """The lamp's light in equal parts of a band, each where its power has its centre; shape (PIECES,).
 
     However narrow its lines are: a table is integrated piece by piece between its own wavelengths, exactly
     for its straight pieces (Gauss-Legendre, 3 points). What changes with the square of the wavelength within
     a part is lost, of the water alone.
+
+    Parameters
+    ----------
+    detector : Detector, optional
+        Its response weighs the wavelengths: the mean over the band is that of light times response over the
+        mean response. Without one all count alike.
     """
     edges = np.linspace(low_nm, high_nm, PIECES + 1)
     inner = knots_nm(lamp)
+    weighed = detector is not None and detector.response is not None
+    if detector is not None and weighed:
+        inner = np.concatenate([inner, response_knots_nm(detector)])
     ends = np.unique(np.concatenate([edges, inner[(inner > low_nm) & (inner < high_nm)]]))
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     at = middle[:, None] + half[:, None] * _NODES
     power = axial_intensity(lamp, at) * _WEIGHTS * half[:, None]
+    if detector is not None and weighed:
+        response = response_at(detector, at)
+        mean = (response * _WEIGHTS * half[:, None]).sum() / (high_nm - low_nm)
+        power = power * response / mean
     part = np.clip(np.searchsorted(edges, middle) - 1, 0, PIECES - 1)
     total, moment = (np.bincount(part, v.sum(axis=1), PIECES) for v in (power, power * at))
     centre = np.divide(moment, total, out=0.5 * (edges[1:] + edges[:-1]), where=total > 0)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
-from lightfield.scene.parameters import Nanometres, Part, declare, number
+from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
+from lightfield.scene.spectral.peaks import Peak, kind_of
+from lightfield.scene.spectral.response import COLUMNS, response_at, response_knots_nm
+from lightfield.storage.tables import read_columns, readable
 
 Metres = Annotated[float, Field(strict=True)]
 PositiveMetres = Annotated[float, Field(strict=True, gt=0.0)]
@@ -57,6 +60,23 @@ class Detector(Part):
     )
     bands_nm: tuple[tuple[Nanometres, Nanometres], ...] = declare(
         ((500.0, 550.0),), "wavelength bands [from, to]", Acts.PLACES, unit="nm"
+    )
+    response: (
+        Annotated[
+            Annotated[Literal["silicon", "table"], Tag("a name")]
+            | Annotated[Peak, Tag("one peak")]
+            | Annotated[tuple[Peak, ...], Field(min_length=1), Tag("several peaks")],
+            Discriminator(kind_of),
+        ]
+        | None
+    ) = declare(
+        None,
+        "weight of wavelengths in a band, of detector and filter: a name, a peak { peak_nm, fwhm_nm }, or a "
+        "list of peaks; absent: all alike",
+        Acts.POWER,
+    )
+    response_table: TablePath | None = declare(
+        None, "for response table: CSV (wavelength_nm, response), any scale", Acts.POWER
     )
     wavelength_shift_nm: float = number(
         0.0,
@@ -157,4 +177,21 @@ class Detector(Part):
         for low, high in self.bands_nm:
             if high <= low:
                 raise RuleError(f"a band must rise, found [{low:g}, {high:g}]", "write [from, to]")
+        self._sees_its_bands()
         return self
+
+    def _sees_its_bands(self) -> None:
+        if self.response == "table" and self.response_table is None:
+            raise RuleError('response "table" needs response_table', "add response_table")
+        if self.response_table is not None:
+            readable(read_columns, self.response_table, COLUMNS)
+        if self.response is None:
+            return
+        knots = response_knots_nm(self)
+        for low, high in self.bands_nm:
+            inside = [at for at in knots.tolist() if low < at < high]
+            if not response_at(self, [low, 0.5 * (low + high), high, *inside]).max() > 0:
+                raise RuleError(
+                    f"the response sees nothing of the band [{low:g}, {high:g}]",
+                    "correct response or bands_nm",
+                )

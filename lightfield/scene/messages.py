@@ -91,7 +91,9 @@ def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel]
     owner: type[BaseModel] = model
     current: Any = model
     for part in loc:
-        classes = [c for c in _classes(current)]
+        if " " in str(part):  # which way a curve was written in: no key of the file
+            continue
+        classes = list(dict.fromkeys(_classes(current)))
         tagged = [c for c in classes if part in _tags(c)]
         if len(classes) > 1 and tagged:
             current = tagged[0]

@@ -45,12 +45,12 @@ __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene"
 
 #: Fields that the first scenes did not have; empty, they say nothing.
 CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
-LATER = (("water", AT_FIELD), *CURVES)
+LATER = (("water", AT_FIELD), *CURVES, ("detector", "response"), ("detector", "response_table"))
 TABLES = tuple(
     tuple(path.split("."))
     for path in (
         *("lamp.intensity_table", "lamp.spectrum_table", "water.table", "water.phase.file", "array.table"),
-        "follower.mission.leader_table",
+        *("detector.response_table", "follower.mission.leader_table"),
     )
 )
 #: Parts that change nothing of the light.

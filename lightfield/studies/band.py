@@ -21,18 +21,14 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.field import direct_field
 from lightfield.render.at_readings import render_positions
-from lightfield.scene import Scene
+from lightfield.scene import Detector, Scene
 from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.spectral.response import SILICON, response_at
 from lightfield.scene.water.coefficients import scattering_per_m
 from lightfield.storage.tables import read_columns
 
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
-#: Responsivity of a typical silicon photodiode, A/W (chosen; give the detector's own where it is known).
-SILICON = (
-    (400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0, 750.0),
-    (0.12, 0.20, 0.26, 0.31, 0.35, 0.39, 0.43, 0.46),
-)
 CRITERIA = {
     "attenuation": "least attenuation (the paper's rule)",
     "signal": "most signal",
@@ -131,7 +127,7 @@ def best_band(
     width_nm, low_nm, high_nm : float, nm
         Width of the bands, and where they may lie.
     response : str, optional
-        CSV (wavelength_nm, response) of the detector; default: a typical silicon photodiode.
+        CSV (wavelength_nm, response) of the detector; default: the scene's, or a typical silicon photodiode.
     electrons : float
         That the brightest band gives at the nearest distance in one reading.
     read_noise : float
@@ -162,7 +158,7 @@ def best_band(
         raise UsageError("impossible noise", rule="electrons above 0, read noise and mismatch not below 0")
     at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
     light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
-    source = axial_intensity(scene.lamp, at) * _responsivity(response, at)
+    source = axial_intensity(scene.lamp, at) * _responsivity(response, scene.detector, at)
     per_nm = source * light  # [distances, wavelengths]
     if not (source > 0).any():
         raise SceneError(
@@ -211,10 +207,10 @@ def _transmitted(
     return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 
 
-def _responsivity(path: str | None, at: Array) -> Array:
-    """Response of the detector at wavelengths, in any unit; nothing beyond a table of its own."""
+def _responsivity(path: str | None, detector: Detector, at: Array) -> Array:
+    """Response at wavelengths, in any unit: of a table, the scene's, or that of silicon."""
     if path is None:
-        return np.interp(at, *SILICON)
+        return np.interp(at, *SILICON) if detector.response is None else response_at(detector, at)
     try:
         known, response = read_columns(path, ("wavelength_nm", "response"))
     except OSError as error:

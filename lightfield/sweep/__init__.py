@@ -3,3 +3,7 @@
 `axes` what is varied; `plan` which cases share a trace; `work` what one worker does; `schema`, `store` and
 `zarrfile` the Zarr store and its journal; `cluster` and `runner` give the work to Dask and follow it.
 """
+
+from lightfield import open_room
+
+open_room(__name__)  # `lightfield.sweep(...)`

@@ -73,7 +73,7 @@ def parse_axis(text: str, where: str = "range") -> Axis:
             values = [toml.value(word) for word in given.split(",")]
         except ValueError as error:
             raise UsageError("not a value", where=f"{where} {path}", found=given, rule=str(error)) from error
-        return _axis(path, {path: values}, f"{where} {path}")
+        return axis_of(path, {path: values}, f"{where} {path}")
     scale = parts[3] if len(parts) == 4 else "linear"
     try:
         start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
@@ -81,7 +81,7 @@ def parse_axis(text: str, where: str = "range") -> Axis:
             raise ValueError
     except (ValueError, IndexError):
         raise UsageError("not a range", where=f"{where} {path}", found=given, rule=FORMS) from None
-    return _axis(path, {path: span(start, stop, count, scale, f"{where} {path}")}, f"{where} {path}")
+    return axis_of(path, {path: span(start, stop, count, scale, f"{where} {path}")}, f"{where} {path}")
 
 
 def span(start: float, stop: float, count: int, scale: str = "linear", where: str = "range") -> list[float]:
@@ -147,14 +147,14 @@ def _planned(entry: Any, where: str) -> Axis:
             "not a range", where=where, found=entry, rule="a table with a path or a name, in quotes"
         )
     if {"name", "together"} == keys and isinstance(entry["together"], dict) and entry["together"]:
-        return _axis(name, entry["together"], where)
+        return axis_of(name, entry["together"], where)
     if {"path", "values"} == keys and isinstance(entry["values"], list):
-        return _axis(name, {name: entry["values"]}, where)
+        return axis_of(name, {name: entry["values"]}, where)
     if {"path", "start", "stop", "count"} <= keys <= {"path", "start", "stop", "count", "scale"}:
         start, stop, count = entry["start"], entry["stop"], entry["count"]
         if all(isinstance(v, int | float) for v in (start, stop)) and isinstance(count, int):
             values = span(float(start), float(stop), count, str(entry.get("scale", "linear")), where)
-            return _axis(name, {name: values}, where)
+            return axis_of(name, {name: values}, where)
     raise UsageError(
         "not a range",
         where=where,
@@ -163,7 +163,14 @@ def _planned(entry: Any, where: str) -> Axis:
     )
 
 
-def _axis(name: str, values: Mapping[str, Any], where: str) -> Axis:
+def axis_of(name: str, values: Mapping[str, Any], where: str) -> Axis:
+    """A dimension from lists of values by path.
+
+    Raises
+    ------
+    UsageError
+        Not a name, lists of unequal length, or a value twice.
+    """
     if not name or "/" in name or name.startswith("."):
         raise UsageError(
             "not a name of a dimension",

@@ -66,11 +66,12 @@ def test_every_command_runs_as_written(clone, monkeypatch, capsys, line):
             assert Path(words[words.index(option) + 1]).exists()
 
 
-def test_the_python_example_runs_and_finds_the_effect(monkeypatch, capsys):
+def test_the_python_example_runs_and_finds_the_effect(clone, monkeypatch, capsys):
     (example,) = blocks("python")
     assert len([line for line in example.splitlines() if line]) == 5
-    monkeypatch.chdir(ROOT)
+    monkeypatch.chdir(clone)
     exec(compile(example, "README.md", "exec"), {})
+    assert Path("story.html").is_file()
     text = capsys.readouterr().out
     assert "is missing in the model" in text.splitlines()[0]
     ladder = text.partition("ladder")[2]

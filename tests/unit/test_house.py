@@ -26,7 +26,7 @@ OWNED = {
     "matplotlib": "report",
 }
 #: Libraries that take a tenth of a second or more to import, or start a compiler.
-HEAVY = {"mitsuba", "drjit", "dask", "distributed", "matplotlib", "scipy", "xarray", "skimage"}
+HEAVY = {"mitsuba", "drjit", "dask", "distributed", "matplotlib", "pandas", "scipy", "xarray", "skimage"}
 #: It answers Ctrl-C from its first line on, and so imports next to nothing before.
 BARE = PACKAGE / "cli.py"
 OPTION = re.compile(r"(?<![-\w])--?[a-z]")

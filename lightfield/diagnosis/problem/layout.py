@@ -96,7 +96,7 @@ class Layout:
 
     @cached_property
     def _scaled(self) -> Array:
-        """Places in units of the lengths over which a smooth error changes, from their middle, shape (n, 3)."""
+        """Places from their middle, in the lengths over which a smooth error changes, shape (n, 3)."""
         places = np.column_stack([self.x_m / ACROSS_M, self.y_m / ACROSS_M, self.z_m / ALONG_M])
         return np.asarray(places - places.mean(axis=0))
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.lamp.photometry import intensity_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
+from lightfield.scene.spectral.peaks import Peak, kind_of
 from lightfield.storage.tables import read_columns, readable
+
+#: Names of spectra; those of LEDs are in `spectral.peaks`.
+Named = Literal[
+    "planck", "cie-a", "table", "led-royal-blue", "led-blue", "led-cyan", "led-green", "led-amber", "led-red",
+    "led-deep-red", "led-white", "led-warm-white",
+]  # fmt: skip
+Several = Annotated[tuple[Peak, ...], Field(min_length=1)]
 
 
 class Lamp(Part):
@@ -86,7 +94,14 @@ class Lamp(Part):
     power_w: float = number(
         50.0, "W", "radiant power of the beam over the whole spectrum", Acts.POWER, above=0.0, high=1e6
     )
-    spectrum: Literal["planck", "cie-a", "table"] = declare("planck", "spectral shape", Acts.POWER)
+    spectrum: Annotated[
+        Annotated[Named, Tag("a name")]
+        | Annotated[Peak, Tag("one peak")]
+        | Annotated[Several, Tag("several peaks")],
+        Discriminator(kind_of),
+    ] = declare(
+        "planck", "spectral shape: a name, a peak { peak_nm, fwhm_nm }, or a list of them", Acts.POWER
+    )
     temperature_k: float = number(
         2900.0, "K", "temperature of the Planck spectrum", Acts.POWER, low=500.0, high=20000.0
     )

@@ -1,4 +1,4 @@
-"""Spectral power of the lamp: Planck, CIE illuminant A, or a table."""
+"""Spectral power of the lamp: Planck, CIE illuminant A, peaks, or a table."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.scene.spectral import peaks
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
@@ -57,12 +58,16 @@ def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
         known, power = read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))
         total = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(known)))
         return np.asarray(lamp.power_w * np.interp(at, known, power, left=0.0, right=0.0) / total)
+    if found := peaks.peaks_of(lamp.spectrum):
+        return lamp.power_w * peaks.density_per_nm(found, at)
     scale = ILLUMINANT_A_NM if lamp.spectrum == "cie-a" else SECOND_RADIATION_NM_K / lamp.temperature_k
     return lamp.power_w * planck_fraction_per_nm(at, scale)
 
 
 def knots_nm(lamp: Lamp) -> Array:
-    """Wavelengths between which the spectrum is smooth, nm: those of a table, none of a black body."""
+    """Wavelengths between which the spectrum is smooth, nm: of a table, of peaks, none of a black body."""
+    if found := peaks.peaks_of(lamp.spectrum):
+        return peaks.knots_nm(found)
     if lamp.spectrum != "table":
         return np.zeros(0)
     return read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))[0]

@@ -227,8 +227,8 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
     for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
         spectrum = Spectrum(*(v[0] for v in at_wavelengths(scene.lamp, [wavelength])))
         if "wavelength_bounds_nm" in dataset:  # the map is a mean over the band: so is the formula
-            bounds = dataset["wavelength_bounds_nm"].values[index] + scene.detector.wavelength_shift_nm
-            spectrum = over_band(scene.lamp, *bounds)
+            low, high = dataset["wavelength_bounds_nm"].values[index] + scene.detector.wavelength_shift_nm
+            spectrum = over_band(scene.lamp, low, high, scene.detector)
         for number, z in enumerate(dataset.z_m.values.astype(float)):
             expected = on_cells(formula, scene, x, y, z, spectrum)
             render, stderr = (

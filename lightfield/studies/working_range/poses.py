@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
-from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.flux.field import Region, TracedField, traced_field
 from lightfield.render.response.response import Reference
 from lightfield.scene import DetectorArray, Follower, Scene
@@ -78,7 +78,8 @@ class SmoothLight:
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """Readings of cosine receivers, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
-        return self._read(self._whole, place_m, normal)
+        place = np.asarray(place_m, float)
+        return on_receivers(direct_flux(self.scene, place) + self._diffuse(place), np.asarray(normal, float))
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """`reading` and its standard errors, by a jackknife over the batches of the trace."""
@@ -140,15 +141,18 @@ class SmoothLight:
         aside = 2 * ((x - x0) ** 2 + (y - y0) ** 2) / (tangent * z) ** 2 - 1
         return np.asarray(chebyshev.chebvander2d(along, aside, [n - 1 for n in count]))
 
-    def _read(self, fit: tuple[Array, Array], place_m: Array, normal: Array) -> Array:
-        P, S = fit
-        place, lamp = np.asarray(place_m, float), self.scene.lamp
-        direct = direct_flux(self.scene, place)
-        diffuse = direct[:, 2] * np.expm1(self._terms(place, _TERMS) @ P)
-        slope = (self._terms(place, _TURNING) @ S / place[:, 2])[:, None]
-        aside = slope * (place[:, :2] - [lamp.offset_x_m, lamp.offset_y_m])
-        flux = direct + diffuse[:, None] * np.column_stack([aside, np.ones(len(place))])
-        return on_receivers(flux, np.asarray(normal, float))
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
+        """Flux vectors of direct and of diffuse light, (n, 3), and their slopes by the place, (n, 3, 3)."""
+        place = np.asarray(place_m, float)
+        return [flux_and_slopes(self.scene, place), (self._diffuse(place), by_place(self._diffuse, place))]
+
+    def _diffuse(self, place_m: Array) -> Array:
+        """Flux vector of the diffuse light, 1/m^2, shape (n, 3)."""
+        (P, S), lamp = self._whole, self.scene.lamp
+        along = direct_flux(self.scene, place_m)[:, 2] * np.expm1(self._terms(place_m, _TERMS) @ P)
+        slope = (self._terms(place_m, _TURNING) @ S / place_m[:, 2])[:, None]
+        aside = slope * (place_m[:, :2] - [lamp.offset_x_m, lamp.offset_y_m])
+        return np.asarray(along[:, None] * np.column_stack([aside, np.ones(len(place_m))]))
 
 
 def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, photons: float) -> SmoothLight:

@@ -27,6 +27,7 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
+from lightfield.scene.spectral.response import response_at
 from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.phase.of_scene import phase_function
@@ -42,6 +43,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
     for name, row in {"one": "5,0.5", "two": "5,0.7"}.items():
         (folder / f"beam_{name}.csv").write_text(f"angle_deg,intensity\n0,1\n{row}\n90,0\n")
         (folder / f"light_{name}.csv").write_text(f"wavelength_nm,power\n400,1\n500,{row[-1]}\n700,1\n")
+        (folder / f"response_{name}.csv").write_text(f"wavelength_nm,response\n400,1\n500,{row[-1]}\n700,1\n")
         (folder / f"water_{name}.csv").write_text(
             f"wavelength_nm,absorption_per_m,scattering_per_m\n400,0.1,0.1\n550,0.{row[-1]},0.{row[-1]}\n700,0.1,0.1\n"
         )
@@ -71,6 +73,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
         {
             "lamp.profile": "table", "lamp.intensity_table": str(folder / "beam_one.csv"),
             "lamp.spectrum": "table", "lamp.spectrum_table": str(folder / "light_one.csv"),
+            "detector.response": "table", "detector.response_table": str(folder / "response_one.csv"),
             "water.base": "table", "water.table": str(folder / "water_one.csv"),
             "detector.quantity": "radiance", "detector.acceptance_hwhm_deg": 0.0,
             "detector.cosine_error": 0.0, "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
@@ -84,6 +87,7 @@ TAKEN = Taken(spectrum=np.zeros(3, int), time_s=np.array([0.0, 900.0, 1800.0]))
 WORDS: dict[str, Any] = {
     "lamp.profile": "isotropic",
     "lamp.spectrum": "cie-a",
+    "detector.response": "silicon",
     "water.base": "petzold-coastal",
     "lamp.profile_departure": ((0.0, 0.1), (10.0, -0.2)),
     "lamp.power_departure": ((0.0, 0.0), (1000.0, 0.1)),
@@ -162,7 +166,7 @@ def _places(scene: Scene) -> Any:
 
 
 OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
-    Acts.POWER: lambda s: spectral_power(s.lamp, WAVELENGTHS),
+    Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), response_at(s.detector, WAVELENGTHS)],
     Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
     Acts.BEAM: _beam,
     Acts.SOURCE: _source,

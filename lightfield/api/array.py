@@ -1,0 +1,219 @@
+"""What a follower's detectors can know of its pose: `lf.array.show`, `.compare`, `.optimise`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.scene import Scene
+from lightfield.studies.follower import design, survey
+from lightfield.studies.follower.light import Space
+from lightfield.studies.follower.survey import DOCKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lightfield.report.style import Axes
+
+__all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
+
+PHOTONS, HALF_WIDTH_M = 1e7, 0.4
+
+
+def space_and_photons(scene: Scene, half_width: float, max_photons: float, trace: bool) -> dict[str, Any]:
+    """Where the follower may be, and how its light is traced, as the studies take it."""
+    return {"space": Space.of_scene(scene, half_width), "photons": max_photons if trace else 0.0}
+
+
+class Survey(Result[survey.Survey]):
+    """What an array can know of its pose, here and over the formation space."""
+
+    @property
+    def headline(self) -> str:
+        found = self.details
+        return (
+            f"{len(found.elements)} elements: docking (0.1 m across, 0.3 m along, 5 deg) is met in "
+            f"{100 * found.reaches:.0f} % of the space"
+        )
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The bound at the scene's pose over what docking allows."""
+        from lightfield.report.plots import plot_bars
+
+        sigma = self.details.here.sigma
+        parts = np.array([value / DOCKING[name] for name, value in sigma.items()])
+        return plot_bars(ax, list(sigma), parts, ("bound over what docking allows", "At the scene's pose"))
+
+    def to_xarray(self) -> xr.Dataset:
+        """Standard deviations over the formation space, dimensions (z_m, x_m), m and rad."""
+        return self.details.space
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per place of the formation space."""
+        return self.details.space.to_dataframe().reset_index()
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.follower.page import write_survey
+
+        return write_survey(self.details, path)
+
+
+class Arrays(Result[design.Comparison]):
+    """Arrays side by side, best first."""
+
+    @property
+    def headline(self) -> str:
+        best, worst = self.details.arrays[0], self.details.arrays[-1]
+        gain = (worst.criterion / best.criterion) ** 0.5
+        return f"{best.name} knows the pose {gain:.2g} times as well as {worst.name}"
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """A, the sum of the variances of the pose, over that of the worst."""
+        from lightfield.report.plots import plot_bars
+
+        arrays = self.details.arrays
+        parts = np.array([one.criterion for one in arrays]) / arrays[-1].criterion
+        return plot_bars(ax, [one.name for one in arrays], parts, ("A over that of the worst", "Arrays"))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per array: A and the root mean square bounds over the poses of the task, m and rad."""
+        import pandas as pd
+
+        rows = [
+            {
+                "array": one.name,
+                "elements": len(one.elements),
+                "A": one.criterion,
+                "A_relative_error": one.doubt,
+            }
+            | {f"sigma_{name}": value for name, value in one.sigma.items()}
+            for one in self.details.arrays
+        ]
+        return pd.DataFrame(rows)
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.follower.page import write_comparison
+
+        return write_comparison(self.details, path)
+
+
+def show(
+    scene: Scene | AnyPath,
+    *,
+    half_width: float = HALF_WIDTH_M,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Survey:
+    """What the array can know of its pose, here and over the formation space.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        With an [array].
+    half_width : float, m
+        Of the formation space in x and y; in z from the first to the last plane.
+    max_photons, seed
+        Of the trace.
+    trace : bool
+        False: leave out what only the renderer knows.
+
+    Raises
+    ------
+    SceneError, RenderError
+        No array; a space that is not in the water.
+    """
+    known = scene_of(scene)
+    return Survey(survey.survey(known, **space_and_photons(known, half_width, max_photons, trace), seed=seed))
+
+
+def compare(
+    scene: Scene | AnyPath,
+    with_: Mapping[str, Scene | AnyPath],
+    *,
+    task: design.Task = "formation",
+    half_width: float = HALF_WIDTH_M,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Arrays:
+    """Arrays of several scenes in the light of the first.
+
+    Parameters
+    ----------
+    with_ : mapping of str to Scene or path-like
+        By what they shall be called; only their arrays count.
+    task : "formation" or "docking"
+        Poses that count.
+    scene, half_width, max_photons, seed, trace
+        As `show` takes them.
+
+    Raises
+    ------
+    SceneError, RenderError
+        No array; a space that is not in the water.
+    """
+    known = scene_of(scene)
+    others = {name: scene_of(other) for name, other in with_.items()}
+    where = space_and_photons(known, half_width, max_photons, trace)
+    return Arrays(design.compare(known, others, task=task, **where, seed=seed))
+
+
+def optimise(
+    scene: Scene | AnyPath,
+    *,
+    elements: int = 8,
+    box: float = 0.4,
+    tilt_max: float = 40.0,
+    spacing: float = 0.025,
+    task: design.Task = "formation",
+    half_width: float = HALF_WIDTH_M,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Arrays:
+    """The best places and tilts of so many elements.
+
+    Parameters
+    ----------
+    elements : int
+    box : float, m
+        Side of the square they lie in.
+    tilt_max : float, deg
+        Largest tilt in x and in y.
+    spacing : float, m
+        Least distance of two.
+    task : "formation" or "docking"
+        Poses that count.
+    scene, half_width, max_photons, seed, trace
+        As `show` takes them.
+
+    Raises
+    ------
+    SceneError, RenderError
+        No array; a space that is not in the water.
+    """
+    known = scene_of(scene)
+    where = space_and_photons(known, half_width, max_photons, trace)
+    found = design.optimise(
+        known, elements, box, tilt_max_deg=tilt_max, spacing_m=spacing, task=task, **where, seed=seed
+    )
+    return Arrays(found)

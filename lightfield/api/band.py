@@ -1,0 +1,121 @@
+"""Which band of wavelengths serves best: `band`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from os import fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.scene import Scene
+from lightfield.studies import band as bands
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+
+#: How well to trace unless told otherwise; the same as the command's.
+REL_ERROR, MAX_PHOTONS = 0.005, 4e6
+
+
+class Band(Result[bands.Bands]):
+    """Which band of wavelengths serves best."""
+
+    @property
+    def headline(self) -> str:
+        return bands.headline(self.details)
+
+    def as_text(self) -> str:
+        return bands.as_text(self.details)
+
+    def as_data(self) -> dict[str, Any]:
+        return bands.as_data(self.details)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """What is left of the lamp's light over wavelength, at every distance."""
+        from lightfield.report.plots import plot_lines
+
+        data = self.details.spectrum
+        lines = {f"at {z:g} m": (data.signal.values[k], None) for k, z in enumerate(data.z_m.values)}
+        words = ("wavelength (nm)", "of the largest", "What the detector sees of the lamp")
+        return plot_lines(ax, data.wavelength_nm.values, lines, words)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Over (z_m, low_nm): what each band is worth, by every rule."""
+        return self.details.bands
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per distance and band."""
+        return self.details.bands.to_dataframe().reset_index()
+
+    def summary(self) -> pd.DataFrame:
+        """The best band by every rule."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(best) for best in self.details.best])
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.band import write_band
+
+        return write_band(self.details, path)
+
+
+def band(
+    scene: Scene | AnyPath,
+    *,
+    distances: Sequence[float] | None = None,
+    width: float = 50.0,
+    between: tuple[float, float] = (400.0, 700.0),
+    response: AnyPath | None = None,
+    electrons: float = 1e6,
+    read_noise: float = 100.0,
+    mismatch: float = 0.008,
+    trace: bool = True,
+    rel_error: float = REL_ERROR,
+    max_photons: float = MAX_PHOTONS,
+    seed: int = 0,
+) -> Band:
+    """Which band of wavelengths serves best.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+    distances : sequence of float, m, optional
+        Default: the scene's first and last plane.
+    width : float, nm
+        Of the bands.
+    between : (float, float), nm
+        Where they may lie.
+    response : path-like, optional
+        CSV (wavelength_nm, response) of the detector; default: the scene's, or a typical silicon photodiode.
+    electrons : float
+        Of the brightest band at the nearest distance.
+    read_noise : float
+        Electrons.
+    mismatch : float
+        Spread of gains.
+    trace : bool
+        False: leave out what only the renderer knows.
+    rel_error, max_photons, seed
+        How well to trace.
+
+    Raises
+    ------
+    UsageError, SceneError
+        Numbers that make no sense; water, lamp or detector that are not known at these wavelengths.
+    """
+    return Band(
+        bands.best_band(
+            scene_of(scene), trace, distances_m=distances, width_nm=width, low_nm=between[0],
+            high_nm=between[1], response=None if response is None else fspath(response),
+            electrons=electrons, read_noise=read_noise, mismatch=mismatch,
+            rel_error=rel_error, max_photons=max_photons, seed=seed,
+        )
+    )  # fmt: skip

@@ -1,0 +1,237 @@
+"""Which effect is missing: `diagnose`, and `plan` before anything is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.result import Result
+from lightfield.diagnosis import diagnose as diagnosing
+from lightfield.diagnosis import plan as planning
+from lightfield.diagnosis.search.cascade import ALPHA
+from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.readings import Readings
+from lightfield.report.diagnosis.drawn import view_of
+from lightfield.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lightfield.report.style import Axes
+
+
+class Diagnosis(Result[diagnosing.Diagnosis]):
+    """What `diagnose` found."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """All that it says, as data: `verdict.effects`, `verdict.found`, `verdict.ladder`, ..."""
+        return self.details.verdict
+
+    @property
+    def effects(self) -> list[str]:
+        """The best explanation; empty where nothing is named."""
+        return self.verdict.effects
+
+    @property
+    def scene(self) -> Scene:
+        """The explained scene: that of the last rung of the ladder, with its fitted values."""
+        return self.details.scene
+
+    @property
+    def headline(self) -> str:
+        return self.verdict.headline
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.verdict.model_dump(mode="json")
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The ladder: the error of every rung, and the noise."""
+        from lightfield.report.plots import plot_ladder
+
+        return plot_ladder(ax, self.verdict.ladder, self.verdict.noise_floor_percent)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per reading: place, value with the error used, base and explained model, what is left."""
+        import pandas as pd
+
+        found, readings = self.details, self.details.readings
+        steps = found.steps
+        return readings.to_pandas().assign(
+            sigma=found.sigma,
+            base_model=steps[0].fit.prediction,
+            model=steps[-1].fit.prediction,
+            residual_sigma=(readings.value - steps[-1].fit.prediction) / found.sigma,
+            left_out=pd.Series(found.prepared.problem.keep == 0),
+        )
+
+    def summary(self) -> pd.DataFrame:
+        """The ladder."""
+        import pandas as pd
+
+        rows = [rung.model_dump(exclude={"effects"}) for rung in self.verdict.ladder]
+        return pd.DataFrame(rows)
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.diagnosis.page import write_diagnosis
+
+        return write_diagnosis(view_of(self.details), path)
+
+    def save(self, folder: AnyPath) -> Diagnosis:
+        """Write verdict, one scene per rung and fitted curves, and add the run to the folder's ledger.
+
+        Returns
+        -------
+        Diagnosis
+            The same, with its number in the ledger.
+        """
+        return Diagnosis(self.details.save(Path(folder)))
+
+
+def diagnose(
+    readings: Readings | AnyPath,
+    scene: Scene | AnyPath,
+    *,
+    effects: Sequence[str] | None = None,
+    effects_file: AnyPath | None = None,
+    alpha: float = ALPHA,
+    seed: int = 0,
+    trace: bool = True,
+    render: bool = True,
+) -> Diagnosis:
+    """Find the physical effect that readings show and the model lacks.
+
+    Parameters
+    ----------
+    readings : Readings or path-like
+    scene : Scene or path-like
+        What the experimenter believes. Gain, beam half width and absorption are refitted; an effect that the
+        scene switches on stays on.
+    effects : sequence of str, optional
+        Names of the effects to consider; default: the whole table.
+    effects_file : path-like, optional
+        Effects of your own, beside those of the table (TOML).
+    alpha : float
+        False-alarm probability of the test of the base model.
+    seed : int
+        Of the bootstrap.
+    trace : bool
+        False: leave out what only the renderer knows: scattering, walls, surface.
+    render : bool
+        Render the explained scene afresh at the end, and add its error to the ladder.
+
+    Raises
+    ------
+    FitError
+        Too few readings, or too many for one diagnosis.
+    MeasurementError, SceneError
+        Readings or a scene that cannot be read, or that do not belong together.
+    UsageError
+        Unknown effect.
+    """
+    known = scene_of(scene, effects_file)
+    found = diagnosing.diagnose(
+        readings_of(readings, known), known, diffuse="trace" if trace else None, only=effects, alpha=alpha,
+        seed=seed,
+    )  # fmt: skip
+    return Diagnosis(found.rendered() if trace and render and found.steps[1:] else found)
+
+
+class Plan(Result[planning.LayoutPlan]):
+    """What a layout can detect and tell apart."""
+
+    @property
+    def headline(self) -> str:
+        limits, classes = self.details.limits.values(), self.details.isolability.classes()
+        seen = sum(limit.reachable for limit in limits)
+        alike = "; not told apart: " + "; ".join(", ".join(group) for group in classes) if classes else ""
+        return f"{self.details.readings} readings can show {seen} of {len(limits)} effects{alike}"
+
+    def as_text(self) -> str:
+        return planning.as_text(self.details)
+
+    def as_data(self) -> dict[str, Any]:
+        return planning.as_data(self.details)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """How far the effects are apart, in sigma: row true, column fitted."""
+        from lightfield.report.plots import plot_distances
+
+        found = self.details.isolability
+        return plot_distances(ax, found.names, found.D, DETECTABLE_SIGMA)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per effect: the smallest size that would be found with 95 % probability."""
+        import pandas as pd
+
+        rows = [
+            {
+                "effect": name,
+                "parameter": limit.path,
+                "smallest": limit.value,
+                "unit": self.details.units.get(limit.path, "1"),
+                "within_range": limit.reachable,
+            }
+            for name, limit in sorted(self.details.limits.items())
+        ]
+        return pd.DataFrame(rows, columns=["effect", "parameter", "smallest", "unit", "within_range"])
+
+    def to_xarray(self) -> xr.Dataset:
+        """Distances `D_sigma` between the effects (true, fitted), and `delta_sigma` from the base model."""
+        import xarray as xr
+
+        found = self.details.isolability
+        names = list(found.names)
+        return xr.Dataset(
+            {
+                "D_sigma": (("true", "fitted"), np.asarray(found.D)),
+                "delta_sigma": ("true", np.asarray(found.delta)),
+                "size": ("true", np.asarray(found.sizes)),
+            },
+            coords={"true": names, "fitted": names},
+        )
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.result import write_result
+
+        return write_result(self, path, "What the layout can tell")
+
+
+def plan(
+    layout: Readings | AnyPath,
+    scene: Scene | AnyPath,
+    *,
+    effects_file: AnyPath | None = None,
+    trace: bool = True,
+) -> Plan:
+    """What a measurement layout can detect and tell apart, before measuring.
+
+    Parameters
+    ----------
+    layout : Readings or path-like
+        Positions, times and, if known, standard errors; values are not used and may be absent.
+    scene : Scene or path-like
+        Its lamp, water and tank are taken to be true.
+    effects_file : path-like, optional
+        Effects of your own, beside those of the table (TOML).
+    trace : bool
+        False: leave out what only the renderer knows: scattering, walls, surface.
+
+    Raises
+    ------
+    FitError
+        No light of the scene reaches the layout.
+    MeasurementError, SceneError
+        A layout or a scene that cannot be read, or that do not belong together.
+    """
+    known = scene_of(scene, effects_file)
+    return Plan(planning.plan(readings_of(layout, known, layout=True), known, light_of(trace)))

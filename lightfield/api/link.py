@@ -1,0 +1,121 @@
+"""How far the lamp carries data, and is seen: `link`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.scene import Scene
+from lightfield.studies.link import study as linking
+from lightfield.studies.link import text as link_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+
+#: How well to trace unless told otherwise; the same as the command's.
+REL_ERROR, MAX_PHOTONS = 0.005, 4e6
+
+
+class Link(Result[linking.Link]):
+    """How far the lamp carries data, and is seen."""
+
+    @property
+    def headline(self) -> str:
+        return link_text.headline(self.details)
+
+    def as_text(self) -> str:
+        return link_text.as_text(self.details)
+
+    def as_data(self) -> dict[str, Any]:
+        return link_text.as_data(self.details)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Received power against distance, a line per water; dashed: the formula."""
+        from lightfield.report.plots import plot_lines
+
+        data, lines, dashed = self.details.dataset, {}, []
+        for k, name in enumerate(str(n) for n in data.water.values):
+            lines[name] = (data.power_w.values[k], data.power_stderr_w.values[k])
+            lines[f"{name}, formula"] = (data.power_formula_w.values[k], None)
+            dashed.append(f"{name}, formula")
+        words = ("z (m)", "W", "Received power")
+        return plot_lines(ax, data.z_m.values, lines, words, log=True, dashed=dashed)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Over (water, z_m): power, errors per bit, bandwidth, of the render and of the formula."""
+        return self.details.dataset
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per water and distance."""
+        return self.details.dataset.to_dataframe().reset_index()
+
+    def summary(self) -> pd.DataFrame:
+        """How far, in every water."""
+        import pandas as pd
+
+        reaches = self.details.reaches.items()
+        return pd.DataFrame([{"water": name, **asdict(reach)} for name, reach in reaches])
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.link import write_link
+
+        return write_link(self.details, path)
+
+
+def link(
+    scene: Scene | AnyPath,
+    *,
+    area: float = 13.0,
+    responsivity: float = 0.25,
+    amplifier_noise: float = 5e-12,
+    background: float = 0.0,
+    bit_rate: float = 1e6,
+    ber: float = 1e-6,
+    water: Mapping[str, tuple[float, float]] | None = None,
+    to: float = 60.0,
+    rel_error: float = REL_ERROR,
+    max_photons: float = MAX_PHOTONS,
+    seed: int = 0,
+) -> Link:
+    """How far the lamp carries data, and is seen, in clear and turbid water.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        A tank is left out.
+    area : float, mm2
+        Of the photodiode.
+    responsivity : float, A/W
+    amplifier_noise : float, A per root Hz
+    background : float, A
+        Photocurrent of ambient light, and dark current.
+    bit_rate : float, bits per second
+    ber : float
+        Errors per bit that are accepted.
+    water : mapping of str to (absorption, scattering), 1/m, optional
+        To compare with; default: a clear and a turbid one.
+    to : float, m
+        Farthest distance.
+    rel_error, max_photons, seed
+        How well to trace.
+
+    Raises
+    ------
+    UsageError, RenderError
+        Numbers that make no sense; a lamp that is no beam.
+    """
+    receiver = linking.Receiver(area, responsivity, amplifier_noise, background, bit_rate, ber)
+    found = linking.link(
+        scene_of(scene), receiver, waters=water, to_m=to,
+        rel_error=rel_error, max_photons=max_photons, seed=seed,
+    )  # fmt: skip
+    return Link(found)

@@ -1,0 +1,179 @@
+"""Where a follower is by its readings, and where it would be by the formula: `lf.pose.estimate`, `.bias`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightfield.api.array import HALF_WIDTH_M, PHOTONS, space_and_photons
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.scene import Scene
+from lightfield.studies.follower import bias as biases
+from lightfield.studies.follower import sequence
+from lightfield.studies.follower.frames import POSE, in_degrees
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lightfield.report.style import Axes
+
+__all__ = ["Bias", "Poses", "bias", "estimate"]
+
+
+class Poses(Result[sequence.Poses]):
+    """Poses of a sequence of readings."""
+
+    @property
+    def headline(self) -> str:
+        found = self.details
+        return f"{len(found.estimates)} readings: {found.lost} without light, {found.misfits} that do not fit"
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Distance along the beam over time."""
+        from lightfield.report.plots import plot_lines
+
+        table = self.to_pandas()
+        lines = {"z": (table.z_m.to_numpy(), table.sigma_z.to_numpy() if "sigma_z" in table else None)}
+        return plot_lines(
+            ax, table.time_s.to_numpy(), lines, ("time (s)", "z (m)", "Distance along the beam")
+        )
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per reading: pose in m and degrees, standard deviations in m and rad, and whether it fits."""
+        import pandas as pd
+
+        units = [f"{name}_{'m' if name in POSE[:3] else 'deg'}" for name in POSE]
+        rows = []
+        for time, one in zip(self.details.time_s, self.details.estimates, strict=True):
+            row: dict[str, Any] = {"time_s": float(time), "status": "light lost" if one.lost else one.status}
+            if not one.lost and one.total is not None:
+                row |= dict(zip(units, in_degrees(one.pose).tolist(), strict=True))
+                row |= {f"sigma_{name}": value for name, value in one.total.sigma.items()}
+            rows.append(row)
+        return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *_keys(rows)])))
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.follower.pose_page import write_poses
+
+        return write_poses(self.details, path)
+
+
+def _keys(rows: Sequence[dict[str, Any]]) -> list[str]:
+    return [key for row in rows for key in row]
+
+
+class Bias(Result[biases.BiasStudy]):
+    """The error of a follower that believes the formula."""
+
+    @property
+    def headline(self) -> str:
+        worst = float(np.abs(self.details.plane.bias_z.values).max())
+        own = self.details.scene.water.scattering_per_m
+        return f"In water that scatters {own:g} 1/m the formula is up to {worst:.2f} m wrong along the beam"
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Believed less true distance against scattering, at the first distance, a line per calibration."""
+        from lightfield.report.plots import plot_lines
+
+        one = self.details.axis.isel(z_m=0)
+        at = [one.sel(calibration=name) for name in one.calibration.values]
+        lines = {str(c.calibration.values): (c.bias_z.values, c.sigma_z.values) for c in at}
+        words = (
+            "scattering b (1/m)",
+            "believed \N{MINUS SIGN} true distance (m)",
+            f"z = {float(one.z_m):g} m",
+        )
+        return plot_lines(ax, one.scattering_per_m.values, lines, words)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Bias and spread over (scattering_per_m, calibration, z_m), m and rad."""
+        return self.details.axis
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per water, calibration and distance."""
+        return self.details.axis.to_dataframe().reset_index()
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.follower.pose_page import write_bias
+
+        return write_bias(self.details, path)
+
+
+def estimate(
+    readings: AnyPath,
+    scene: Scene | AnyPath,
+    *,
+    filter: bool = False,
+    half_width: float = HALF_WIDTH_M,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Poses:
+    """Poses from the readings of an array.
+
+    Parameters
+    ----------
+    readings : path-like
+        CSV, a column per element: e1, e2, ..., and time_s.
+    scene : Scene or path-like
+        With an [array].
+    filter : bool
+        Follow a sequence with a Kalman filter, too.
+    half_width, max_photons, seed, trace
+        As `lightfield.array.show` takes them.
+
+    Raises
+    ------
+    MeasurementError, SceneError, RenderError
+        Readings that cannot be read; no array; a space that is not in the water.
+    """
+    known = scene_of(scene)
+    where = space_and_photons(known, half_width, max_photons, trace)
+    return Poses(sequence.poses_of(readings, known, filtered=filter, **where, seed=seed))
+
+
+def bias(
+    scene: Scene | AnyPath,
+    *,
+    scattering: Sequence[float] = biases.SCATTERING_PER_M,
+    half_width: float = HALF_WIDTH_M,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Bias:
+    """The error of a follower that believes the formula.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        With an [array].
+    scattering : sequence of float, 1/m
+        Waters on the axis.
+    half_width, max_photons, seed, trace
+        As `lightfield.array.show` takes them.
+
+    Raises
+    ------
+    SceneError, RenderError
+        No array; a space that is not in the water.
+    """
+    known = scene_of(scene)
+    where = space_and_photons(known, half_width, max_photons, trace)
+    return Bias(biases.bias_study(known, where.pop("space"), tuple(scattering), **where, seed=seed))

@@ -1,0 +1,108 @@
+"""Where the closed-form model can be trusted: `regime`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.scene import Scene
+from lightfield.storage.files import locked_folder
+from lightfield.studies import regime as regimes
+from lightfield.sweep.plan import SweepSettings
+from lightfield.sweep.results import open_store
+from lightfield.sweep.runner import run_sweep
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+
+#: How well to trace unless told otherwise; the same as the command's.
+REL_ERROR, MAX_PHOTONS = 0.01, 4e6
+
+
+class Regime(Result[xr.Dataset]):
+    """Where the closed-form model can be trusted."""
+
+    @property
+    def headline(self) -> str:
+        return regimes.as_text(self.details)
+
+    def as_text(self) -> str:
+        return f"{self.headline}\n{self.summary().to_string(index=False)}"
+
+    def as_data(self) -> dict[str, Any]:
+        return {"sentence": self.headline, "rows": self.to_pandas().to_dict("records")}
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Error of the formula on the axis against optical thickness, of the first receiver."""
+        from lightfield.report.plots import plot_lines
+
+        one = self.details.isel(receiver=0)
+        error = one.formula_error.values
+        lines = {f"albedo {a:g}": (error[k], None) for k, a in enumerate(one.albedo.values)}
+        words = ("optical thickness c z", "error of the formula", str(one.receiver.values))
+        return plot_lines(ax, one.optical_depth.values, lines, words)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Over (receiver, albedo, optical_depth): `formula_error` with its standard error."""
+        return self.details
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per receiver, albedo and optical thickness."""
+        return self.details.to_dataframe().reset_index()
+
+    def summary(self) -> pd.DataFrame:
+        """Optical thickness up to which the formula holds."""
+        import pandas as pd
+
+        head = ["receiver", "albedo", "within 5 %", "within 10 %", "within 25 %"]
+        return pd.DataFrame(regimes.rows(self.details), columns=head)
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.regime import regime_figure
+        from lightfield.report.result import write_result
+
+        return write_result(self, path, "Where the formula holds", [regime_figure(self.details)])
+
+
+def regime(
+    output: AnyPath,
+    scene: Scene | AnyPath | None = None,
+    *,
+    rel_error: float = REL_ERROR,
+    max_photons: float = MAX_PHOTONS,
+    seed: int = 0,
+    workers: int = 0,
+) -> Regime:
+    """Where the closed-form model can be trusted.
+
+    Parameters
+    ----------
+    output : path-like
+        Folder of the sweep that is made for it; one that was stopped is continued.
+    scene : Scene or path-like, optional
+        Lamp and phase function to use; default: the paper's lamp.
+    rel_error, max_photons, seed
+        How well to trace.
+    workers : int
+        Local processes; 0: this one.
+
+    Raises
+    ------
+    OutputError
+        A folder of another sweep, or a full disk.
+    """
+    known = Scene.from_dict({"name": "the paper's lamp"}) if scene is None else scene_of(scene)
+    settings = SweepSettings(rel_error, max_photons, seed, maps=False)
+    with locked_folder(output) as folder:
+        store = folder / "regime.zarr"
+        run_sweep(regimes.regime_plan(known, settings), store, workers=workers)
+        found = regimes.regime_of(open_store(store)).load()
+    provenance = {"scene_toml": known.to_toml(), "scene_digest": known.digest(), "seed": seed}
+    return Regime(found.assign_attrs(provenance))

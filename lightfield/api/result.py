@@ -1,0 +1,107 @@
+"""What every answer of the library can do: say itself briefly and in full, be drawn, tabled, made a page."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lightfield.report.style import Axes
+
+Details = TypeVar("Details")
+
+#: Rows and columns of a table that a notebook shows of an answer.
+MOST_ROWS, MOST_COLUMNS = 12, 12
+#: Characters of a `repr`.
+LONGEST = 200
+
+
+class Result(ABC, Generic[Details]):
+    """An answer.
+
+    Parameters
+    ----------
+    details : object
+        The answer as the rooms of the library know it, with everything it rests on. It is no part of what
+        stays the same from version to version.
+    """
+
+    def __init__(self, details: Details) -> None:
+        self.details = details
+
+    @property
+    @abstractmethod
+    def headline(self) -> str:
+        """The answer in one sentence."""
+
+    @abstractmethod
+    def as_text(self) -> str:
+        """The answer for people, as the command prints it."""
+
+    @abstractmethod
+    def as_data(self) -> dict[str, Any]:
+        """The answer for programs: plain values, as the command writes them to JSON."""
+
+    @abstractmethod
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the main figure.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where; without one in a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The same, to go on drawing in.
+        """
+
+    @abstractmethod
+    def to_pandas(self) -> pd.DataFrame:
+        """The numbers as a table; units are in the names of its columns."""
+
+    def to_xarray(self) -> xr.Dataset:
+        """The numbers as a data set."""
+        return self.to_pandas().to_xarray()
+
+    @abstractmethod
+    def report(self, path: str | PathLike[str]) -> Path:
+        """Write a self-contained page.
+
+        Parameters
+        ----------
+        path : path-like
+            HTML file; written whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+
+    def summary(self) -> pd.DataFrame:
+        """The few rows that a notebook shows."""
+        return self.to_pandas()
+
+    def __str__(self) -> str:
+        return self.as_text()
+
+    def __repr__(self) -> str:
+        text = f"<{type(self).__name__}: {' '.join(self.headline.split())}>"
+        return text if len(text) <= LONGEST else f"{text[: LONGEST - 4]}...>"
+
+    def _repr_html_(self) -> str:
+        table = self.summary()
+        shown = table.head(MOST_ROWS).to_html(
+            index=False, border=0, na_rep="–", max_cols=MOST_COLUMNS, float_format="{:.4g}".format
+        )
+        more = len(table) - MOST_ROWS
+        rest = f"<p>and {more} more rows: <code>.to_pandas()</code></p>" if more > 0 else ""
+        return f"<div><p><b>{type(self).__name__}.</b> {escape(self.headline)}</p>{shown}{rest}</div>"

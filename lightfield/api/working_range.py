@@ -1,0 +1,112 @@
+"""How far the lamp can be used: `range`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.result import Result
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.working_range import study as ranging
+from lightfield.studies.working_range import text as range_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+
+class Range(Result[ranging.WorkingRange]):
+    """How far the lamp can be used, and how wide its spot is."""
+
+    @property
+    def headline(self) -> str:
+        return range_text.headline(self.details)
+
+    def as_text(self) -> str:
+        return range_text.as_text(self.details)
+
+    def as_data(self) -> dict[str, Any]:
+        return range_text.as_data(self.details)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Light on the axis over that at the first plane, with and without scattered light."""
+        from lightfield.report.plots import plot_lines
+
+        data = self.details.dataset
+        lines = {
+            "with scattered light": (data.light.values, data.light_stderr.values),
+            "formula": (data.formula.values, None),
+        }
+        words = ("z (m)", f"light over that at {self.details.reference_m:g} m", "On the axis")
+        return plot_lines(ax, data.z_m.values, lines, words)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Over z_m: light, spot and accuracy of a pose, of the render and of the formula."""
+        return self.details.dataset
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per distance."""
+        return self.details.dataset.to_dataframe().reset_index()
+
+    def summary(self) -> pd.DataFrame:
+        """How far, by every rule."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(reach) for reach in self.details.reaches])
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.working_range import write_range
+
+        return write_range(self.details, path)
+
+
+def range(
+    scene: Scene | AnyPath,
+    *,
+    readings: Readings | AnyPath | None = None,
+    share: float = ranging.PAPER_SHARE,
+    noise: float = 0.01,
+    snr: float = 10.0,
+    to: float | None = None,
+    max_photons: float = ranging.PHOTONS,
+    trace: bool = True,
+) -> Range:
+    """How far the lamp can be used, and how wide its spot is.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        Its first plane is the reference; its array is the follower's.
+    readings : Readings or path-like, optional
+        To show beside it.
+    share : float
+        Part of the light at the first plane that must be left.
+    noise : float
+        Of one reading, over the reading at the first plane.
+    snr : float
+        Signal over noise.
+    to : float, m, optional
+        Farthest distance; default: twice the last plane.
+    max_photons : float
+        Traced for the accuracy of poses.
+    trace : bool
+        False: leave out what only the renderer knows.
+
+    Raises
+    ------
+    UsageError, SceneError
+        Numbers that make no sense; no room in the tank.
+    """
+    known = scene_of(scene)
+    table = None if readings is None else readings_of(readings, known)
+    found = ranging.working_range(
+        known, light_of(trace), table, share=share, noise=noise, snr=snr, to_m=to,
+        photons=max_photons,
+    )  # fmt: skip
+    return Range(found)

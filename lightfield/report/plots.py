@@ -1,0 +1,225 @@
+"""One drawing each, in axes that the user gives: what `plot` of an answer draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.verdict.parts import Rung
+from lightfield.readings import Readings
+from lightfield.report.compare.figures import SHORT_UNITS
+from lightfield.report.light import DECADES
+from lightfield.report.style import (
+    FORMULA,
+    GOOD,
+    GRID,
+    MUTED,
+    RENDER,
+    SERIES,
+    STYLE,
+    label,
+    percent_axis,
+    plain_log_axis,
+)
+from lightfield.studies.compare.maps import SIGMAS, PlaneComparison
+
+#: Lines that a drawing can show apart.
+LINES = len(SERIES)
+#: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
+_FAR_APART = 8.0
+
+
+def axes_for(ax: Axes | None) -> Axes:
+    """The axes that were given, or those of a new figure in our style."""
+    if ax is not None:
+        return ax
+    with matplotlib.rc_context(STYLE):
+        return pyplot.subplots(figsize=(7.0, 4.2), layout="constrained")[1]
+
+
+def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: float) -> Axes:
+    """Error of every rung, and the noise."""
+    ax = axes_for(ax)
+    error = np.array([rung.error_percent for rung in ladder])
+    ax.axhline(noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {noise_floor_percent:.2g} %")
+    ax.plot(range(len(error)), error, "o-", color=RENDER, label="error of the fit")
+    for k, rung in enumerate(ladder):
+        if rung.rendered_error_percent is not None:
+            ax.plot(
+                [k], [rung.rendered_error_percent], "*", color=FORMULA, markersize=12, label="rendered afresh"
+            )
+        ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
+    least, most = min(error.min(), noise_floor_percent), max(error.max(), noise_floor_percent)
+    if least > 0 and most > _FAR_APART * least:
+        ax.set_yscale("log")
+        plain_log_axis(ax.yaxis)
+    else:
+        ax.set_ylim(0, 1.18 * most)
+    ax.set_xticks(range(len(error)), [rung.label.replace("_", " ") for rung in ladder])
+    ax.set_xlim(-0.4, len(error) - 0.4)
+    ax.legend()
+    label(ax, "", "rms error (%)", "Error of the model")
+    return ax
+
+
+def plot_distances(ax: Axes | None, names: Sequence[str], sigma: Array, sure: float) -> Axes:
+    """Distances between effects, shape (n, n), in sigma."""
+    ax = axes_for(ax)
+    n = len(names)
+    shown = np.where(np.eye(n, dtype=bool), np.nan, sigma)
+    image = ax.imshow(shown, aspect="auto", cmap="cividis", vmin=0, vmax=3 * sure)
+    for (j, k), value in np.ndenumerate(shown):
+        if np.isfinite(value):
+            ink = "white" if value < 1.5 * sure else "black"
+            ax.text(
+                k, j, f"{value:.0f}" if value < 99 else ">99", ha="center", va="center", color=ink, fontsize=7
+            )
+    words = [name.replace("_", " ") for name in names]
+    ax.set_xticks(range(n), words, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
+    ax.set_yticks(range(n), words, fontsize=8)
+    ax.grid(False)
+    ax.figure.colorbar(image, ax=ax, extend="max", label="σ")
+    label(ax, "imitated by", "true", "")
+    return ax
+
+
+def plot_map(ax: Axes | None, plane: xr.Dataset) -> Axes:
+    """Light on one plane, on a logarithmic scale."""
+    ax, quantity = axes_for(ax), plane.attrs["quantity"]
+    light, x, y = plane[quantity], plane.x_m.values, plane.y_m.values
+    half_x, half_y = (0.5 * float(np.diff(c).mean()) if c.size > 1 else 0.5 for c in (x, y))
+    top = float(np.nanmax(light.values))
+    image = ax.imshow(
+        np.maximum(light.values, top / 10 ** (DECADES + 1)) if top > 0 else light.values,
+        origin="lower", cmap="magma", norm=LogNorm(top / 10**DECADES, top) if top > 0 else None,
+        extent=(x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y),
+    )  # fmt: skip
+    ax.grid(False)
+    unit = light.attrs["units"]
+    words = f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}"
+    ax.figure.colorbar(image, ax=ax, extend="min", label=words)
+    label(ax, "x (m)", "y (m)", f"z = {float(plane.z_m):g} m, {float(plane.wavelength_nm):g} nm")
+    return ax
+
+
+def plot_positions(ax: Axes | None, places: xr.Dataset) -> Axes:
+    """Light of single positions against their distance, with errors."""
+    ax, quantity = axes_for(ax), places.attrs["quantity"]
+    value, unit = places[quantity], places[quantity].attrs["units"]
+    error = SIGMAS * places[f"{quantity}_stderr"].values
+    ax.errorbar(
+        places.z_m.values, value.values, np.where(np.isfinite(error), error, 0), fmt="o", color=RENDER
+    )
+    ax.set_yscale("log")
+    label(ax, "z (m)", f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}")
+    return ax
+
+
+def plot_formula_error(ax: Axes | None, planes: Sequence[PlaneComparison]) -> Axes:
+    """Relative error of the formula against the radius, with three standard errors."""
+    ax = axes_for(ax)
+    ax.axhspan(-0.05, 0.05, color=GRID, alpha=0.8, linewidth=0)
+    chosen = np.unique(np.linspace(0, len(planes) - 1, min(len(planes), LINES)).round().astype(int))
+    for shade, plane in zip(SERIES, (planes[k] for k in chosen), strict=False):
+        ring = plane.profile
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error, noise = (
+                ring.formula / ring.render - 1,
+                SIGMAS * ring.stderr * ring.formula / ring.render**2,
+            )
+        known = np.isfinite(error) & np.isfinite(noise)
+        r, error, noise = ring.r_m[known], error[known], noise[known]
+        ax.fill_between(r, error - noise, error + noise, color=shade, alpha=0.2, linewidth=0)
+        ax.plot(r, error, color=shade, label=f"z = {plane.z_m:g} m")
+    percent_axis(ax.yaxis)
+    ax.legend()
+    label(ax, "radius (m)", "formula / render \N{MINUS SIGN} 1", "Error of the formula")
+    return ax
+
+
+def plot_residuals(ax: Axes | None, readings: Readings, sigma: Array) -> Axes:
+    """What is left of every reading, in standard errors, against its distance from the lamp."""
+    ax = axes_for(ax)
+    ax.axhspan(-2, 2, color=GRID, alpha=0.8, linewidth=0)
+    away = np.sqrt(readings.x_m**2 + readings.y_m**2 + readings.z_m**2)
+    ax.plot(away, sigma, "o", color=RENDER, markersize=3.5)
+    label(ax, "distance from the lamp (m)", "reading \N{MINUS SIGN} model (σ)", "What the model leaves")
+    return ax
+
+
+def plot_lines(
+    ax: Axes | None,
+    x: Array,
+    lines: Mapping[str, tuple[Array, Array | None]],
+    words: tuple[str, str, str],
+    *,
+    log: bool = False,
+    dashed: Sequence[str] = (),
+) -> Axes:
+    """Values with their standard errors against one coordinate.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+    lines : mapping of (value, stderr), arrays of shape (n,)
+        By what the legend calls them.
+    words : label of x, label of y, title
+    dashed : sequence of str
+        Lines of the formula, in the colour of the line before.
+    """
+    ax, number = axes_for(ax), -1
+    for name, (value, stderr) in lines.items():
+        number += name not in dashed
+        shade, style = SERIES[number % LINES], (0, (5, 2)) if name in dashed else "solid"
+        if stderr is not None:
+            error = np.where(np.isfinite(stderr), stderr, 0)
+            ax.fill_between(x, value - error, value + error, color=shade, alpha=0.25, linewidth=0)
+        marker = "o" if len(x) < 3 else ""
+        ax.plot(x, value, color=shade, linestyle=style, marker=marker, label=name)
+    if log:
+        ax.set_yscale("log")
+    if len(lines) > 1:
+        ax.legend()
+    label(ax, *words)
+    return ax
+
+
+def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str) -> Axes:
+    """A quantity against the longest axis, a line per step of the next, all else at its first step."""
+    order = sorted(axes, key=lambda a: (data[a].dtype.kind not in "fi", -data.sizes[a]))
+    along, hue = order[0], next((a for a in order[1:] if data.sizes[a] > 1), None)
+    x = data[along].values
+    at = np.asarray(x if x.dtype.kind in "fi" else np.arange(len(x)), float)
+    lines = {}
+    for step in range(1 if hue is None else min(data.sizes[hue], LINES)):
+        kept = {along} if hue is None else {along, hue}
+        first = {dim: 0 for dim in data[name].dims if dim not in kept} | ({} if hue is None else {hue: step})
+        value, error = (data[n].isel(first).values if n in data else None for n in (name, f"{name}_stderr"))
+        assert value is not None
+        lines["" if hue is None else f"{hue} = {data[hue].values[step]}"] = (value, error)
+    unit = data[name].attrs.get("units", "1")
+    ax = plot_lines(ax, at, lines, (along, "" if unit == "1" else unit, name.replace("_", " ")))
+    if x.dtype.kind not in "fi":
+        ax.set_xticks(at, [str(v) for v in x])
+    return ax
+
+
+def plot_bars(ax: Axes | None, names: Sequence[str], part: Array, words: tuple[str, str]) -> Axes:
+    """Bars over a line at 1: what is known over what is asked for; infinite: unknown."""
+    ax = axes_for(ax)
+    known = np.where(np.isfinite(part), part, np.nan)
+    ax.bar(range(len(names)), known, color=RENDER)
+    for k in np.flatnonzero(~np.isfinite(part)).tolist():
+        ax.text(k, 1.1, "unknown", ha="center", va="bottom", color=MUTED, rotation=90)
+    ax.axhline(1, color=FORMULA, linestyle=(0, (5, 2)))
+    ax.set_yscale("log")
+    ax.set_xticks(range(len(names)), list(names))
+    label(ax, "", *words)
+    return ax

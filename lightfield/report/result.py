@@ -1,0 +1,63 @@
+"""The page of any answer that has none of its own: its sentence, its figures, its table, its text."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.style import figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Rows of a table that a page shows.
+MOST_ROWS = 60
+
+
+class Answer(Protocol):
+    """What the page needs of an answer; `lightfield.api.result.Result` is one."""
+
+    @property
+    def headline(self) -> str: ...
+    def plot(self, ax: Axes | None = None) -> Axes: ...
+    def summary(self) -> pd.DataFrame: ...
+
+
+def write_result(
+    answer: Answer,
+    path: str | os.PathLike[str],
+    title: str,
+    figures: Sequence[Figure] | None = None,
+    scene_toml: str = "",
+) -> Path:
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    figures : sequence of Figure, optional
+        Default: what the answer plots.
+    """
+    if figures is None:
+        with figure(8.0, 4.6) as drawing:
+            answer.plot(drawing.subplots())
+        figures = [drawing]
+    drawn = [page_figure(one, f"figure{k}", "", title) for k, one in enumerate(figures)]
+    table = answer.summary()
+    rows = [[_cell(value) for value in row] for row in table.head(MOST_ROWS).itertuples(index=False)]
+    rest = f" The first {MOST_ROWS} of {len(table)} rows." if len(table) > MOST_ROWS else ""
+    shown = Table(f"The numbers.{rest}", [str(name) for name in table.columns], rows)
+    section = Section("Answer", drawn, (), (shown,))
+    return write_study(study_page(title, answer.headline, (), [section], scene_toml), path)
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and value != value):
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,161 @@
+"""What is public is listed here once more: whoever changes it changes this file, and CHANGELOG.md."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import keyword
+import subprocess
+import sys
+
+import pytest
+
+import lightfield as lf
+
+#: Public functions with their arguments, in order.
+FUNCTIONS = {
+    "load": "path, scene",
+    "render": "scene, wavelengths, rel_error, max_photons, seed, cache",
+    "compare": "what, scene, with_, effects_file, solver, rel_error, max_photons, seed, cache",
+    "diagnose": "readings, scene, effects, effects_file, alpha, seed, trace, render",
+    "plan": "layout, scene, effects_file, trace",
+    "sweep": "scene, vary, output, rel_error, max_photons, seed, maps, workers, scheduler, memory",
+    "attenuation": "readings, scene, air, trace",
+    "band": "scene, distances, width, between, response, electrons, read_noise, mismatch, trace, rel_error, "
+    "max_photons, seed",
+    "range": "scene, readings, share, noise, snr, to, array, array_side, trace",
+    "link": "scene, area, responsivity, amplifier_noise, background, bit_rate, ber, water, to, rel_error, "
+    "max_photons, seed",
+    "regime": "output, scene, rel_error, max_photons, seed, workers",
+    "array.show": "scene, half_width, max_photons, seed, trace",
+    "array.compare": "scene, with_, task, half_width, max_photons, seed, trace",
+    "array.optimise": "scene, elements, box, tilt_max, spacing, task, half_width, max_photons, seed, trace",
+    "pose.estimate": "readings, scene, filter, half_width, max_photons, seed, trace",
+    "pose.bias": "scene, scattering, half_width, max_photons, seed, trace",
+}
+#: Answers, and what each can do beside what every `Result` can.
+RESULTS = {
+    "Maps": {"load", "save", "scene", "quantity"},
+    "Comparison": set(),
+    "Fit": {"scene"},
+    "Diagnosis": {"verdict", "effects", "scene", "save"},
+    "Plan": set(),
+    "Sweep": {"load"},
+    "Attenuation": set(),
+    "Band": set(),
+    "Range": set(),
+    "Link": set(),
+    "Regime": set(),
+    "array.Survey": set(),
+    "array.Arrays": set(),
+    "pose.Poses": set(),
+    "pose.Bias": set(),
+}
+EVERY_RESULT = {
+    "as_data", "as_text", "headline", "plot", "report", "summary", "to_pandas", "to_xarray"
+}  # fmt: skip
+OTHERS = {"Scene", "Readings", "LightfieldError", "Result", "array", "pose"}
+#: Options by which a command is told what a Python program asks of the answer instead.
+WRITING = {"json", "report", "output", "fit_json", "exr", "figures", "table", "list", "schema", "plan",
+           "dry_run", "verify", "help"}  # fmt: skip
+
+
+def public(name: str) -> object:
+    found: object = lf
+    for part in name.split("."):
+        found = getattr(found, part)
+    return found
+
+
+def test_the_public_names_are_these():
+    listed = {name.partition(".")[0] for name in (*FUNCTIONS, *RESULTS)} | OTHERS
+    assert set(lf.PUBLIC) == listed
+    assert set(lf.__all__) == listed - {"range"}
+    assert listed <= set(dir(lf))
+    for module in (lf.array, lf.pose):
+        name = module.__name__.rpartition(".")[2]
+        assert {f"{name}.{each}" for each in module.__all__} == {
+            each for each in (*FUNCTIONS, *RESULTS) if each.startswith(f"{name}.")
+        }
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_has_these_arguments_and_explains_itself(name):
+    function = public(name)
+    assert ", ".join(inspect.signature(function).parameters) == FUNCTIONS[name]
+    text = inspect.getdoc(inspect.unwrap(function))
+    assert text and "Parameters" in text and "Raises" in text
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_public_answer_can_do_this(name):
+    kind = public(name)
+    assert issubclass(kind, lf.Result) and kind.__doc__
+    own = {member for base in kind.__mro__ for member in vars(base) if not member.startswith("_")}
+    assert own == EVERY_RESULT | RESULTS[name]
+
+
+def test_other_names_are_no_part_of_it():
+    with pytest.raises(AttributeError, match="no attribute 'difuse'"):
+        _ = lf.difuse
+
+
+def options_of(command: str) -> set[str]:
+    """Options of a command as Python would write them: `--no-trace` is `trace`, `--with` is `with_`."""
+    name, _, task = command.partition(".")
+    parser = argparse.ArgumentParser()
+    importlib.import_module(f"lightfield.commands.{name}").add_arguments(parser)
+    if task:
+        (tasks,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+        parser = tasks.choices[task]
+    words = {o[2:].removeprefix("no-").replace("-", "_") for a in parser._actions for o in a.option_strings}
+    return {f"{word}_" if keyword.iskeyword(word) else word for word in words if word}
+
+
+@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "load"])
+def test_arguments_are_called_as_the_options_of_the_command(name):
+    options, given = options_of(name), inspect.signature(public(name)).parameters
+    named = {word for word, one in given.items() if one.kind is inspect.Parameter.KEYWORD_ONLY}
+    assert named <= options
+    assert options - set(given) <= WRITING
+
+
+def run_python(code: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_import_costs_nothing():
+    run_python(
+        "import sys, lightfield\n"
+        "heavy = {'numpy', 'pydantic', 'scipy', 'xarray', 'pandas', 'matplotlib', 'mitsuba', 'argparse'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)\n"
+    )
+
+
+def test_a_room_and_a_function_of_one_name_are_both_there_whichever_comes_first():
+    run_python(
+        "import lightfield.render.settings as settings\n"
+        "import lightfield as lf\n"
+        "from lightfield import sweep\n"
+        "import lightfield.sweep.axes as axes\n"
+        "assert callable(lf.render) and callable(sweep) and lf.sweep is sweep\n"
+        "assert settings.Settings and axes.span\n"
+        "try:\n    lf.render('/nonexistent.toml')\n"
+        "except lf.LightfieldError as error:\n    assert '/nonexistent.toml' in str(error)\n"
+        "else:\n    raise AssertionError\n"
+    )
+
+
+def test_python_m_lightfield_is_the_program():
+    done = subprocess.run(
+        [sys.executable, "-m", "lightfield", "--version"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, f"lightfield {lf.__version__}\n")

@@ -1,0 +1,166 @@
+"""Every answer says itself briefly, draws into the axes that it is given, becomes tables and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+from matplotlib.figure import Figure
+
+import lightfield as lf
+from lightfield.api.maps import Comparison, Fit, Maps
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.maps.dataset import to_dataset
+from lightfield.studies.compare.maps import compare
+from lightfield.studies.compare.readings import fit_readings
+
+SCENES = Path(__file__).resolve().parents[3] / "scenes"
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Readings with a background that nobody told of, and what their experimenter believes."""
+    return readings({"detector.background": 0.02}, seed=4)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(table):
+    return lf.diagnose(*table, effects=["background", "beam_offset"], trace=False)
+
+
+@pytest.fixture
+def maps(make):
+    return Maps(to_dataset(make(pixels=9)))
+
+
+def answers(table, diagnosis, maps):
+    """One of every kind that needs no trace, with how many rows its table has."""
+    readings, scene = table
+    tank = SCENES / "unh_tow_tank"
+    follower = SCENES / "leader_follower" / "clear.toml"
+    ranged = lf.range(scene, trace=False)
+    banded = lf.band(tank / "spectra.toml", trace=False, width=100.0, between=(450.0, 650.0))
+    water = lf.attenuation(tank / "spectra.csv", tank / "spectra.toml", trace=False)
+    surveyed = lf.array.show(follower, trace=False)
+    return {
+        "maps": (maps, 3 * 9 * 9),
+        "comparison": (Comparison(compare(maps.details), maps), 3),
+        "fit": (Fit(fit_readings(readings, scene)), len(readings)),
+        "diagnosis": (diagnosis, len(readings)),
+        "plan": (lf.plan(readings, scene, trace=False), None),
+        "range": (ranged, ranged.to_xarray().sizes["z_m"]),
+        "band": (banded, 2 * banded.to_xarray().sizes["low_nm"]),
+        "attenuation": (water, water.to_xarray().sizes["wavelength_nm"]),
+        "survey": (surveyed, surveyed.to_xarray()["A"].size),
+    }
+
+
+#: Whose pages other tests draw: in the fast tier once is enough.
+DRAWN_ELSEWHERE = {"diagnosis", "comparison", "range", "attenuation", "survey"}
+
+
+def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, maps, tmp_path):
+    for name, (answer, rows) in answers(table, diagnosis, maps).items():
+        assert len(repr(answer)) <= 200 and "\n" not in repr(answer), name
+        assert str(answer) == answer.as_text() and answer.headline
+        assert isinstance(answer.as_data(), dict)
+        axes = Figure().subplots()
+        assert answer.plot(axes) is axes, name
+        assert axes.has_data() or axes.images, name
+        assert rows is None or len(answer.to_pandas()) == rows, name
+        assert answer.to_xarray().sizes, name
+        shown = answer._repr_html_()
+        assert shown.startswith("<div>") and shown.count("<tr") <= 14, name
+        if name not in DRAWN_ELSEWHERE:
+            page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
+            assert "</html>" in page and "<svg" in page, name
+
+
+@pytest.mark.slow
+def test_every_answer_has_a_page(table, diagnosis, maps, tmp_path):
+    for name, (answer, _) in answers(table, diagnosis, maps).items():
+        if name in DRAWN_ELSEWHERE:
+            page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
+            assert "</html>" in page and "<svg" in page, name
+
+
+def test_an_answer_without_axes_draws_into_a_figure_of_its_own(diagnosis):
+    from matplotlib import pyplot
+
+    axes = diagnosis.plot()
+    assert axes.get_figure().number in pyplot.get_fignums()
+    pyplot.close(axes.get_figure())
+
+
+def test_a_diagnosis_in_python_is_that_of_the_command(table, diagnosis):
+    readings, _ = table
+    assert diagnosis.effects == ["background"]
+    assert Verdict.model_validate(diagnosis.as_data()) == diagnosis.verdict
+    assert diagnosis.scene.detector.background == pytest.approx(
+        diagnosis.verdict.explanations[0].parameters["detector.background"].value
+    )
+    rows = diagnosis.to_pandas()
+    np.testing.assert_allclose(rows.value, readings.value)
+    np.testing.assert_allclose(rows.residual_sigma * rows.sigma, rows.value - rows.model, atol=1e-12)
+    assert rows.base_model.sub(rows.value).std() > 2 * rows.model.sub(rows.value).std()
+
+
+def test_the_inside_of_a_diagnosis_and_readings_are_brief_too(table, diagnosis):
+    assert len(repr(diagnosis.details)) < 300 and len(repr(table[0])) < 300
+
+
+def test_readings_become_a_table_that_lacks_nothing_but_empty_columns(table):
+    readings, _ = table
+    found = readings.to_pandas()
+    assert len(found) == len(readings)
+    assert {"x_m", "y_m", "z_m", "medium", "value", "stderr", "time_s"} <= set(found)
+    assert "integration_time_s" not in found
+
+
+def test_markup_in_a_name_stays_text(maps):
+    named = Maps(maps.details.assign_attrs(quantity="irradiance"))
+    data = named.details.rename({"irradiance": "<b>", "irradiance_stderr": "<b>_stderr"})
+    shown = Maps(data.assign_attrs(quantity="<b>"))._repr_html_()
+    assert "&lt;b&gt;" in shown and "<b><b>" not in shown.replace("<b>Maps.</b>", "")
+
+
+def test_the_comparison_gives_the_formula_beside_the_maps(maps):
+    comparison = Comparison(compare(maps.details), maps)
+    found = comparison.to_xarray()
+    for k, plane in enumerate(comparison.details.planes):
+        np.testing.assert_array_equal(found.formula.values[0, k], plane.formula)
+    assert found.formula.dims == found.irradiance.dims
+
+
+def test_what_does_not_belong_together_is_refused(table, maps, tmp_path):
+    readings, scene = table
+    for wrong in (
+        lambda: lf.compare(readings),
+        lambda: lf.compare(maps, scene),
+        lambda: lf.compare(scene, solver="render"),
+        lambda: lf.compare(readings, scene, rel_error=0.1),
+        lambda: lf.compare(maps, seed=1),
+        lambda: lf.sweep(scene, {}, tmp_path / "none.zarr"),
+    ):
+        with pytest.raises(lf.LightfieldError):
+            wrong()
+
+
+def test_a_sweep_of_few_photons(tmp_path):
+    scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0, 3.0], "pixels": 7}})
+    vary = {"water.absorption_per_m": np.array([0.05, 0.1]), "lamp.hwhm_deg": "3:5:2"}
+    found = lf.sweep(scene, vary, tmp_path / "s.zarr", max_photons=1e3, rel_error=0.5)
+    assert found.to_xarray().sizes["water.absorption_per_m"] == 2
+    assert found.to_xarray()["lamp.hwhm_deg"].values.tolist() == [3.0, 5.0]
+    rows = found.to_pandas()
+    assert {"on_axis_irradiance", "water.absorption_per_m"} <= set(rows) and "irradiance" not in rows
+    again = lf.Sweep.load(found.path)
+    np.testing.assert_array_equal(again.to_xarray().irradiance.values, found.to_xarray().irradiance.values)
+    axes = Figure().subplots()
+    assert found.plot(axes) is axes and len(axes.lines) == 2
+    with pytest.raises(lf.LightfieldError, match="on_axis_irradiance"):
+        found.plot(quantity="irradiance")
+    assert "4 cases" in repr(found)
+    assert "<svg" in found.report(tmp_path / "s.html").read_text(encoding="utf-8")
