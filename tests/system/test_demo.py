@@ -1,4 +1,4 @@
-"""`lightfield demo`, shortened: fewer photons for the tow tank, no traces for the story.
+"""`lightfield demo`, shortened: fewer photons for the tow tank, no traces and one effect for the stories.
 
 Rationale: it is the first thing that a new user runs. Expected: exit code 0, one self-contained page per
 experiment, and their paths as the last lines.
@@ -14,7 +14,8 @@ from lightfield.cli import main
 from lightfield.commands import demo
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
-SHORTER = {"render": " --max-photons 1e5", "compare": " --max-photons 1e5", "diagnose": " --no-trace"}
+SHORTER = dict.fromkeys(("render", "compare"), " --max-photons 1e5")
+SHORTER["diagnose"] = " --no-trace --effects background"
 SHORTER |= dict.fromkeys(("attenuation", "range"), " --no-trace")
 
 
