@@ -3,7 +3,7 @@
 A curve has as many functions as pay for themselves. Finer ones are there all the same, and what they do to
 the readings is taken by other parameters, that then look surer than they are: beside a beam of four functions
 the g of scattering water had an error four times too small (scenes/dive_lamp). So the best set is fitted once
-more with the next longer form of its curves, over a range of every shape, where valleys are bent; and an error
+more with the next longer form of its curves, over a range of every shape, where valleys are bent; an error
 covers the values that fit as well.
 """
 
