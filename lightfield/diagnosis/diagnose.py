@@ -20,6 +20,7 @@ from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
+from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
@@ -305,6 +306,7 @@ def _diagnose(
         prepared, finding = settled(prepared, finding, rng, alpha, progress)
         forward = prepared.problem.forward
         problem = replace(problem, forward=forward)
+    finding = with_truncation(finding)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, OwnErrors, Prepared, bench
 from lightfield.diagnosis.search.progress import SILENT, Progress
@@ -37,6 +38,9 @@ ALPHA_EXPLANATION, _EASILY = 0.01, 0.2
 #: Relative evidence that makes one of several accepted explanations the answer: odds of 19, where evidence
 #: begins to be called strong (20; Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
 CONVINCING = 0.95
+#: Chi-square for each reading, under errors with the tolerance, beyond which fits need not be made anew under
+#: these: what passes leaves one or two. Chosen: new weights lower it by less than half.
+_BEYOND_TOLERANCE = 10.0
 #: Where nothing was accepted, so many of what came nearest are looked at.
 _NEAREST = 3
 
@@ -155,6 +159,12 @@ def with_base(found: list[Tried], level: Level, n: int) -> list[float]:
     return weights([*found, base])[:-1]
 
 
+def _beyond(problem: Problem, level: Level, fit: Fit) -> bool:
+    """Does a fit miss the readings by far more than errors and tolerance?"""
+    residual = level.bench.whiten(problem.keep * (problem.value - fit.prediction))
+    return float(residual @ residual) > _BEYOND_TOLERANCE * level.phi * float(problem.keep.sum())
+
+
 def search(
     prepared: Prepared,
     tolerance: float,
@@ -221,6 +231,8 @@ def search(
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
+    if all(_beyond(problem, tolerant, t.fit) for t in (*singles, *pairs)):
+        return finding(None, tolerant, [], pairs + singles)
     level_alpha = level_for(tolerant)
     _, singles = one_more(tolerant, fitted)
     if found := accepted(singles, level_alpha):

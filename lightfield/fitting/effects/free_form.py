@@ -46,7 +46,7 @@ EFFECTS = (
         contains=("water_gradient", "spectral_hardening"),
     ),
     Effect(
-        "lamp_history",
+        "lamp_power_curve",
         "time",
         _forms("lamp.power_departure", (3, 6)),
         "The lamp's power changes in its own way while the scan runs.",

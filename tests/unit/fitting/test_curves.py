@@ -140,7 +140,7 @@ def test_functions_are_orthonormal_and_leave_out_what_the_base_model_has(field: 
         assert np.abs(columns.T @ (weight * smooth)).max() < off
 
 
-@pytest.mark.parametrize("name", ["beam_profile", "attenuation_profile", "lamp_history"])
+@pytest.mark.parametrize("name", ["beam_profile", "attenuation_profile", "lamp_power_curve"])
 def test_what_the_base_model_explains_is_no_curve(name: str) -> None:
     """A Gaussian of another width in water of another absorption, without noise."""
     table = readings(noise=1e-7)
@@ -220,7 +220,7 @@ def test_a_lamp_that_changes_in_its_own_way_is_found() -> None:
     off = []
     for seed in range(6):
         table = readings(power=power, seed=seed)
-        found = problem(table, "lamp_history")
+        found = problem(table, "lamp_power_curve")
         fit = fitted(found, table.stderr)
         curve = curve_of(found, fit)
         ratio = np.log(curve.value) - power(curve.at)
@@ -240,7 +240,7 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     assert not set(effects.curves()) & set(effects.table())
     sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in effects.curves()}
     # Five distances tell of three functions beside gain and absorption.
-    assert sizes == {"beam_profile": [2, 4, 7, 11], "attenuation_profile": [2, 3], "lamp_history": [3, 6]}
+    assert sizes == {"beam_profile": [2, 4, 7, 11], "attenuation_profile": [2, 3], "lamp_power_curve": [3, 6]}
     for curve in effects.curves().values():
         for name, effect in effects.table().items():
             together = name not in curve.contains
@@ -252,7 +252,7 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     there = table.z_m < 5
     one_plane = replace(table.subset(there), time_s=np.full(there.sum(), np.nan))
     _, why = problem_of(SceneForward(believed(), one_plane), one_plane, effects.curves().values(), None)
-    assert set(why) == {"attenuation_profile", "lamp_history"}
+    assert set(why) == {"attenuation_profile", "lamp_power_curve"}
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)
     assert why["attenuation_profile"] == "the readings are at too few different places or times"

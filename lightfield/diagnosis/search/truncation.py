@@ -1,0 +1,132 @@
+"""What a fitted curve leaves out: errors of all that was fitted beside it.
+
+A curve has as many functions as pay for themselves. Finer ones are there all the same, and what they do to
+the readings is taken by other parameters, that then look surer than they are: beside a beam of four functions
+the g of scattering water had an error four times too small (scenes/dive_lamp). So the best set is fitted once
+more with the next longer form of its curves, over a range of every shape, where valleys are bent; an error
+covers the values that fit as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.quick import Begin, settled_fit
+from lightfield.diagnosis.search.search import Tried
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.parameter import FitParameter
+
+#: Standard errors from its best value at which a shape is held, each way from the nearest on. Chosen.
+_HELD = (2.0, 4.0)
+#: Steps of a fit at most, and what it may leave of chi-square.
+_STEPS, _LEFT = 20, 0.05
+#: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
+_ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
+
+
+def with_truncation(finding: Finding) -> Finding:
+    """The finding whose best set has errors that know what its curves leave out."""
+    if finding.accepted:
+        return replace(finding, accepted=[_widened(finding.accepted[0]), *finding.accepted[1:]])
+    if finding.beyond_two and finding.tried:
+        return replace(finding, tried=[_widened(finding.tried[0]), *finding.tried[1:]])
+    return finding
+
+
+def _widened(tried: Tried) -> Tried:
+    if tried.test is None:
+        return tried
+    problem = tried.test.problem
+    longer = tuple(_longer(problem, c) for c in tried.explanation)
+    if longer == tried.explanation:
+        return tried
+    errors, phi = dict(tried.errors), tried.adequacy.phi if tried.adequacy else 1.0
+    for path, error in truncation_errors(tried, problem, longer, phi).items():
+        errors[path] = max(error, errors.get(path, 0.0))
+    return replace(tried, errors=errors)
+
+
+def _longer(problem: Problem, candidate: Candidate) -> Candidate:
+    """The next longer form of a curve; of all else the effect itself."""
+    if not candidate.effect.is_free_form:
+        return candidate
+    forms = (c for c in problem.candidates if c.name == candidate.name)
+    more = (c for c in forms if len(c.parameters) > len(candidate.parameters))
+    return min(more, key=lambda c: len(c.parameters), default=candidate)
+
+
+def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: float) -> Mapping[str, float]:
+    """Standard errors by path, in the scene's unit, of all that is fitted but the curves themselves.
+
+    Of fits with longer curves those within 1 of the lowest chi-square lie within one of them from the value
+    that is stated, those within 4 within two; and so does the best of them, with its own error.
+
+    Parameters
+    ----------
+    tried : Tried
+        With its test.
+    longer : tuple of Candidate
+        Its explanation with longer curves.
+    phi : float
+        Pure-error variance in units of the whitening.
+    """
+    assert tried.test is not None
+    whiten, stated = tried.test.whiten, tried.fit.values
+
+    def fitted(explanation: Explanation, begin: Mapping[str, float]) -> Fit:
+        return settled_fit(problem, explanation, whiten, Begin(begin), _STEPS, _LEFT)
+
+    def at(fit: Fit) -> dict[str, float]:
+        return dict(zip(fit.paths, map(float, fit.u), strict=True))
+
+    first = fitted(longer, at(tried.fit))
+    found = [first]
+    for path, sigma in _shapes(tried).items():
+        middle = at(tried.fit)[path]
+        for side in (-1.0, 1.0):
+            begin = at(first)
+            for step in _HELD:
+                held, u = _holding(longer, path, middle + side * step * sigma)
+                there = fitted(held, {**begin, path: u})
+                begin = at(there)
+                found.append(there)
+    best = fitted(longer, at(min(found, key=lambda f: f.chi2)))
+    found.append(best)
+    curved = {p.path for c in tried.explanation if c.effect.is_free_form for p in c.parameters}
+    own, out = best.stderr(phi), {}
+    for path, value in stated.items():
+        if path in curved:
+            continue
+        far = [float(np.hypot(np.nan_to_num(own[path]), best.values[path] - value))]
+        for fit in found:
+            worse = (fit.chi2 - best.chi2) / phi
+            if worse <= _TWO_SIGMA:
+                far.append(abs(fit.values[path] - value) / (1.0 if worse <= _ONE_SIGMA else 2.0))
+        out[path] = max(far)
+    return out
+
+
+def _shapes(tried: Tried) -> dict[str, float]:
+    """Coordinates of the shapes that are fitted, and their errors; none at a bound."""
+    sigma = np.sqrt(np.diag(tried.fit.covariance()))
+    errors = dict(zip(tried.fit.paths, sigma.tolist(), strict=True))
+    paths = [p.path for c in tried.explanation for p in c.shapes]
+    return {path: errors[path] for path in paths if np.isfinite(errors[path])}
+
+
+def _holding(explanation: Explanation, path: str, u: float) -> tuple[Explanation, float]:
+    """An explanation with a shape held, and where: within its range."""
+
+    def held(parameter: FitParameter) -> FitParameter:
+        if parameter.path != path:
+            return parameter
+        return parameter.held(float(np.clip(u, parameter.low, parameter.high)))
+
+    out = tuple(replace(c, shapes=tuple(map(held, c.shapes))) for c in explanation)
+    return out, next(p.low for c in out for p in c.shapes if p.path == path)
