@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -201,6 +202,10 @@ class Hub:
             evaluation = await self._do(session.evaluation)
         except LightfieldError as error:
             browser.send(_text("error", id=request.id, message=str(error)))
+            return
+        except Exception:  # a defect must not cost anybody an afternoon's work
+            traceback.print_exc()
+            browser.send(_text("error", id=request.id, message=_DEFECT))
             return
         head = {"type": "evaluation", "plane": session.plane, **evaluation.numbers}
         for one in list(self.browsers):

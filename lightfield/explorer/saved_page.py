@@ -3,8 +3,8 @@
 Every rung of the ladder, and the state that is shown, is a stop: lamp, phase function and surface are fixed
 there, water, walls, gain and background move. What is moved is evaluated as `render/diffuse/portable.py` and
 `formula/field.py` say, in JavaScript (`page/kernel.js`), held to Python within 1e-3 by a test in a browser.
-Where light is not to be had so (several wavelengths, water that changes in time, saturation), a stop shows its
-numbers and moves nothing.
+Where light is not to be had so (several wavelengths, water that changes in time, saturation), a stop shows
+its numbers and moves nothing.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Arrays:
         self.bytes = bytearray()
 
     def add(self, array: Any, kind: str = "f4") -> list[Any]:
-        """Keep an array of 32-bit floats (f4), 16-bit floats (f2, scaled row by row) or whole numbers (u2, u4)."""
+        """Keep an array of 32-bit floats (f4), 16-bit ones scaled row by row (f2), or whole numbers (u4)."""
         array = np.asarray(array)
         scale = None
         if kind == "f2":
@@ -211,7 +211,7 @@ def _set(
         "albedo": scene.reflectances[0],
         "direct": arrays.add(direct),
         "way": arrays.add(ray.r),
-        "slope": arrays.add((forward.read(np.ones_like(direct), values) - offset)),
+        "slope": arrays.add(forward.read(np.ones_like(direct), values) - offset),
         "offset": arrays.add(offset),
         "diffuse": None,
     }
@@ -267,7 +267,7 @@ def _diffuse(p: Portable, arrays: Arrays) -> dict[str, Any]:
 
 
 def _rows(terms: Any, kinds: int) -> tuple[Array, Array]:
-    """Sparse rows of equal pattern as dense: neighbours (n, k) and weights (kinds, n, k); missing ones weigh 0."""
+    """Sparse rows of equal pattern as dense: neighbours (n, k), weights (kinds, n, k); 0 for missing ones."""
     n = terms.shape[0] // kinds
     blocks = [terms[t * n : (t + 1) * n] for t in range(kinds)]
     assert all(np.array_equal(block.indices, blocks[0].indices) for block in blocks)
