@@ -84,7 +84,7 @@ class Arrays:
 def page_html(session: Session) -> str:
     """The page."""
     session_arrays, experiment = Arrays(), session.experiment
-    some = _some_places(experiment)
+    some = some_places(experiment)
     stops = [_stop(session, state, label, some, session_arrays) for state, label in _stops(session)]
     e = session.experiment_data()
     kept = np.arange(SIDE) % EVERY == 0
@@ -119,7 +119,7 @@ def _stops(session: Session) -> list[tuple[State, str]]:
     return out
 
 
-def _some_places(e: Experiment) -> SceneForward:
+def some_places(e: Experiment) -> SceneForward:
     """The model at every other place of the maps."""
     kept = np.arange(SIDE) % EVERY == 0
     return e.maps.subset(np.tile(np.outer(kept, kept).ravel(), len(e.places.z_m)))

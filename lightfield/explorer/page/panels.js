@@ -324,7 +324,7 @@ LF.showCursor = () => {
 
 for (const id of ["map-render", "map-formula", "map-ratio"]) {
   const canvas = document.getElementById(id);
-  canvas.setAttribute("aria-label", { "map-render": "Map of the rendered light", "map-formula": "Map of the formula", "map-ratio": "Map of formula over render: orange too little, blue too much" }[id]);
+  canvas.setAttribute("aria-label", { "map-render": "Map of the rendered light", "map-formula": "Map of the formula", "map-ratio": "Map of formula over render, 0.1 to 10: orange too little, blue too much" }[id]);
   canvas.addEventListener("pointermove", (event) => {
     const box = canvas.getBoundingClientRect(), side = LF.experiment ? LF.experiment.map_x_m.length : 1;
     const at = (f) => Math.min(side - 1, Math.max(0, Math.floor(f * side)));
