@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 TESTS ?=
 
 .DEFAULT_GOAL := setup
-.PHONY: setup llvm lock lint format types pytest test slow demo bench clean
+.PHONY: setup llvm chromium lock lint format types pytest test slow demo bench clean
 
 setup: $(STAMP) llvm
 
@@ -15,6 +15,10 @@ $(STAMP): pyproject.toml tools/setup.sh tools/lock.txt
 
 llvm: $(STAMP)
 	@sh tools/setup.sh llvm
+
+# The browser that tests drive; a machine without is told so.
+chromium: $(STAMP)
+	@sh tools/setup.sh chromium
 
 # The newest versions that pyproject.toml allows, with their hashes, into tools/lock.txt.
 lock: $(STAMP)
@@ -33,7 +37,7 @@ format: $(STAMP)
 	$(BIN)/python -m ruff format .
 
 # As many at once as there are cores, up to four: each holds about a gigabyte. One file's tests share a process.
-pytest: setup
+pytest: setup chromium
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
 
 # One after the other, the fastest first, also under `make -j`.

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Sets up a fresh machine, step by step: `tools/setup.sh venv` makes .venv and installs the package with its tools;
-# `tools/setup.sh llvm` makes sure of a usable libLLVM; `tools/setup.sh lock` writes tools/lock.txt anew from the ranges
+# `tools/setup.sh llvm` makes sure of a usable libLLVM; `tools/setup.sh chromium` gets the browser of the tests
+# where it can; `tools/setup.sh lock` writes tools/lock.txt anew from the ranges
 # in pyproject.toml. Run from the root of the repository (the Makefile does).
 # It installs system packages only through apt, and only as root or where sudo asks for no password.
 set -eu
@@ -133,9 +134,24 @@ ensure_llvm() {
     say "libLLVM: $findings"
 }
 
+# Tests of the explorer's page drive Debian's Chromium. Without it they are skipped, and nothing else: so what goes
+# wrong here is said, and set-up goes on. (Ubuntu's package of another name asks for a snap, which few machines run.)
+ensure_chromium() {
+    for name in chromium chromium-browser google-chrome; do
+        if command -v "$name" >/dev/null 2>&1; then say "browser for tests: $name"; return 0; fi
+    done
+    (
+        prefix=$(root_prefix) && command -v apt-get >/dev/null 2>&1 && [ -n "$prefix" ] || exit 1
+        apt_update_once
+        candidate=$(apt-cache policy chromium 2>/dev/null | sed -n 's/^ *Candidate: *//p')
+        [ -n "$candidate" ] && [ "$candidate" != "(none)" ] && apt_install chromium
+    ) || say "no Chromium: tests of the explorer's page will be skipped. Run: sudo apt-get install chromium"
+}
+
 case ${1:-} in
     venv) make_venv ;;
     llvm) ensure_llvm ;;
+    chromium) ensure_chromium ;;
     lock) write_lock ;;
-    *) stop "usage: tools/setup.sh venv|llvm|lock" ;;
+    *) stop "usage: tools/setup.sh venv|llvm|chromium|lock" ;;
 esac

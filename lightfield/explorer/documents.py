@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lightfield import __version__
 from lightfield.errors import UsageError
 from lightfield.explorer.dropped import readings_of
+from lightfield.explorer.saved_page import page_html
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, State
 from lightfield.readings.table.write import dumps
@@ -141,4 +142,5 @@ DOCUMENTS: Mapping[str, tuple[str, Callable[[Session], str | None]]] = {
     "residuals.csv": ("text/csv", residuals_csv),
     "session.json": ("application/json", session_json),
     "report.html": ("text/html", report_html),
+    "page.html": ("text/html", page_html),
 }

@@ -13,6 +13,7 @@ from lightfield.explorer.fits import Fits
 from lightfield.explorer.places import SIDE
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
+from lightfield.render.diffuse.dense_water import trace_for
 
 #: Planes whose evaluation is kept ready.
 _KEPT_PLANES = 16
@@ -59,7 +60,7 @@ class Evaluator:
             "error_percent": score.error_percent,
             "chi2": score.chi2,
             "dof": score.dof,
-            "answers": e.forward.light.to_trace([values]) is None,
+            "answers": missing_trace(e.forward, values) is None,
         }
         return Evaluation(numbers, arrays)
 
@@ -80,6 +81,13 @@ class Evaluator:
     def _made(self, plane: int) -> SceneForward:
         e = self.experiment
         return e.maps.subset(e.places.rows(plane))
+
+
+def missing_trace(forward: SceneForward, values: Mapping[str, float]) -> float | None:
+    """Scattering coefficient of the water to trace, where these values are beyond the traces made, m^-1."""
+    b = forward.light.dense_water(values)
+    wanted = None if b is None else trace_for(b)
+    return None if wanted == forward.light.dense_per_m else wanted
 
 
 def formula(forward: SceneForward, values: Mapping[str, float]) -> Array:

@@ -148,13 +148,11 @@ def explored(
     traces = Retraced(plain, readings, source)
     traces.asked = dense_per_m
     for forward in traces:
-        if dense_per_m is not None and forward.light.dense_per_m is None:
-            forward = SceneForward(plain, readings, source, dense_per_m=dense_per_m)
         problem, untestable = problem_of(forward, readings, every, reason)
         problem = by_shape(problem)
         rng = np.random.default_rng(0)
         prepared = prepare(problem, quoted, budget, rng)
-        traces.asked = prepared.to_trace_per_m
+        traces.asked = None if dense_per_m is not None else prepared.to_trace_per_m
     made = bench(prepared, 0.0, rng)
     sigma = np.sqrt(prepared.noise.variance(1.0, 0.0))
     maps = _at_maps(forward, places)

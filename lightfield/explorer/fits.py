@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -68,7 +69,7 @@ class Fits:
     def __init__(self, experiment: Experiment) -> None:
         self.experiment = experiment
         self._known: dict[frozenset[str], Fitted] = {}
-        self._bright = bright(experiment.problem)
+        self._bright = np.asarray(bright(experiment.problem), bool)
 
     def known(self, keys: Iterable[str]) -> Fitted | None:
         """The fit of a set, if it was made."""
@@ -143,6 +144,11 @@ class Fits:
         residual = e.whiten(e.problem.keep * (e.problem.value - prediction))
         dof = max(int(e.problem.keep.sum()) - parameters, 1)
         return Score(percent(e.problem, prediction, self._bright), float(residual @ residual) * e.phi, dof)
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Readings that count in the error in per cent, shape (n,)."""
+        return self._bright
 
     @property
     def floor_percent(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -15,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
+from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.jobs import Diagnosed, Job, diagnosed, trace_maps
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
@@ -202,6 +204,10 @@ class Hub:
         except LightfieldError as error:
             browser.send(_text("error", id=request.id, message=str(error)))
             return
+        except Exception:  # a defect must not cost anybody an afternoon's work
+            traceback.print_exc()
+            browser.send(_text("error", id=request.id, message=_DEFECT))
+            return
         head = {"type": "evaluation", "plane": session.plane, **evaluation.numbers}
         for one in list(self.browsers):
             one.send(protocol.pack({**head, "id": request.id if one is browser else None}, evaluation.arrays))
@@ -251,8 +257,7 @@ class Hub:
             given = session.scene, session.readings, session.diffuse is not None
             self._start("diagnosis", diagnosed, self._diagnosed, *given)
             return
-        forward = session.experiment.forward
-        dense = forward.light.to_trace([session.evaluator.values(session.now)])
+        dense = missing_trace(session.experiment.forward, session.evaluator.values(session.now))
         self._start("tracing anew", trace_maps, partial(self._traced, dense=dense), *self._traced_for(dense))
 
     def _traced_for(self, dense: float | None) -> tuple[Any, ...]:

@@ -96,6 +96,34 @@ def test_a_library_that_is_there_is_used_as_it_is(machine, real_library):
 
 
 @pytest.mark.parametrize(("root", "sudo"), [(True, False), (False, True)])
+def test_the_browser_of_the_tests_is_installed_where_that_can_be_done(machine, root, sudo):
+    machine.user(root, sudo)
+    machine.apt(("chromium",))
+    done = machine.setup("chromium")
+    assert done.returncode == 0, done.stderr
+    assert [call.split()[-1] for call in machine.calls()] == ["update", "chromium"]
+
+
+def test_a_browser_that_is_there_is_used(machine):
+    machine.user(root=True, sudo=False)
+    machine.apt(("chromium",))
+    machine.script(machine.bin / "chromium", ":")
+    assert machine.setup("chromium").returncode == 0 and machine.calls() == []
+
+
+@pytest.mark.parametrize("case", ["no rights", "not offered", "apt fails", "no apt"])
+def test_set_up_goes_on_without_a_browser(machine, case):
+    machine.user(root=case != "no rights", sudo=False)
+    if case != "no apt":
+        machine.apt(() if case == "not offered" else ("chromium",))
+    if case == "apt fails":
+        machine.script(machine.bin / "apt-get", "exit 100")
+    done = machine.setup("chromium")
+    assert done.returncode == 0
+    assert done.stderr.splitlines()[-1].endswith("Run: sudo apt-get install chromium")
+
+
+@pytest.mark.parametrize(("root", "sudo"), [(True, False), (False, True)])
 def test_the_newest_that_apt_offers_is_installed(machine, real_library, root, sudo):
     machine.user(root, sudo)
     machine.apt(("libllvm15", "libllvm17t64", "libllvm18", "libllvm20"), installs=real_library)

@@ -24,6 +24,7 @@ OWNED = {
     "dask": "sweep",
     "distributed": "sweep",
     "matplotlib": "report",
+    "tornado": "explorer",
 }
 #: Libraries that take a tenth of a second or more to import, or start a compiler.
 HEAVY = {"mitsuba", "drjit", "dask", "distributed", "matplotlib", "pandas", "scipy", "xarray", "skimage"}

@@ -1,5 +1,6 @@
 "use strict";
-// Maps on canvases: render and formula in one scale of blues, their ratio in orange (too little) and blue (too much).
+// Maps on canvases: render and formula in one scale of blues, their ratio in orange (too little) and blue (too much)
+// over a factor of ten either way.
 LF.dark = [[8, 20, 40], [10, 60, 120], [11, 107, 184], [80, 170, 225], [190, 225, 245], [255, 252, 225]];
 LF.parting = [[150, 60, 10], [214, 120, 60], [240, 200, 170], [245, 245, 245], [170, 205, 235], [70, 140, 200], [10, 70, 140]];
 
@@ -32,5 +33,5 @@ LF.paintMaps = (render, formula, side, log) => {
   if (!render) { LF.blank(LF.$("map-render")); LF.blank(LF.$("map-ratio")); return; }
   LF.paintMap(LF.$("map-render"), render, side, tone);
   const ratio = Array.from(render, (v, k) => (v > 0 ? formula[k] / v : NaN));
-  LF.paintMap(LF.$("map-ratio"), ratio, side, (v, out, k) => LF.shade(LF.parting, 0.5 + Math.log2(Math.max(v, 1e-3)) / 2, out, k));
+  LF.paintMap(LF.$("map-ratio"), ratio, side, (v, out, k) => LF.shade(LF.parting, 0.5 + Math.log10(Math.max(v, 1e-3)) / 2, out, k));
 };

@@ -140,8 +140,9 @@ LF.parameter = (path, p) => {
       slider.value = String(control.map.position(p.value));
       if (document.activeElement !== number) show(p.value);
     }
-    place(neutral, p.neutral);
-    place(best, p.fitted);
+    slider.disabled = number.disabled = Boolean(p.fixed);
+    place(neutral, p.fixed ? null : p.neutral);
+    place(best, p.fixed ? null : p.fitted);
     words.textContent = p.fitted === null ? "" : `fit ${LF.number(p.fitted, 4)}${p.stderr === null ? "" : ` ± ${LF.number(p.stderr, 2)}`}`;
   };
   slider.addEventListener("input", () => { LF.dragging = true; const v = control.map.value(Number(slider.value)); show(v); LF.drag(path, v); });
@@ -169,7 +170,7 @@ LF.showLadder = (state) => {
   const top = Math.max(...rungs.map((r) => r.error_percent || 0), LF.shown ? LF.shown.error_percent : 0, LF.experiment.floor_percent || 0, 1e-6);
   const floor = LF.experiment.floor_percent;
   const hand = LF.handMoved(state);
-  const here = hand ? -1 : state.effects.filter((e) => e.on).length;
+  const here = hand ? -1 : state.here ?? state.effects.filter((e) => e.on).length;
   const items = rungs.map((rung) => LF.rung(rung.label, rung.error_percent, rung.chi2_per_dof, top, floor, rung.at === here, () => LF.ask({ do: "rung", at: rung.at })));
   if (hand && LF.shown) items.push(LF.rung("now, by hand", LF.shown.error_percent, LF.shown.chi2 / LF.shown.dof, top, floor, true, null));
   LF.$("ladder").replaceChildren(...items);
@@ -323,7 +324,7 @@ LF.showCursor = () => {
 
 for (const id of ["map-render", "map-formula", "map-ratio"]) {
   const canvas = document.getElementById(id);
-  canvas.setAttribute("aria-label", { "map-render": "Map of the rendered light", "map-formula": "Map of the formula", "map-ratio": "Map of formula over render: orange too little, blue too much" }[id]);
+  canvas.setAttribute("aria-label", { "map-render": "Map of the rendered light", "map-formula": "Map of the formula", "map-ratio": "Map of formula over render, 0.1 to 10: orange too little, blue too much" }[id]);
   canvas.addEventListener("pointermove", (event) => {
     const box = canvas.getBoundingClientRect(), side = LF.experiment ? LF.experiment.map_x_m.length : 1;
     const at = (f) => Math.min(side - 1, Math.max(0, Math.floor(f * side)));

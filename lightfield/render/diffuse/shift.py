@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from lightfield.render.diffuse.bending import Cells, quadratic
@@ -16,6 +18,32 @@ SMOOTH_WALLS = 11, 21, 0.25
 SMOOTH_RATIOS = 7, 21, 0.095
 #: The mean over a cell parts from its middle by no more than this; what says more is noise.
 MOST_BENT = 0.5
+
+
+class ShiftParts(NamedTuple):
+    """What `Shift.apply` works with, as plain arrays.
+
+    Parameters
+    ----------
+    cell : array of int, shape (n_places,)
+        Cell of each place.
+    dx_m, dy_m : arrays, shape (n_places,), m
+        Place from the middle of its cell.
+    variance_x, variance_y : float, m^2
+        Of a place within its cell.
+    terms : sparse array, shape (6 * n_places, n_cells)
+        Value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the logarithm, one after the other.
+    which : array of int, shape (n,)
+        Place of each reading.
+    """
+
+    cell: NDArray[np.int_]
+    dx_m: np.ndarray
+    dy_m: np.ndarray
+    variance_x: float
+    variance_y: float
+    terms: sparse.csr_array
+    which: NDArray[np.int_]
 
 
 class Shift:
@@ -90,6 +118,15 @@ class Shift:
         out = copy(self)
         out.cell, out._which, out.shares = self.cell[rows], self._which[rows], self.shares[rows]
         return out
+
+    def parts(self) -> ShiftParts:
+        """Its arrays, for whoever applies it elsewhere."""
+        used, which = np.unique(self._which, return_inverse=True)
+        n = len(self._cell)
+        terms = self._terms[(np.arange(6)[:, None] * n + used).ravel()]
+        return ShiftParts(
+            self._cell[used], self.dx[used], self.dy[used], self._vx, self._vy, terms, which.ravel()
+        )
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

@@ -246,7 +246,7 @@ class TransportResponse:
         if reference == 0:
             return np.zeros((len(b), 1)) ** n
         factor = (b / reference)[:, None] ** n
-        top = self._open_ended[rows]
+        top = self.open_ended[rows]
         if top.any() and (b != reference).any():
             length = self.excess_m[rows][top] + self._mean_straight_m
             more, more_before = (gammainc(n[top], rate * length) for rate in (b[:, None], reference))
@@ -258,7 +258,7 @@ class TransportResponse:
         return float(self.straight_m.mean())
 
     @cached_property
-    def _open_ended(self) -> NDArray[np.bool_]:
+    def open_ended(self) -> NDArray[np.bool_]:
         """Rows of the highest class of n, of unreflected and of reflected light."""
         n, m, k = self.histories.T
         reflected = (m > 0) | (k > 0)

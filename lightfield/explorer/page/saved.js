@@ -1,0 +1,91 @@
+"use strict";
+// A saved page: no server; stops of the ladder, and what moves at each.
+(() => {
+  const saved = JSON.parse(LF.$("saved").textContent);
+  const raw = atob(saved.arrays), bytes = new Uint8Array(raw.length);
+  for (let k = 0; k < raw.length; k++) bytes[k] = raw.charCodeAt(k);
+  const stops = saved.stops.map((stop) => ({ ...stop, sets: LF.kernel.unpack(bytes.buffer, stop.sets) }));
+  const whiten = saved.whiten ? LF.kernel.array(bytes.buffer, saved.whiten) : null;
+  const e = saved.experiment;
+  for (const key of ["x_m", "y_m", "z_m", "value", "sigma", "time_s", "wavelength_nm", "angle_deg"]) e[key] = e[key].map((v) => (v === null ? NaN : v));
+  let here = saved.here, plane = saved.plane, values = { ...stops[here].values }, past = [], ahead = [];
+
+  LF.can = () => false;
+
+  const moved = (stop) => {
+    const by = (path) => (path in stop.moves ? values[path] - stop.values[path] : 0);
+    return {
+      absorption: by("water.absorption_per_m"), scattering: by("water.scattering_per_m"), background: by("detector.background"),
+      gain: "gain" in stop.moves ? values.gain / stop.values.gain : 1,
+      albedo: "tank.wall_albedo" in stop.moves ? values["tank.wall_albedo"] : undefined,
+    };
+  };
+
+  LF.evaluateSaved = () => {
+    const stop = stops[here], by = moved(stop), { model, formula } = LF.kernel.evaluate(stop.sets.readings, by), n = model.length;
+    const residual = model.map((m, k) => (e.kept[k] ? (e.value[k] - m) / e.sigma[k] : NaN));
+    let sum = 0, count = 0;
+    for (let k = 0; k < n; k++) if (saved.bright[k]) { sum += ((e.value[k] - model[k]) / model[k]) ** 2; count++; }
+    let chi2 = null;
+    if (whiten) {
+      chi2 = 0;
+      for (let i = 0; i < n; i++) {
+        let r = 0;
+        for (let k = 0; k < n; k++) if (e.kept[k]) r += whiten[i * n + k] * (e.value[k] - model[k]);
+        chi2 += r * r * saved.phi;
+      }
+    }
+    const arrays = { model, formula, residual }, head = { plane, error_percent: 100 * Math.sqrt(sum / count), chi2, dof: stop.score.dof };
+    if (stop.sets.maps) {
+      const maps = LF.kernel.evaluate(stop.sets.maps, by), size = e.map_x_m.length ** 2;
+      arrays.map_render = maps.model.subarray(plane * size, (plane + 1) * size);
+      arrays.map_formula = maps.formula.subarray(plane * size, (plane + 1) * size);
+      LF.allMaps = maps.model;
+    }
+    return [head, arrays];
+  };
+
+  const state = () => {
+    const stop = stops[here], parameters = {};
+    for (const [path, p] of Object.entries(stop.parameters)) {
+      const ends = stop.moves[path], u = (v) => LF.coordinateOf(p.coordinate, v);
+      parameters[path] = { ...p, value: values[path], fixed: !ends, low: ends ? u(ends[0]) : u(values[path]) - 1, high: ends ? u(ends[1]) : u(values[path]) + 1 };
+    }
+    return {
+      effects: stop.described.map((one) => ({ ...one, on: true, error_percent: null, forms: [] })), base: stop.base, parameters,
+      ladder: stops.map((one, k) => ({ at: k, label: one.label, error_percent: one.score.error_percent, chi2_per_dof: one.score.chi2 / one.score.dof })),
+      here, history: [], at: 0, can_undo: past.length > 0, can_redo: ahead.length > 0, snapshots: [], plane, verdict: saved.verdict,
+    };
+  };
+
+  const show = (all = true) => {
+    LF.showEvaluation(...LF.evaluateSaved());
+    if (all) LF.showState(state());
+    else LF.showLadder(LF.state);
+    document.documentElement.dataset.painted = String(Number(document.documentElement.dataset.painted || 0) + 1);
+  };
+
+  const remember = () => { past.push([here, { ...values }]); ahead = []; };
+  const back = (from, to) => { if (from.length) { to.push([here, { ...values }]); [here, values] = from.pop(); show(); } };
+
+  let before = null;
+  LF.ask = (request) => {
+    if (request.do === "view") { plane = request.plane; show(); }
+    else if (request.do === "rung") { remember(); here = request.at; values = { ...stops[here].values }; show(); }
+    else if (request.do === "undo") back(past, ahead);
+    else if (request.do === "redo") back(ahead, past);
+    else if (request.do === "set") {
+      const [path, value] = Object.entries(request.values)[0], ends = stops[here].moves[path];
+      if (!ends) { show(); return; }
+      before = before || [here, { ...values }];
+      values[path] = Math.min(ends[1], Math.max(ends[0], value));
+      if (request.done) { past.push(before); before = null; ahead = []; }
+      show(request.done);
+    } else LF.say("a saved page cannot do that: open the scene with lightfield explore");
+  };
+
+  document.body.classList.add("saved");
+  LF.showExperiment(e);
+  LF.$("source").textContent += ` · saved by lightfield ${saved.version}`;
+  show();
+})();

@@ -1,0 +1,200 @@
+"""The response of the diffuse light for one beam and one phase function, as plain arrays.
+
+What is left to choose is water and walls:
+
+    in cells    E = sum over classes  M(w) S [W(w) / M(w)],    M(w) = sum over histories h  w_h M_h
+    w_h         (b/b_0)^n (rho/rho_0)^m s^k e^{-dc e_h},    then along straight lines  e^{-dc r}
+    at places   the local quadratic of ln E, as `Shift.apply` evaluates it
+
+and light that was reflected and never scattered, which is no sum over histories: the lamp's image in the
+surface, and light from walls over nodes of attenuation and albedo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lightfield.arrays import Array
+from lightfield.errors import RenderError
+from lightfield.render.diffuse.response import REFLECTED, DiffuseResponse
+from lightfield.render.diffuse.shift import ShiftParts
+from lightfield.render.diffuse.traced import TracedLight, TracedWater
+from lightfield.render.reflected.light import C_STEP
+from lightfield.scene import Scene
+from lightfield.scene.water.ageing import ages
+from lightfield.scene.water.layers import layers_depth
+
+#: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
+#: of the light up to albedos of 0.9 (tests/system/test_saved_page.py).
+ALBEDOS = 7
+#: Light below this has no logarithm, in m^-2.
+_DARKEST = 1e-40
+
+
+@dataclass(frozen=True)
+class Histories:
+    """One class of light.
+
+    Parameters
+    ----------
+    counts : array of int, shape (n_rows, 3)
+        Scatterings, reflections by walls and by the surface.
+    excess_m : array, shape (n_rows,), m
+    open_ended : array of bool, shape (n_rows,)
+        Rows that hold all higher numbers of scatterings as well.
+    mean : array, shape (n_rows, n_cells)
+    wanted : array, shape (n_rows, n_cells), optional
+        At the asymmetry parameter; absent for light that knows none: then the mean is all.
+    """
+
+    counts: NDArray[np.int_]
+    excess_m: Array
+    open_ended: NDArray[np.bool_]
+    mean: Array
+    wanted: Array | None
+
+
+@dataclass(frozen=True)
+class Reflections:
+    """Reflected light that was never scattered, at the places.
+
+    Parameters
+    ----------
+    image, way_m : arrays, shape (n,)
+        The lamp's image in the surface, without attenuation, m^-2, and its way in water.
+    step_per_m : float
+    albedos : array, shape (ALBEDOS,)
+    walls : array, shape (n_nodes, ALBEDOS, n)
+        Logarithm of light from walls over the albedo.
+    """
+
+    image: Array
+    way_m: Array
+    step_per_m: float
+    albedos: Array
+    walls: Array
+
+
+@dataclass(frozen=True)
+class Portable:
+    """The response for one beam and phase function.
+
+    Parameters
+    ----------
+    absorption_per_m, scattering_per_m, wall_albedo, surface_reflectance : float
+        Of the trace.
+    mean_straight_m : float
+        For open-ended histories.
+    surface : float
+        Factor on the surface's reflectance, which stays.
+    classes : list of Histories
+    straight_m, through : arrays, shape (n_cells,)
+        Straight line from the lamp; what layers let through.
+    smoother : sparse array, shape (n_cells, n_cells)
+    shift : ShiftParts
+    reflections : Reflections, optional
+    """
+
+    absorption_per_m: float
+    scattering_per_m: float
+    wall_albedo: float
+    surface_reflectance: float
+    mean_straight_m: float
+    surface: float
+    classes: list[Histories]
+    straight_m: Array
+    through: Array
+    smoother: csr_array
+    shift: ShiftParts
+    reflections: Reflections | None
+
+
+def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_albedo: float) -> Portable:
+    """The response for the beam and the phase function of a scene.
+
+    Parameters
+    ----------
+    most_per_m, most_albedo : float
+        Attenuation and albedo up to which reflected light will be asked for.
+
+    Raises
+    ------
+    RenderError
+        The scene has light that more than water and walls decide, or its water was traced twice.
+    """
+    water = scene.water
+    if ages(water) or water.hardening_per_m or scene.lamp.apparent_distance_m or response.denser is not None:
+        raise RenderError(
+            "this light is not to be had as plain arrays",
+            found="water that changes in time or within the band, an apparent source, or two traces",
+            rule="one trace, in steady water, from a lamp at the window",
+        )
+    lights, classes = _lights(response.clear, scene), []
+    for light, kinds in lights:
+        if not any(kind in light.kinds for kind in kinds):
+            continue
+        beams, _, rows = light.trace()
+        shares = light.between_g.shares(scene)
+        for kind in kinds:
+            if kind in light.kinds and kind in beams.rows_of:
+                mine = beams.rows_of[kind]
+                tallies = beams.contracted(kind, scene.lamp)
+                several = len(tallies) > 1
+                mean = np.tensordot(light.between_g.part, tallies, axes=1) if several else tallies[0]
+                wanted = np.tensordot(shares, tallies, axes=1) if several else None
+                counts, open_ended = rows.histories[mine], rows.open_ended[mine]
+                classes.append(Histories(counts, rows.excess_m[mine], open_ended, mean, wanted))
+    light = lights[-1][0]
+    reference = light.reference
+    shift = response.shift
+    depth = layers_depth(water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
+    return Portable(
+        reference.absorption_per_m,
+        reference.scattering_per_m,
+        reference.wall_albedo,
+        reference.surface_reflectance or 1.0,
+        float(response.straight_m.mean()),
+        scene.reflectances[1],
+        classes,
+        response.straight_m,
+        np.exp(-depth) * np.ones(len(response.straight_m)),
+        light.between_g.smoother,
+        shift.parts(),
+        _reflections(response, scene, most_per_m, most_albedo),
+    )
+
+
+def _lights(water: TracedWater, scene: Scene) -> list[tuple[TracedLight, range]]:
+    """What tells of which classes of light, as `TracedWater.classes` chooses."""
+    last = REFLECTED.stop if any(scene.reflectances) else 1
+    if water.under_surface is None or not scene.surface_reflects:
+        return [(water.own_top, range(last))]
+    return [(water.own_top, range(1)), (water.under_surface, range(1, last))]
+
+
+def _reflections(
+    response: DiffuseResponse, scene: Scene, most_per_m: float, most_albedo: float
+) -> Reflections | None:
+    """Light from walls at nodes between which `Room.light` itself interpolates, and of a few albedos."""
+    if response.reflected is None or scene.tank is None or not any(scene.reflectances):
+        return None
+
+    def at(c: float, rho: float) -> Array:
+        assert response.reflected is not None
+        return response.reflected.evaluate(scene.with_values({"tank.wall_albedo": rho}, validate=False), c)
+
+    dark, dim = at(0.0, 0.0), at(1.0, 0.0)
+    seen = dark > 0
+    way = np.where(seen, np.log(np.where(seen, dark, 1.0) / np.where(dim > 0, dim, 1.0)), 0.0)
+    nodes = C_STEP * np.arange(int(np.ceil(most_per_m / C_STEP)) + 4)
+    albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(ALBEDOS) + 0.5) / ALBEDOS))
+    if scene.reflectances[0] == 0:
+        return Reflections(dark, way, C_STEP, albedos, np.zeros((0, ALBEDOS, len(dark))))
+    walls = [
+        [(at(c, rho) - dark * np.exp(-c * way)) / rho for rho in albedos.tolist()] for c in nodes.tolist()
+    ]
+    return Reflections(dark, way, C_STEP, albedos, np.log(np.maximum(walls, _DARKEST)))
