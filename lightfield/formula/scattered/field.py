@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
-from lightfield.formula.scattered.nodes import half_width_rad, intensity, mean_cosine
+from lightfield.formula.scattered.nodes import half_width_rad, intensity, mean_cosine, near, shares_at
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
@@ -161,7 +161,9 @@ class ScatteredField:
         """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
         angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
         slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
-        sent = self._sent(lamp, phase, most)
+        known = near(phase)
+        sent = self._sent(lamp, known, most)
+        share = shares_at(phase, known, len(sent[0].share))
         spreads = self._spreads(phase, behind_m, _stepped(reach(lamp)))
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
@@ -171,7 +173,7 @@ class ScatteredField:
             for w, (ai, bi) in enumerate(zip(a, b, strict=True)):
                 more = np.maximum(multiple(lamp, spread, angles, ai, bi), 0.0)
                 missing = closure(bi, loss, angles * (behind / z_m), width, z, behind_m)
-                light = (paths.light(ai, bi) + more) * missing
+                light = (paths.light(ai, bi, share) + more) * missing
                 out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
         return out
 

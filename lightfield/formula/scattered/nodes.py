@@ -13,11 +13,14 @@ from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein
 from lightfield.scene.water.phase.of_scene import phase_function
+from lightfield.scene.water.phase.spec import HenyeyGreenstein as HenyeyGreensteinSpec
 from lightfield.scene.water.phase.spec import PhaseSpec
 
 HALF_PI = 0.5 * math.pi
 #: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
 _LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
+#: Factor in 1 - g within which phase functions share their angles.
+_STEP_OF_G = 1.25
 #: Intensities, relative to the axis, between which the edge of a beam is measured; a Gaussian's is this many
 #: half widths wide.
 _EDGE, _GAUSSIAN_EDGE = (0.75, 0.25), 0.7700
@@ -58,6 +61,23 @@ def turns(phase: PhaseSpec, n: int, up_to_rad: float = math.pi) -> Nodes:
         known, table = function.inverse_cdf_table()
         angle = np.exp(np.interp(u, known, np.log(table)))
     return Nodes(np.minimum(angle, up_to_rad * (1 - 1e-9)), share * weight)
+
+
+def near(phase: PhaseSpec) -> PhaseSpec:
+    """A phase function whose angles serve those near it, so that not every step of a fit makes new ones."""
+    if not isinstance(phase, HenyeyGreensteinSpec) or phase.g <= 0:
+        return phase
+    return HenyeyGreensteinSpec(g=1 - _STEP_OF_G ** round(math.log(1 - phase.g) / math.log(_STEP_OF_G)))
+
+
+@lru_cache(maxsize=64)
+def shares_at(phase: PhaseSpec, nodes_of: PhaseSpec, n: int) -> Array:
+    """Shares of the light that one phase function scatters by the `turns` of another, shape (n,)."""
+    angle, share = turns(nodes_of, n)
+    if phase == nodes_of:
+        return share
+    cosine = np.cos(angle)
+    return np.asarray(share * phase_function(phase).pdf(cosine) / phase_function(nodes_of).pdf(cosine))
 
 
 def mean_cosine(phase: PhaseSpec) -> float:
