@@ -20,7 +20,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula.scattered.nodes import interval, turns
-from lightfield.scene.water.phase.spec import PhaseSpec
+from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
 _DENSE = 1.5
@@ -101,7 +101,7 @@ class LitPaths(NamedTuple):
 
 
 def single_paths(
-    phase: PhaseSpec,
+    phase: TracedPhase,
     half_width_rad: float,
     radius_m: Array,
     z_m: Array,
@@ -112,7 +112,7 @@ def single_paths(
 
     Parameters
     ----------
-    phase : PhaseSpec
+    phase : TracedPhase
     half_width_rad : float
         Of the beam, roughly: where nodes are dense.
     radius_m, z_m : arrays, shape (n,), m
