@@ -20,7 +20,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import at_wavelengths, over_bands
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
 
@@ -94,7 +94,7 @@ class Rendering:
         in it.
         """
         water = self.scene.water
-        a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
+        a, b = coefficients_in(water, wavelengths_nm, self.response.reference.molecular_share)
         found = self.response.evaluate(
             a, b, *self.scene.reflectances, hardening=water.hardening_per_m, part=part
         )
@@ -187,9 +187,15 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
         "scene": only(scene, TRACED).digest(),
         "reflects": scene.surface_reflects,
         "grid": [grid.z_m, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, grid.occupied],
-        "reference": asdict(reference),
+        "reference": _told(reference),
         "software": software(),
     }
+
+
+def _told(reference: Reference) -> dict[str, float]:
+    """What a reference says; of molecules only if there are any, as if there were no such field."""
+    found = asdict(reference)
+    return found if reference.molecular_share else {k: v for k, v in found.items() if k != "molecular_share"}
 
 
 @cache

@@ -20,7 +20,7 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 
 RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
@@ -74,9 +74,12 @@ def take_picture(
         notes.append(f"scattering shown as {LENT_SCATTERING:g} 1/m instead of {scattering.max():.2g} 1/m")
         scattering = np.full(3, LENT_SCATTERING)
     absorption, power = absorption_per_m(scene.water, RGB_NM), spectral_power(scene.lamp, RGB_NM)
+    molecular = molecular_per_m(scene.water, RGB_NM)
     planes = []
     for k in range(3):
-        described = picture_dict(scene, float(absorption[k]), float(scattering[k]), albedo, width, height)
+        water = float(absorption[k]), float(scattering[k])
+        molecules = float(molecular[k]) / water[1] if water[1] else 0.0
+        described = picture_dict(scene, *water, albedo, width, height, molecules)
         loaded = mi.load_dict(described)
         # The same seed for all colours: what noise is left is grey, not speckled.
         halves = [
@@ -89,7 +92,13 @@ def take_picture(
 
 
 def picture_dict(
-    scene: Scene, absorption: float, scattering: float, albedo: float, width: int, height: int
+    scene: Scene,
+    absorption: float,
+    scattering: float,
+    albedo: float,
+    width: int,
+    height: int,
+    molecules: float = 0.0,
 ) -> dict[str, Any]:
     """Stock Mitsuba description of the tank, the lamp and a camera, at one wavelength."""
     import mitsuba as mi
@@ -102,7 +111,7 @@ def picture_dict(
         "id": "water",
         "sigma_t": {"type": "uniform", "value": attenuation},
         "albedo": {"type": "uniform", "value": scattering / attenuation},
-        "phase": phase_dict(scene),
+        "phase": phase_dict(scene, molecules),
     }
     inside = {"type": "ref", "id": "water"}
     reflects = scene.surface_reflects

@@ -18,7 +18,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.receiver import RECEIVER
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.storage.files import atomic_path
 
 KINDS = {
@@ -52,7 +52,7 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
         "id": "water",
         "sigma_t": {"type": "uniform", "value": max(c, 1e-9)},
         "albedo": {"type": "uniform", "value": b / c if c else 0.0},
-        "phase": phase_dict(scene),
+        "phase": phase_dict(scene, float(molecular_per_m(scene.water, at)[0]) / b if b else 0.0),
     }
     lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
     lamp["intensity"] = float(axial_intensity(scene.lamp, at)[0])

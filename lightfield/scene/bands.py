@@ -13,7 +13,7 @@ from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.scene import Scene
 from lightfield.scene.spectral.response import response_at, response_knots_nm
-from lightfield.scene.water.coefficients import known_nm
+from lightfield.scene.water.coefficients import known_nm, molecular_per_m, scattering_per_m
 
 #: Equal parts of a band, over each of which the water is taken to be the same.
 PIECES = 5
@@ -51,6 +51,14 @@ def middles_nm(scene: Scene) -> Array:
     at = (np.arange(PIECES) + 0.5) / PIECES
     stated = bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at
     return np.asarray(stated + scene.detector.wavelength_shift_nm)
+
+
+def molecular_share(scene: Scene) -> float:
+    """Part of the scattering coefficient that is molecular in the middle of the scene's bands."""
+    if scene.water.base != "pure":
+        return 0.0
+    at = middles_nm(scene).mean()
+    return float(molecular_per_m(scene.water, at) / scattering_per_m(scene.water, at))
 
 
 def over_bands(scene: Scene) -> Spectrum:

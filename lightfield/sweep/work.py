@@ -28,7 +28,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import PIECES, over_bands
-from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
@@ -212,7 +212,7 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
         (at, intensity), (rho, surface) = over_bands(scene), scene.reflectances
         if is_grey(scene.water):  # one map serves all bands
             at, intensity = at[:1, :1], intensity.mean(axis=1, keepdims=True)
-        a, b = absorption_per_m(scene.water, at.ravel()), scattering_per_m(scene.water, at.ravel())
+        a, b = coefficients_in(scene.water, at.ravel(), response.reference.molecular_share)
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
         weights.append(intensity / intensity.shape[1])
     shape = (len(scenes), *_evaluations(scenes[0]), *response.shape)

@@ -15,6 +15,7 @@ from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import inverse_cdf_table, relative_intensity, sample
 from lightfield.scene.water.phase.function import PhaseFunction
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
+from lightfield.scene.water.phase.molecular import Molecular, WithMolecules
 from lightfield.scene.water.phase.of_scene import parse_phase
 from lightfield.scene.water.phase.tabulated import FournierForand, petzold
 
@@ -34,6 +35,8 @@ PHASES = {
     "petzold clear": petzold("clear"),
     "petzold coastal": petzold("coastal"),
     "petzold harbor": petzold("harbor"),
+    "molecules": Molecular(),
+    "hg and molecules": WithMolecules(HenyeyGreenstein(0.924), 0.2),
 }
 
 

@@ -27,6 +27,11 @@ PHASES: dict[str, dict[str, Any]] = {
     "fournier-forand": {"type": "fournier-forand", "n": 1.10, "mu": 3.5835},
     "petzold average": {"type": "petzold", "water": "average"},
     "petzold clear": {"type": "petzold", "water": "clear"},
+    "hg and molecules": {
+        "type": "with-molecules",
+        "particles": {"type": "henyey-greenstein", "g": 0.924},
+        "share": 0.3,
+    },
 }
 # And Mitsuba's own Henyey-Greenstein function, which the tracer uses where it can.
 PLUGINS = [*((name, False) for name in PHASES), ("hg 0.924", True), ("hg 0.98", True)]
@@ -68,6 +73,23 @@ def aslant(width: int) -> Any:
     """One direction that is parallel to no axis."""
     axis = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
     return mi.Vector3f(*(dr.full(mi.Float, float(c), width) for c in axis))
+
+
+def test_turn_by_particles_and_molecules() -> None:
+    """What the walk itself draws, beside the density of the mixture, over the whole sphere."""
+    from lightfield.render.tracer.scattering import henyey_greenstein, with_molecules
+
+    model = PHASES["hg and molecules"]
+    truth, forward, rng = parse_phase(json.dumps(model)), aslant(SAMPLES), np.random.default_rng(7)
+    turn = with_molecules(henyey_greenstein(model["particles"]["g"]), model["share"])
+    numbers = mi.Point2f(uniform(rng), uniform(rng))
+    turned = turn(forward, uniform(rng), numbers, dr.full(mi.Bool, True, SAMPLES))
+    psi = angle(turned, forward)
+    edges = np.radians(np.linspace(0.0, 180.0, 61))
+    expected = SAMPLES * np.diff(np.concatenate([[0.0], truth.cdf(edges[1:])]))
+    found, _ = np.histogram(psi, edges)
+    assert stats.chisquare(found, expected * (found.sum() / expected.sum())).pvalue > 1e-4
+    assert np.cos(psi).mean() == pytest.approx(truth.mean_cosine(), abs=4 / np.sqrt(SAMPLES))
 
 
 @pytest.mark.parametrize(("name", "stock"), PLUGINS)

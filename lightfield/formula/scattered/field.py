@@ -17,15 +17,24 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
-from lightfield.formula.scattered.nodes import Places, half_width_rad, intensity, mean_cosine
+from lightfield.formula.scattered.nodes import (
+    Places,
+    half_width_rad,
+    intensity,
+    mean_cosine,
+    near,
+    shares_at,
+)
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene import Scene
+from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.receiver import looks_aside
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.layers import layers_depth
-from lightfield.scene.water.phase.spec import PhaseSpec
+from lightfield.scene.water.phase.of_scene import with_molecules
+from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Angles to the axis at which light is worked out, at least and for every factor of e beyond a wide one
 #: (tangent), and the power in which they grow.
@@ -119,17 +128,21 @@ class ScatteredField:
         """
         middle = 0.5 * sum(scene.detector.bands_nm[0])
         at = np.array([middle if w is None else w for w in wavelengths_nm])
-        return self.at(scene, absorption_per_m(scene.water, at), scattering_per_m(scene.water, at))
+        return self.at(scene, *coefficients_in(scene.water, at, molecular_share(scene)))
 
     def at(self, scene: Scene, a: Array, b: Array) -> Array:
-        """The same for given coefficients of absorption and scattering, shape (n_waters,), m^-1."""
+        """The same for given coefficients of absorption and scattering, shape (n_waters,), m^-1.
+
+        As `coefficients_in` gives them for the scene's `molecular_share`.
+        """
         lamp, water = scene.lamp, scene.water
         behind_m = lamp.apparent_distance_m
         seen = self._seen(
             lamp.offset_x_m, lamp.offset_y_m, behind_m, beam_axes(lamp)[2] if is_tilted(lamp) else None
         )
         scatters = np.maximum(b, _CLEAREST_PER_M)
-        table = self._made(lamp, water.phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
+        phase = with_molecules(water.phase, molecular_share(scene))
+        table = self._made(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
         power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
         light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
         light *= (b / scatters)[:, None]
@@ -157,12 +170,14 @@ class ScatteredField:
         return _Seen(most, by_z, _spline(_angles(most))(tangent), table_path, turned / length**2, length)
 
     def _table(
-        self, lamp: Lamp, phase: PhaseSpec, most: float, a: tuple[float, ...], b: tuple[float, ...]
+        self, lamp: Lamp, phase: TracedPhase, most: float, a: tuple[float, ...], b: tuple[float, ...]
     ) -> Array:
         """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
         angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
         slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
-        sent = self._sent(lamp, phase, most)
+        known = near(phase)
+        sent = self._sent(lamp, known, most)
+        share = shares_at(phase, known, len(sent[0].share))
         spreads = self._spreads(phase, behind_m, _stepped(reach(lamp)))
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
@@ -172,11 +187,11 @@ class ScatteredField:
             for w, (ai, bi) in enumerate(zip(a, b, strict=True)):
                 more = np.maximum(multiple(lamp, spread, angles, ai, bi), 0.0)
                 missing = closure(bi, loss, angles * (behind / z_m), width, z, behind_m)
-                light = (paths.light(ai, bi) + more) * missing
+                light = (paths.light(ai, bi, share) + more) * missing
                 out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
         return out
 
-    def _paths_to(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[SinglePaths]:
+    def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[SinglePaths]:
         """Paths of light that is scattered once, to all angles at every distance."""
         angles, fine = _angles(most), Resolution.for_beam(width, most)
         return [
@@ -184,7 +199,7 @@ class ScatteredField:
             for z in np.exp(self._log_z).tolist()
         ]
 
-    def _sent_along(self, lamp: Lamp, phase: PhaseSpec, most: float) -> list[LitPaths]:
+    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[LitPaths]:
         """The same paths with the light of a lamp on them."""
         which = phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most
         paths = self._paths(*which)
@@ -193,11 +208,11 @@ class ScatteredField:
             return [one.lit(at.intensity(lamp)) for one, at in zip(paths, places, strict=True)]
         return [one.lit(intensity(lamp, one.theta_squared)) for one in paths]
 
-    def _places_on(self, phase: PhaseSpec, width: float, behind_m: float, most: float) -> list[Places]:
+    def _places_on(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[Places]:
         """Where the paths leave the lamp."""
         return [Places.of(width, one.theta_squared) for one in self._paths(phase, width, behind_m, most)]
 
-    def _spread(self, phase: PhaseSpec, behind_m: float, top: float) -> list[Spread]:
+    def _spread(self, phase: TracedPhase, behind_m: float, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""
         return [Spread(phase, z, behind_m, top) for z in np.exp(self._log_z).tolist()]
 

@@ -24,7 +24,7 @@ from scipy.special import j0
 from lightfield.arrays import Array
 from lightfield.formula.scattered.nodes import HALF_PI, emission, finest_rad, interval, turns
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.water.phase.spec import PhaseSpec
+from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Largest k of the transform times the width of the beam on the plane; its nodes; those of Q, from zero and
 #: this k on; nodes along the path; angles of scattering.
@@ -36,13 +36,13 @@ class Spread:
 
     Parameters
     ----------
-    phase : PhaseSpec
+    phase : TracedPhase
     z_m, apparent_distance_m : float, m
     reach : float
         Largest k times z + z_0, see `reach`.
     """
 
-    def __init__(self, phase: PhaseSpec, z_m: float, apparent_distance_m: float, reach: float) -> None:
+    def __init__(self, phase: TracedPhase, z_m: float, apparent_distance_m: float, reach: float) -> None:
         self.z_m, self.behind_m = z_m, z_m + apparent_distance_m
         self._s, self._along = interval(_ALONG)
         self._s, self._along = self._s * z_m, self._along * z_m

@@ -14,11 +14,14 @@ from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein
 from lightfield.scene.water.phase.of_scene import phase_function
-from lightfield.scene.water.phase.spec import PhaseSpec
+from lightfield.scene.water.phase.spec import HenyeyGreenstein as HenyeyGreensteinSpec
+from lightfield.scene.water.phase.spec import TracedPhase, WithMolecules
 
 HALF_PI = 0.5 * math.pi
 #: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
 _LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
+#: Factors in 1 - g, and in the part that molecules scatter, within which phase functions share their angles.
+_STEP_OF_G, _STEP_OF_SHARE = 1.25, 1.25
 #: Intensities, relative to the axis, between which the edge of a beam is measured; a Gaussian's is this many
 #: half widths wide.
 _EDGE, _GAUSSIAN_EDGE = (0.75, 0.25), 0.7700
@@ -42,12 +45,12 @@ def interval(n: int, stretched: bool = False) -> Nodes:
 
 
 @lru_cache(maxsize=32)
-def turns(phase: PhaseSpec, n: int, up_to_rad: float = math.pi) -> Nodes:
+def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
     """Angles of scattering in rad, at quantiles of the phase function; the weights are shares of the light.
 
     Parameters
     ----------
-    phase : PhaseSpec
+    phase : TracedPhase
     n : int
     up_to_rad : float
         Largest angle; the weights sum to the share of what is scattered by less.
@@ -63,13 +66,33 @@ def turns(phase: PhaseSpec, n: int, up_to_rad: float = math.pi) -> Nodes:
     return Nodes(np.minimum(angle, up_to_rad * (1 - 1e-9)), share * weight)
 
 
-def mean_cosine(phase: PhaseSpec) -> float:
+def near(phase: TracedPhase) -> TracedPhase:
+    """A phase function whose angles serve those near it, so that not every step of a fit makes new ones."""
+    if isinstance(phase, WithMolecules):
+        share = min(_STEP_OF_SHARE ** round(math.log(phase.share) / math.log(_STEP_OF_SHARE)), 1.0)
+        return phase.model_copy(update={"particles": near(phase.particles), "share": share})
+    if not isinstance(phase, HenyeyGreensteinSpec) or phase.g <= 0:
+        return phase
+    return HenyeyGreensteinSpec(g=1 - _STEP_OF_G ** round(math.log(1 - phase.g) / math.log(_STEP_OF_G)))
+
+
+@lru_cache(maxsize=64)
+def shares_at(phase: TracedPhase, nodes_of: TracedPhase, n: int) -> Array:
+    """Shares of the light that one phase function scatters by the `turns` of another, shape (n,)."""
+    angle, share = turns(nodes_of, n)
+    if phase == nodes_of:
+        return share
+    cosine = np.cos(angle)
+    return np.asarray(share * phase_function(phase).pdf(cosine) / phase_function(nodes_of).pdf(cosine))
+
+
+def mean_cosine(phase: TracedPhase) -> float:
     """Mean cosine of the angle of scattering."""
     return _mean_cosine(phase)
 
 
 @lru_cache(maxsize=64)
-def _mean_cosine(phase: PhaseSpec) -> float:
+def _mean_cosine(phase: TracedPhase) -> float:
     return phase_function(phase).mean_cosine()
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula.scattered.nodes import interval, turns
-from lightfield.scene.water.phase.spec import PhaseSpec
+from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
 _DENSE = 1.5
@@ -56,17 +56,20 @@ class SinglePaths(NamedTuple):
         Of the light of each path, with the receiver's cosine.
     water_m : array, of the same shape or with one for n_around, m
         Length of the path in water.
+    share : array, shape (n_arcs,)
+        Of the light that is scattered by the angle of each arc.
     """
 
     theta_squared: Array
     weight: Array
     water_m: Array
+    share: Array
 
     def lit(self, intensity: Array) -> LitPaths:
         """With the light of a lamp, given its intensity along each path, relative to its axis."""
         sent = intensity * self.weight
         together = self.water_m.shape[-1] == 1
-        return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, self.water_m)
+        return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, self.water_m, self.share)
 
 
 class LitPaths(NamedTuple):
@@ -76,18 +79,29 @@ class LitPaths(NamedTuple):
     ----------
     sent : array, shape (n, n_arcs, n_along, n_around or 1), m^-1
     water_m : array, of the same shape, m
+    share : array, shape (n_arcs,)
+        Of the light that is scattered by the angle of each arc.
     """
 
     sent: Array
     water_m: Array
+    share: Array
 
-    def light(self, a: float, b: float) -> Array:
-        """Irradiance for unit intensity on the axis, m^-2, shape (n,), in water of these coefficients."""
-        return np.asarray(b * (self.sent * np.exp(-(a + b) * self.water_m)).sum(axis=(1, 2, 3)))
+    def light(self, a: float, b: float, share: Array | None = None) -> Array:
+        """Irradiance for unit intensity on the axis, m^-2, shape (n,), in water of these coefficients.
+
+        Parameters
+        ----------
+        a, b : float, m^-1
+        share : array, shape (n_arcs,), optional
+            Of the light on each arc in place of its own, see `shares_at`.
+        """
+        each = (self.sent * np.exp(-(a + b) * self.water_m)).sum(axis=(2, 3))
+        return np.asarray(b * (each @ (self.share if share is None else share)))
 
 
 def single_paths(
-    phase: PhaseSpec,
+    phase: TracedPhase,
     half_width_rad: float,
     radius_m: Array,
     z_m: Array,
@@ -98,7 +112,7 @@ def single_paths(
 
     Parameters
     ----------
-    phase : PhaseSpec
+    phase : TracedPhase
     half_width_rad : float
         Of the beam, roughly: where nodes are dense.
     radius_m, z_m : arrays, shape (n,), m
@@ -111,7 +125,8 @@ def single_paths(
     behind = z_m + apparent_distance_m
     length = np.hypot(radius_m, behind)[:, None, None, None]
     sin_a, cos_a = (v[:, None, None, None] / length for v in (radius_m, behind))
-    turn, share = (v[:, None, None] for v in turns(phase, resolution.turns))
+    turn, share = turns(phase, resolution.turns)
+    turn = turn[:, None, None]
     sin_t, cos_t = np.sin(turn), np.cos(turn)
     axis, dense = np.arctan2(sin_a, cos_a), _DENSE * half_width_rad
     s, around = interval(resolution.around)
@@ -136,11 +151,11 @@ def single_paths(
     cosine = towards * cos_chi + aside * sin_chi
     arrival = np.maximum(towards * cos_psi - aside * sin_psi, 0.0)
     # p(Theta) dTheta = share / (2 pi sin(Theta)); half a turn about the line stands for a whole one.
-    weight = share / sin_t * along * around * arrival / (math.pi * length)
+    weight = along * around * arrival / (math.pi * length * sin_t)
     water = (sin_psi + sin_chi) * (length / sin_t)
     if apparent_distance_m > 0:
         water = np.maximum(water - apparent_distance_m / np.maximum(cosine, 1e-6), 0.0)
-    return SinglePaths(np.arccos(np.clip(cosine, -1, 1)) ** 2, weight, water)
+    return SinglePaths(np.arccos(np.clip(cosine, -1, 1)) ** 2, weight, water, share)
 
 
 def _sinh_ratio(scale: Array, s: Array) -> Array:

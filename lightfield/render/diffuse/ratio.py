@@ -20,8 +20,9 @@ from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import beam_axes
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 
 #: Part of the light by which the polynomials may miss it (left after nine of them in eleven traced fields: at
 #: most 0.2 % but in water of b = 0.8 per m and g = 0.8, where it is 0.6 %).
@@ -89,8 +90,9 @@ def traced_ratio(
         black = scene.with_values({"tank.wall_albedo": 0.0, "tank.surface_reflectance": 0.0}, validate=False)
     grid = _grid(scene, span, most)
     water = scene.water
-    a, b = absorption_per_m(water, wavelengths_nm), scattering_per_m(water, wavelengths_nm)
-    reference = Reference(float(a.min()), float(b.max()), 0.0, 0.0)
+    share = molecular_share(scene)
+    a, b = coefficients_in(water, wavelengths_nm, share)
+    reference = Reference(float(a.min()), float(b.max()), 0.0, 0.0, share)
     rendering = render_scene(
         black, grid=grid, reference=reference, rel_error=1e-5, max_photons=photons, seed=seed, symmetry=True
     )

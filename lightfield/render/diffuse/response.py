@@ -29,7 +29,7 @@ from lightfield.render.diffuse.traced import TracedWater, within_band
 from lightfield.render.reflected.light import ReflectedLight
 from lightfield.render.response.response import CLASSES
 from lightfield.scene import Scene
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.layers import is_layered, layers_depth
 
 #: Classes of light: all, light that was only scattered, and all that was reflected.
@@ -95,7 +95,7 @@ class DiffuseResponse:
         kinds : range
             Classes of light, see `light_classes`.
         """
-        a, b = _coefficients(scene, wavelengths_nm)
+        a, b = _coefficients(scene, wavelengths_nm, self.clear.own_top.reference.molecular_share)
         light = np.zeros((len(a), len(self.shift.cell)))
         for share, water in self._traced(b):
             if share.any():
@@ -131,7 +131,7 @@ class DiffuseResponse:
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
             basis, patches of the walls.
         """
-        a, b = _coefficients(scene, wavelengths_nm)
+        a, b = _coefficients(scene, wavelengths_nm, self.clear.own_top.reference.molecular_share)
         mine = channel, np.arange(len(channel))
         light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0))]
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
@@ -203,8 +203,10 @@ class DiffuseResponse:
         return light
 
 
-def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
-    """Absorption and scattering coefficients, m^-1, each of shape (n_wavelengths,)."""
+def _coefficients(
+    scene: Scene, wavelengths_nm: Sequence[float | None], molecules: float
+) -> tuple[Array, Array]:
+    """Absorption and scattering coefficients, m^-1, each of shape (n_wavelengths,), see `coefficients_in`."""
     middle = 0.5 * sum(scene.detector.bands_nm[0])
     at = np.array([middle if w is None else w for w in wavelengths_nm])
-    return absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+    return coefficients_in(scene.water, at, molecules)

@@ -37,6 +37,8 @@ from lightfield.render.response.symmetry import MirrorImages, mirror_images
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import without
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.water.coefficients import molecular_per_m
 
 #: Water and walls of a trace. Walls of 0.5 answered for those of 0.9 with a noise of 6 to 70 % per reading in
 #: a tank of 1.2 m by 1.2 m; of 0.8, with 0.8 to 2 %, and as well as before for dim ones.
@@ -124,7 +126,10 @@ def response_for(
     scattering, sent = CLEAR_PER_M, share * photons * _for_view(scene, places[2], width)
     if dense_per_m is not None:
         scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
-    reference = Reference(REFERENCE_ABSORPTION, scattering, REFERENCE_ALBEDO if scene.tank else 0.0)
+    # As in the first water: the scene's own scattering is not known yet.
+    molecules = min(float(molecular_per_m(scene.water, middles_nm(scene).mean())) / CLEAR_PER_M, 1.0)
+    albedo = REFERENCE_ALBEDO if scene.tank else 0.0
+    reference = Reference(REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
     grid = _grid_for(scene, places, width)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
     one = functools.partial(

@@ -34,7 +34,7 @@ from lightfield.render.response.symmetry import symmetric
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 
 #: How the components change under x -> -x and y -> -y, and which they become when x and y are exchanged.
 _MIRROR_X, _MIRROR_Y, _EXCHANGED = (-1, 1, 1, 1), (1, -1, 1, 1), (1, 0, 2, 3)
@@ -251,7 +251,7 @@ class TracedField:
     def _water(self) -> tuple[Array, Array]:
         """Absorption and scattering coefficient in the middle of the first band, 1/m, shape (1,) each."""
         at = middles_nm(self.scene)[0].mean(keepdims=True)
-        return absorption_per_m(self.scene.water, at), scattering_per_m(self.scene.water, at)
+        return coefficients_in(self.scene.water, at, self.response.reference.molecular_share)
 
     @cached_property
     def _change(self) -> float:

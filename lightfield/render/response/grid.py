@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.render.response.response import Reference
 from lightfield.scene import Detector, Scene
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.in_tank import cells_inside, rows_of
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import half_view_rad
@@ -296,6 +296,7 @@ def reference_of(scene: Scene) -> Reference:
         float(np.min(absorption_per_m(scene.water, wavelengths))),
         float(np.max(scattering_per_m(scene.water, wavelengths))),
         *scene.reflectances,
+        molecular_share(scene),
     )
 
 

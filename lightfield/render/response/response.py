@@ -32,12 +32,15 @@ HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 
 @dataclass(frozen=True)
 class Reference:
-    """Water, walls and surface of a trace: m^-1, m^-1, albedo, factor on the Fresnel reflectance."""
+    """Water, walls and surface of a trace: m^-1, m^-1, albedo, factor on the Fresnel reflectance, and the
+    part of the scattering that is molecular."""
 
     absorption_per_m: float
     scattering_per_m: float
     wall_albedo: float
     surface_reflectance: float = 1.0
+    #: Not in the text that seeds come from: those of other scenes stay.
+    molecular_share: float = field(default=0.0, repr=False)
 
 
 @dataclass(frozen=True)

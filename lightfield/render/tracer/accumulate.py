@@ -22,7 +22,7 @@ from lightfield.render.tracer.build import Setup, prepare
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
@@ -118,11 +118,8 @@ def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -
 def worst_error(scene: Scene, response: TransportResponse) -> float:
     """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
     wavelength = middles_nm(scene).mean()
-    mean, stderr = response.evaluate(
-        float(absorption_per_m(scene.water, np.array([wavelength]))[0]),
-        float(scattering_per_m(scene.water, np.array([wavelength]))[0]),
-        *scene.reflectances,
-    )
+    (a,), (b,) = coefficients_in(scene.water, np.array([wavelength]), response.reference.molecular_share)
+    mean, stderr = response.evaluate(float(a), float(b), *scene.reflectances)
     lit = mean > 1e-4 * mean.max(axis=tuple(range(1, mean.ndim)), keepdims=True)
     if not lit.any():
         return float("inf")

@@ -17,11 +17,12 @@ from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
-from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein
+from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces
 from lightfield.render.tracer.walk import Water
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
+from lightfield.scene.water.phase import of_scene
 from lightfield.scene.water.phase.spec import HenyeyGreenstein
 
 #: Attenuation by which water that a tally for fits is asked for is clearer than that of the trace.
@@ -148,6 +149,8 @@ def prepare(
         turn = henyey_greenstein(phase.g)
     else:
         turn = by_plugin(mi.load_dict(phase_dict(scene)))
+    if reference.molecular_share:
+        turn = with_molecules(turn, reference.molecular_share)
     return Setup(
         loaded,
         met,
@@ -162,9 +165,9 @@ def prepare(
     )
 
 
-def phase_dict(scene: Scene) -> dict[str, Any]:
-    """Mitsuba description of the scene's phase function."""
-    phase = scene.water.phase
+def phase_dict(scene: Scene, molecules: float = 0.0) -> dict[str, Any]:
+    """Mitsuba description of the scene's phase function, where molecules have a share of the scattering."""
+    phase = of_scene.with_molecules(scene.water.phase, molecules)
     if phase.type == "henyey-greenstein":
         return {"type": "hg", "g": phase.g}
     return {"type": "lightfield_phase", "model": json.dumps(phase.model_dump(mode="json"))}

@@ -8,6 +8,8 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
+from lightfield.scene.water.phase.molecular import ANISOTROPY
+
 
 class Turn(Protocol):
     """A sampler of directions after a scattering."""
@@ -36,6 +38,25 @@ def henyey_greenstein(g: float) -> Turn:
         across = 2 * dr.sqrt(s * (1 - s))
         sin_phi, cos_phi = dr.sincos(2 * pi * u.y)
         return mi.Frame3f(direction).to_world(mi.Vector3f(across * cos_phi, across * sin_phi, 1 - 2 * s))
+
+    return turn
+
+
+def with_molecules(particles: Turn, share: float) -> Turn:
+    """A part of the scatterings as molecules do, by the closed inverse of `phase.molecular.Molecular`."""
+    part = dr.opaque(mi.Float, share)
+
+    def turn(direction: mi.Vector3f, which: mi.Float, u: mi.Point2f, active: mi.Bool) -> mi.Vector3f:
+        molecular = which < part
+        rest = dr.select(molecular, 0, (which - part) / dr.maximum(1 - part, 1e-6))
+        by_particles = particles(direction, rest, u, active & ~molecular)
+        half = 1.5 / ANISOTROPY * (1 + ANISOTROPY / 3) * (1 - 2 * u.x)
+        root = dr.sqrt(half * half + ANISOTROPY**-3)
+        cosine = dr.clip(dr.cbrt(half + root) + dr.cbrt(half - root), -1, 1)
+        across = dr.safe_sqrt(1 - cosine * cosine)
+        sin_phi, cos_phi = dr.sincos(2 * pi * u.y)
+        turned = mi.Frame3f(direction).to_world(mi.Vector3f(across * cos_phi, across * sin_phi, cosine))
+        return mi.Vector3f(dr.select(molecular, turned, by_particles))
 
     return turn
 

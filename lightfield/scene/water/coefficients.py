@@ -21,6 +21,8 @@ from lightfield.scene.water.constituents import (
 )
 from lightfield.scene.water.library import list_presets, pure_water_absorption
 from lightfield.scene.water.molecular import molecular_scattering_per_m
+from lightfield.scene.water.phase.molecular import forward_weight
+from lightfield.scene.water.phase.of_scene import phase_function
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
@@ -103,6 +105,39 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     if water.sediment_g_per_m3:
         b = b + sediment_scattering_per_m(water.sediment_g_per_m3, w)
     return b
+
+
+def molecular_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
+    """The part of the scattering coefficient that is molecular, 1/m: of a base of pure water.
+
+    Bases that were measured, and tables, hold it too, but do not say how much it is.
+    """
+    w = np.asarray(wavelength_nm, dtype=float)
+    return _base(water, w)[1] if water.base == "pure" else np.zeros_like(w)
+
+
+def coefficients_in(water: Water, wavelength_nm: ArrayLike, molecular_share: float) -> tuple[Array, Array]:
+    """Absorption and scattering coefficient with which a tally answers, shape of `wavelength_nm`, 1/m.
+
+    A tally counts scatterings, of particles or of molecules, in the mixture that it was traced in; at other
+    wavelengths it is another. What molecules scatter hardly reaches readings in a beam, so particles are
+    counted as they are, molecules by their `forward_weight`, and the attenuation stays.
+
+    Parameters
+    ----------
+    water : Water
+        Of a scene.
+    wavelength_nm : array, nm
+    molecular_share : float
+        Part of the traced scattering coefficient that is molecular.
+    """
+    a, b = absorption_per_m(water, wavelength_nm), scattering_per_m(water, wavelength_nm)
+    if not molecular_share:
+        return a, b
+    weight = forward_weight(phase_function(water.phase))
+    counted = b - (1 - weight) * molecular_per_m(water, wavelength_nm)
+    counted /= 1 - (1 - weight) * molecular_share
+    return a + b - counted, counted
 
 
 def known_nm(water: Water) -> tuple[float, float]:

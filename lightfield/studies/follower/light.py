@@ -14,7 +14,7 @@ from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.flux.field import Region, traced_field
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.lamp.frame import is_round
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.elements import Elements
@@ -126,7 +126,9 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
         far = min(far, end - step)
     at = middles_nm(scene)[0].mean(keepdims=True)
     (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    reference = Reference(float(a), max(float(b), LEAST_TRACED_PER_M), max(scene.reflectances))
+    traced = max(float(b), LEAST_TRACED_PER_M)
+    molecules = molecular_share(scene) * float(b) / traced
+    reference = Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
     return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)
 
 

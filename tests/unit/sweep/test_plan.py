@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 from lightfield.errors import UsageError
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
@@ -133,7 +135,10 @@ def test_every_reference_is_the_clearest_and_most_turbid_of_its_cases() -> None:
             a = min(absorption_per_m(scene.water, wavelengths).min() for scene in scenes)
             b = max(scattering_per_m(scene.water, wavelengths).max() for scene in scenes)
             albedo, surface = (max(scene.reflectances[i] for scene in scenes) for i in (0, 1))
-            assert trace.reference == Reference(a, b, albedo, surface)
+            most = max(scenes, key=lambda scene: scattering_per_m(scene.water, wavelengths).max())
+            assert trace.reference.molecular_share == molecular_share(most) > 0
+            asked = replace(trace.reference, molecular_share=0.0)
+            assert asked == Reference(a, b, albedo, surface)
 
 
 def test_a_plan_looks_at_few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,19 +5,21 @@ from __future__ import annotations
 from pydantic import TypeAdapter, ValidationError
 
 from lightfield.errors import SceneError
-from lightfield.scene.water.phase import spec, tabulated
+from lightfield.scene.water.phase import molecular, spec, tabulated
 from lightfield.scene.water.phase.function import PhaseFunction
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
 
 
-def phase_function(chosen: spec.PhaseSpec) -> PhaseFunction:
+def phase_function(chosen: spec.TracedPhase) -> PhaseFunction:
     """The phase function that a scene asks for.
 
     Parameters
     ----------
-    chosen : PhaseSpec
-        `water.phase` of a scene.
+    chosen : TracedPhase
+        `water.phase` of a scene, or what it is `with_molecules`.
     """
+    if isinstance(chosen, spec.WithMolecules):
+        return molecular.WithMolecules(phase_function(chosen.particles), chosen.share)
     if isinstance(chosen, spec.HenyeyGreenstein):
         return HenyeyGreenstein(chosen.g)
     if isinstance(chosen, spec.TwoTermHenyeyGreenstein):
@@ -27,6 +29,11 @@ def phase_function(chosen: spec.PhaseSpec) -> PhaseFunction:
     if isinstance(chosen, spec.Petzold):
         return tabulated.petzold(chosen.water)
     return tabulated.measured(chosen.file)
+
+
+def with_molecules(particles: spec.PhaseSpec, share: float) -> spec.TracedPhase:
+    """A scene's phase function where molecules have a share of the scattering coefficient."""
+    return spec.WithMolecules(particles=particles, share=share) if share else particles
 
 
 def parse_phase(text: str) -> PhaseFunction:
@@ -43,7 +50,7 @@ def parse_phase(text: str) -> PhaseFunction:
         Not a phase function.
     """
     try:
-        return phase_function(TypeAdapter(spec.PhaseSpec).validate_json(text))
+        return phase_function(TypeAdapter(spec.PhaseSpec | spec.WithMolecules).validate_json(text))
     except ValidationError as error:
         first = error.errors()[0]
         raise SceneError(

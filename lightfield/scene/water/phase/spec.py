@@ -58,7 +58,22 @@ class MeasuredPhase(Part):
         return self
 
 
+class WithMolecules(Part):
+    """Particles, and molecules for a share of the scattering: what a base of pure water adds."""
+
+    type: Literal["with-molecules"] = "with-molecules"
+    particles: Annotated[
+        HenyeyGreenstein | TwoTermHenyeyGreenstein | FournierForand | Petzold | MeasuredPhase,
+        Field(discriminator="type"),
+    ]
+    share: float = Field(ge=0.0, le=1.0)
+
+
 PhaseSpec = Annotated[
     HenyeyGreenstein | TwoTermHenyeyGreenstein | FournierForand | Petzold | MeasuredPhase,
     Field(discriminator="type"),
 ]
+#: What light is turned by: as a scene says, or with the molecules of its water.
+TracedPhase = (
+    HenyeyGreenstein | TwoTermHenyeyGreenstein | FournierForand | Petzold | MeasuredPhase | WithMolecules
+)
