@@ -133,6 +133,7 @@ def render_scene(
     progress: OnProgress | None = None,
     cache: bool = True,
     symmetry: bool = False,
+    path_nodes: int | None = None,
 ) -> Rendering:
     """Trace a scene until 95 % of its lit cells are known to a relative error, or the photon budget is spent.
 
@@ -155,6 +156,8 @@ def render_scene(
     symmetry : bool
         Let cells that are mirror images of each other share their photons: up to 8 times fewer are needed.
         Such cells have one common error, which averages over a map must not take for independent.
+    path_nodes : int, optional
+        Steps in which the lengths of paths are tallied; default: enough for absorption, not for delays.
 
     Raises
     ------
@@ -165,6 +168,8 @@ def render_scene(
     grid = scene_grid(scene) if grid is None else grid
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
+    if path_nodes is not None:
+        key["path_nodes"] = path_nodes
     stored = store.load(key) if cache else None
     if stored is not None:
         response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
@@ -174,7 +179,7 @@ def render_scene(
         trace_until,  # Mitsuba, which a cached response does not need
     )
 
-    response, energy, reached = trace_until(scene, grid, chosen, settings, progress)
+    response, energy, reached = trace_until(scene, grid, chosen, settings, progress, path_nodes)
     if cache:
         found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
         store.save(key, response.packed() | found)

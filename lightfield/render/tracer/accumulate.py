@@ -33,7 +33,12 @@ DIRECTION_BATCHES = 8
 
 
 def trace_until(
-    scene: Scene, grid: Grid, reference: Reference, settings: Settings, progress: OnProgress | None = None
+    scene: Scene,
+    grid: Grid,
+    reference: Reference,
+    settings: Settings,
+    progress: OnProgress | None = None,
+    path_nodes: int | None = None,
 ) -> tuple[TransportResponse, Bookkeeping, float]:
     """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
 
@@ -46,7 +51,7 @@ def trace_until(
         grid = merge_mirror_images(scene, grid)
     # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
     mirrored = settings.symmetry and grid.occupied is not None and symmetric(scene)[0]
-    setup = prepare(scene, grid, reference)
+    setup = prepare(scene, grid, reference, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)

@@ -48,6 +48,11 @@ class Setup:
     straight_m: np.ndarray
 
 
+#: Steps in which paths are tallied: absorption changes little over one; of a tally that is asked near its
+#: reference only.
+PATH_NODES, COARSE_NODES = 28, 8
+
+
 def histories_of(
     scene: Scene,
     reference: Reference,
@@ -55,6 +60,7 @@ def histories_of(
     surface: bool,
     nodes: AngleNodes | None = None,
     coarse: bool = False,
+    path_nodes: int | None = None,
 ) -> Histories:
     """Tally layout fine enough for the scene: scattering classes up to the tail of their Poisson number.
 
@@ -75,7 +81,7 @@ def histories_of(
         max_reflections=2 if (walls and surfaces) or coarse else 3,
         max_scatterings_reflected=3 if coarse else 5,
         longest_excess_m=_longest_excess(scene, reference, far),
-        path_nodes=8 if coarse else 28,
+        path_nodes=path_nodes or (COARSE_NODES if coarse else PATH_NODES),
         wall_nodes=told,
         clearer_per_m=CLEARER_PER_M if nodes is not None else 0.0,
         emission_nodes=1 if nodes is None else nodes.size,
@@ -103,6 +109,7 @@ def prepare(
     nodes: AngleNodes | None = None,
     wide_share: float | None = None,
     flux: bool = False,
+    path_nodes: int | None = None,
 ) -> Setup:
     """Assemble a trace of `scene` on `grid`.
 
@@ -113,6 +120,8 @@ def prepare(
     flux : bool
         Tally the flux vector, see `FluxPlanes`, instead of what the scene's detector reads: the maps of the
         components follow each other.
+    path_nodes : int, optional
+        Steps in which paths are tallied; default: as many as another water's absorption asks for.
     """
     reflects = scene.surface_reflects if surface is None else surface
     if reflects and scene.tank is None:
@@ -137,7 +146,7 @@ def prepare(
         straight = np.tile(straight, (len(COMPONENTS), 1, 1))
     else:
         planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends)
-    histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None)
+    histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
     reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
     top = reference.surface_reflectance if reflects else None

@@ -25,6 +25,8 @@ from scipy.special import erfc, erfcinv
 from lightfield.arrays import Array
 from lightfield.errors import RenderError, UsageError
 from lightfield.formula.field import direct_field
+from lightfield.render.diffuse.bending import surrounded
+from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
@@ -32,25 +34,20 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
+from lightfield.studies.link.bandwidth import LIGHT_M_PER_S, PATH_NODES, WATER_INDEX, along, bandwidth_of
 
-#: Charge of the electron in C, speed of light in m/s (exact in the SI), refractive index of water.
-ELECTRON_C, LIGHT_M_PER_S, WATER_INDEX = 1.602176634e-19, 299792458.0, 1.334
+#: Charge of the electron, C (exact in the SI).
+ELECTRON_C = 1.602176634e-19
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
 #: Distances in m at which vehicles are reported to have docked or homed by light.
 REPORTED_DOCKING_M = ((10.0, 15.0), (20.0, 28.0))
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
 DOCKING_SNR, DOCKING_HZ = 10.0, 10.0
-#: Width of the cells on the axis that average scattered light, which varies over metres at such ranges.
-_CELL_M = 0.35
+#: Width of the cells on the axis, m: their bending is known from those beside them.
+_CELL_M = 0.3
 #: Distances asked at, and on which ranges are looked for.
-_DISTANCES, _SCAN = 14, 800
-#: Electrical bandwidth: where the impulse response has lost half of its electrical power.
-_HALF_POWER = np.sqrt(0.5)
-#: Independent parts of a trace from which the error of the bandwidth is taken.
-_PARTS = 5
-#: Frequencies at which that is looked for, Hz.
-_FREQUENCIES = np.geomspace(1e4, 1e12, 1200)
+_DISTANCES, _SCAN = 18, 800
 
 
 @dataclass(frozen=True)
@@ -237,8 +234,7 @@ def _along(
         ln = PchipInterpolator(nodes, np.log(np.maximum(late.diffuse, 1e-300) / near))
         ratio = np.exp(ln(fine))
         error = np.exp(np.interp(fine, nodes, np.log(np.maximum(late.relative_error, 1e-6))))
-        bandwidth = np.exp(np.interp(fine, nodes, np.log(late.bandwidth_hz)))
-        spread = np.interp(fine, nodes, late.bandwidth_stderr_hz)
+        bandwidth, spread = along(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
         eye = np.interp(fine, nodes, late.eye)
     intensity = scene.lamp.power_w / solid_angle_sr(scene.lamp)
     scale = intensity * receiver.area_mm2 * 1e-6
@@ -277,33 +273,29 @@ def _late_light(
     zero = np.zeros(len(nodes))
     x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
     grid = positions_grid(x, y, nodes, _CELL_M, water.lamp.hwhm_deg, None, detector=water.detector)
-    rendering = render_scene(water, grid=grid, reference=Reference(a, b, 0.0), symmetry=True, **tracing)
-    response = rendering.response
+    grid = surrounded(grid)
+    rendering = render_scene(
+        water, grid=grid, reference=Reference(a, b, 0.0), symmetry=True, path_nodes=PATH_NODES, **tracing
+    )
+    response, shift = rendering.response, Shift(grid, x, y, nodes)
     mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))
+    diffuse = shift.apply(mean)
+    relative = np.sqrt(
+        shift.shares.power(2) @ np.where(mean > 0, stderr / np.maximum(mean, 1e-300), 0.0) ** 2
+    )
     late = ~response.is_direct
-    cell = np.arange(len(nodes)) if response.merged is None else np.asarray(response.merged).ravel()
-    tally = response.tally[:, late][:, :, cell].astype(float)  # [batches, rows, nodes], in the traced water
-    delay_s = response.excess_m[late] * WATER_INDEX / LIGHT_M_PER_S
+    # The mean over a cell, [batches, rows, nodes], scaled to the light in its middle.
+    tally = response.tally[:, late][:, :, shift.cell].astype(float)
+    tally *= diffuse / np.maximum(tally.mean(axis=0).sum(axis=0), 1e-300)
+    excess, of = np.unique(response.excess_m[late], return_inverse=True)
+    which = (of[:, None] == np.arange(len(excess))).astype(float)  # [rows, steps]
+    by_path = np.stack([which.T @ part for part in tally])
     direct = direct_field(water, x, y, nodes)
-    turn = np.exp(-2j * np.pi * np.outer(_FREQUENCIES, delay_s))
-    in_time = np.clip(1 - delay_s * receiver.bit_rate_per_s, 0, 1)
-
-    def bandwidth(scattered: Array) -> Array:
-        transfer = np.abs(direct + turn @ scattered) / (direct + scattered.sum(axis=0))
-        return np.array([_first_below(column, _HALF_POWER) for column in transfer.T])
-
-    scattered = tally.mean(axis=0)
-    half = [bandwidth(part.mean(axis=0)) for part in np.array_split(tally, _PARTS)]
+    bandwidth, error = bandwidth_of(direct, by_path, excess)
+    scattered = by_path.mean(axis=0)
+    in_time = np.clip(1 - excess * WATER_INDEX / LIGHT_M_PER_S * receiver.bit_rate_per_s, 0, 1)
     eye = np.clip(2 * (direct + in_time @ scattered) / (direct + scattered.sum(axis=0)) - 1, 0, 1)
-    with np.errstate(invalid="ignore"):
-        spread = np.std(half, axis=0, ddof=1) / np.sqrt(_PARTS)
-    relative = np.where(mean > 0, stderr / np.maximum(mean, 1e-300), 0.0)
-    return _Late(mean, relative, bandwidth(scattered), spread, eye)
-
-
-def _first_below(values: Array, level: float) -> float:
-    below = np.flatnonzero(values < level)
-    return float(_FREQUENCIES[below[0]]) if below.size else float("inf")
+    return _Late(diffuse, relative, bandwidth, error, eye)
 
 
 def _reach(data: xr.Dataset, receiver: Receiver) -> Reach:

@@ -48,9 +48,10 @@ def bandwidth_sentence(found: Link, distances: Sequence[float] = (10.0, 20.0, 40
             shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
             parts.append(f"{shown} at {far:g} m")
     return (
-        "Bandwidth by the lengths of the traced paths (3 dB, electrical): "
+        "Bandwidth by the lengths of the traced paths (3 dB, electrical), in the scene's water: "
         + ", ".join(parts)
-        + ". The errors are those of the photons; the steps in which paths are tallied show in the curve."
+        + ". The errors are those of the photons, of the steps in which paths are tallied, and of what lies "
+        "between the distances asked at."
     )
 
 

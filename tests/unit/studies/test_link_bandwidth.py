@@ -1,0 +1,137 @@
+"""Bandwidth of the traced paths: a closed form, photons walked in NumPy, and whether its error is honest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain_walk import Arrived, walk
+from scipy.optimize import brentq
+
+from lightfield.formula.field import direct_field
+from lightfield.scene import Scene
+from lightfield.studies.link.bandwidth import (
+    HALF_POWER,
+    LIGHT_M_PER_S,
+    PATH_NODES,
+    WATER_INDEX,
+    along,
+    bandwidth_of,
+    coarser,
+)
+from lightfield.studies.link.study import Link, link
+
+Z = (10.0, 20.0, 30.0)
+SECONDS_PER_M = WATER_INDEX / LIGHT_M_PER_S
+
+
+def scene(b: float) -> Scene:
+    phase = {"type": "henyey-greenstein", "g": 0.92}
+    water = {"absorption_per_m": 0.05, "scattering_per_m": b, "phase": phase}
+    return Scene.from_dict({"lamp": {"hwhm_deg": 3.81, "power_w": 10.0}, "water": water})
+
+
+def tallied(length_m: float, scattered: float, nodes: int = PATH_NODES) -> tuple[np.ndarray, np.ndarray]:
+    """Exponential delays of a mean excess, shared between the steps of a tally as a trace shares them."""
+    excess = 60.0 * (np.arange(nodes) / (nodes - 1)) ** 3
+    fine = length_m * np.geomspace(1e-6, 40, 200_000)
+    weight = np.exp(-fine / length_m) * np.gradient(fine) / length_m
+    low = np.clip(np.searchsorted(excess, fine, side="right") - 1, 0, nodes - 2)
+    share = (fine - excess[low]) / (excess[low + 1] - excess[low])
+    out = np.bincount(low, (1 - share) * weight, nodes) + np.bincount(low + 1, share * weight, nodes)
+    return scattered * out / out.sum(), excess
+
+
+@pytest.mark.parametrize("length_m", [0.01, 0.1, 1.0])
+@pytest.mark.parametrize("scattered", [1.0, 10.0])
+def test_exponential_delays_have_a_closed_form(length_m, scattered) -> None:
+    """|D + S / (1 + i w t)| = (D + S) / sqrt(2), t the mean delay; the stated error covers the steps."""
+    by_path, excess = tallied(length_m, scattered)
+    (found,), (error,) = bandwidth_of(np.ones(1), np.stack([by_path[:, None]] * 4), excess)
+    delay = length_m * SECONDS_PER_M
+
+    def above(ln_f: float) -> float:
+        turned = 1 + scattered / (1 + 2j * np.pi * np.exp(ln_f) * delay)
+        return abs(turned) / (1 + scattered) - HALF_POWER
+
+    right = np.exp(brentq(above, np.log(1e-3 / delay), np.log(1e3 / delay)))
+    assert found == pytest.approx(right, rel=0.012)
+    assert abs(found - right) < 2 * error + 1e-3 * right
+    # Steps twice as wide: the error says so.
+    rough, rough_excess = tallied(length_m, scattered, PATH_NODES // 2 + 1)
+    (found,), (error,) = bandwidth_of(np.ones(1), np.stack([rough[:, None]] * 4), rough_excess)
+    assert abs(found - right) < 2 * error + 1e-3 * right
+
+
+def test_light_that_comes_straight_sets_no_limit() -> None:
+    by_path, excess = tallied(0.1, 0.4)
+    (found,), (error,) = bandwidth_of(np.ones(1), np.stack([by_path[:, None]] * 4), excess)
+    assert np.isinf(found) and np.isnan(error)
+
+
+def test_a_coarser_tally_keeps_light_and_mean_path() -> None:
+    by_path, excess = tallied(0.3, 2.0)
+    halved, steps = coarser(by_path[:, None], excess)
+    assert len(steps) == 101 and halved.sum() == pytest.approx(2.0)
+    assert steps @ halved[:, 0] == pytest.approx(excess @ by_path)
+
+
+def test_no_curve_leads_to_where_there_is_no_limit() -> None:
+    nodes = np.array([4.0, 8.0, 16.0, 32.0])
+    width, error = along(
+        np.array([6.0, 10.0, 16.0, 25.0]), nodes, np.array([np.inf, np.inf, 1e9, 1e8]), nodes
+    )
+    assert np.isinf(width[:2]).all() and np.isnan(error[:2]).all()
+    assert width[2] == pytest.approx(1e9) and 1e8 < width[3] < 1e9
+
+
+def walked(arrived: Arrived, direct: float, receiver: int) -> tuple[float, float]:
+    """Bandwidth and error from each photon's own path: nothing is binned but delays within 0.5 %."""
+    delay = arrived.excess_m * SECONDS_PER_M
+    kind = np.round(np.log(np.maximum(delay, 1e-18)) / 5e-3).astype(int)
+    f = np.geomspace(1e8, 1e10, 250)
+
+    def of(some: np.ndarray, scale: float) -> float:
+        at, which = np.unique(kind[some], return_inverse=True)
+        weight = scale * np.bincount(which, arrived.weight[some])
+        turned = np.exp(-2j * np.pi * np.outer(f, np.exp(5e-3 * at))) @ weight
+        transfer = np.abs(direct + turned) / (direct + weight.sum())
+        k = int(np.flatnonzero(transfer < HALF_POWER)[0])
+        return float(np.exp(np.interp(HALF_POWER, transfer[[k, k - 1]], np.log(f[[k, k - 1]]))))
+
+    mine, n = arrived.receiver == receiver, arrived.batches
+    parts = [of(mine & (arrived.batch != k), n / (n - 1)) for k in range(n)]
+    return of(mine, 1.0), float(np.sqrt((n - 1) / n * np.sum((parts - np.mean(parts)) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def murky() -> Link:
+    return link(scene(0.15), waters={}, max_photons=1e6, rel_error=1e-3, to_m=40.0)
+
+
+@pytest.fixture(scope="module")
+def arrived() -> Arrived:
+    return walk(0.05, 0.15, 0.92, Z[:2], 3.81, 50_000, seed=2)
+
+
+@pytest.mark.parametrize("receiver", [0, 1])
+def test_bandwidth_of_photons_walked_in_numpy(murky, arrived, receiver) -> None:
+    """In steps that absorption asks for it was 10 % off, and stated 1 %."""
+    direct = direct_field(scene(0.15), np.zeros(1), np.zeros(1), np.array(Z[receiver : receiver + 1]))
+    right, error = walked(arrived, float(direct[0]), receiver)
+    at = murky.dataset.isel(water=0).interp(z_m=Z[receiver])
+    found, stated = float(at.bandwidth_hz), float(at.bandwidth_stderr_hz)
+    assert abs(found - right) < 3.5 * np.hypot(error, stated)
+    assert stated < 0.1 * found and error < 0.05 * right
+
+
+@pytest.mark.slow
+def test_the_error_of_a_bandwidth_is_what_seeds_scatter() -> None:
+    found, stated = [], []
+    for seed in range(8):
+        data = link(scene(0.15), waters={}, max_photons=3e5, rel_error=1e-4, seed=seed, cache=False).dataset
+        at = data.isel(water=0).interp(z_m=[10.0, 20.0, 30.0])
+        found.append(at.bandwidth_hz.values)
+        stated.append(at.bandwidth_stderr_hz.values)
+    spread, error = np.std(found, axis=0, ddof=1), np.mean(stated, axis=0)
+    assert np.all(spread < 2 * error)
+    assert np.all(error < 5 * spread + 0.03 * np.mean(found, axis=0))
