@@ -11,6 +11,7 @@ from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file, output_folder
+from lightfield.sweep.axes import FORMS, parse_axis
 
 #: More runs side by side tell no more, and take minutes.
 MOST_RUNS = 200
@@ -82,7 +83,6 @@ def run(args: argparse.Namespace) -> int:
 def _sweep(scene: Scene, args: argparse.Namespace) -> int:
     """Runs over parameters, into a store; 1 when cases failed."""
     from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
-    from lightfield.sweep.axes import FORMS, parse_axis
     from lightfield.sweep.results import open_store
 
     for name, value in (("--with", args.others), ("--believe", args.believe), ("--track", args.track)):

@@ -205,12 +205,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
 
 
 def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings, most: int) -> Plan:
-    """Cases that share nothing: each is a block by itself, and what it needs of light it finds itself.
-
-    Parameters
-    ----------
-    most : int
-        How many there may be.
+    """Up to `most` cases that share nothing: each is a block, and finds by itself what it needs of light.
 
     Raises
     ------

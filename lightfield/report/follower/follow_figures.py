@@ -158,8 +158,9 @@ def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str) -> Figure:
             one = data.isel(dict(zip(others, at_others, strict=True)))
             name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
             belief = name if name in COLOURS else ""
+            scatter = np.nan_to_num(one[f"{metric}_stderr"].values) * data.attrs["runs"] ** 0.5
             axis.errorbar(
-                at, one[metric].values, np.nan_to_num(one[f"{metric}_scatter"].values), marker="o", capsize=3,
+                at, one[metric].values, scatter, marker="o", capsize=3,
                 color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
             )  # fmt: skip
         if not numbers:

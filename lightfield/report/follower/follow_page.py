@@ -18,7 +18,7 @@ from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
 
 #: Metrics of the table, beside those of docking.
-OF_FOLLOWING = (
+SHOWN = (
     "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
 )  # fmt: skip
 #: Shown where they are not zero, or exist.
@@ -30,7 +30,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
     cases = found.cases
     first = cases[0]
     docking = any(one.mission.task == "dock" for one in cases)
-    names = [name for name in (*OF_DOCKING, *OF_FOLLOWING) if any(name in one.runs for one in cases)]
+    names = [name for name in (*OF_DOCKING, *SHOWN) if any(name in one.runs for one in cases)]
     names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
     rows = [[f"{n.replace('_', ' ')} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
@@ -87,15 +87,17 @@ def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write the page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
     mission = (scene.follower or Follower()).mission
+    runs = int(data.attrs["runs"])
     metric = "docked" if mission.task == "dock" else "standoff"
     unit, meaning = METRICS[metric]
-    shown = [name for name in METRICS if np.isfinite(data[name].values).any()]
+    shown = [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
     rows = []
     for steps in np.ndindex(*(data.sizes[name] for name in axes)):
         one = data.isel(dict(zip(axes, steps, strict=True)))
+        errors = [float(one[f"{n}_stderr"]) for n in shown]
         cells = [
-            _words(Spread(float(one[n]), float(one[f"{n}_scatter"]), float(one[f"{n}_stderr"]), 1))
-            for n in shown
+            _words(Spread(float(one[n]), e * runs**0.5, e, int(np.isfinite(one[n]))))
+            for n, e in zip(shown, errors, strict=True)
         ]
         failed = str(one.message.values)
         where = ", ".join(f"{data[name].values[k]}" for name, k in zip(axes, steps, strict=True))

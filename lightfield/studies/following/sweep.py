@@ -19,8 +19,8 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.following.light import densest_per_m
-from lightfield.studies.following.metrics import METRICS, Spread
-from lightfield.studies.following.study import follow
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, Spread
+from lightfield.studies.following.study import follow, with_belief
 from lightfield.sweep.axes import Axis
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.plan import Block, Plan, SweepSettings, plan_of_single_cases
@@ -31,10 +31,11 @@ from lightfield.sweep.zarrfile import Variable
 
 #: What such a store says that it holds.
 QUANTITY = "following"
+TASK = "follower.mission.task"
 #: A case takes seconds.
 MOST_CASES = 10_000
 #: Of a metric over the runs of a case: suffix of its name, and what it is.
-KEPT = {"": "mean", "_stderr": "standard error of the mean of", "_scatter": "scatter from run to run of"}
+KEPT = {"": "mean over the runs", "_stderr": "standard error of the mean over the runs"}
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ def run_follow_sweep(
         Nothing is varied, or what no scene has; the store belongs to another sweep.
     """
     array_of(scene)
+    scene = with_belief(scene, "")
     settings = SweepSettings(max_photons=max(photons, 1e3), seed=seed, maps=False)
     plan = plan_of_single_cases(scene, axes, settings, MOST_CASES)
     densest, contents = 0.0, set()
@@ -98,7 +100,7 @@ def run_follow_sweep(
     def target(_: Plan, store: Path, variables: dict[str, Variable]) -> Target:
         return Target(store, variables, runs, seed, photons, densest)
 
-    kind = Kind(_variables, axis_coordinates, _attributes, target, do_block, told)
+    kind = Kind(_variables, axis_coordinates, lambda p: _attributes(p, runs), target, do_block, told)
     return plan, run_sweep(plan, path, kind=kind, workers=workers, report=report)
 
 
@@ -106,7 +108,8 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
     """Run the follower of every case of a block and write its metrics."""
     started = time.perf_counter()
     failed: dict[int, str] = {}
-    results = {name + suffix: np.full(len(block.cases), np.nan) for name in METRICS for suffix in KEPT}
+    kept = [name for name in METRICS if name in target.variables]
+    results = {name + suffix: np.full(len(block.cases), np.nan) for name in kept for suffix in KEPT}
     for i, number in enumerate(map(int, block.cases)):
         try:
             scene = cases.build(number)
@@ -119,7 +122,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             continue
         for name, values in found.cases[0].runs.items():
             one = Spread.of(values)
-            for suffix, value in zip(KEPT, (one.mean, one.error, one.scatter), strict=True):
+            for suffix, value in zip(KEPT, (one.mean, one.error), strict=True):
                 results[name + suffix][i] = value
     files = write_block(block, cases, target.path, target.variables, results)
     return BlockDone(block.number, failed, files, time.perf_counter() - started, worker_name(), peak_bytes())
@@ -131,23 +134,27 @@ def as_data(data: xr.Dataset) -> dict[str, Any]:
         "axes": json.loads(data.attrs["sweep_axes"]),
         "message": data.message.values.tolist(),
     }
-    for name in (metric + suffix for metric in METRICS for suffix in KEPT):
+    for name in (metric + suffix for metric in METRICS if metric in data for suffix in KEPT):
         values = data[name].values
-        found[name] = np.where(np.isfinite(values), values, None).tolist()  # JSON knows no NaN
+        nothing: Any = None  # JSON knows no NaN
+        found[name] = np.where(np.isfinite(values), values, nothing).tolist()
     return found
 
 
 def _variables(plan: Plan) -> dict[str, Variable]:
     cases, found = plan.cases, axis_variables(plan)
     dims = tuple(axis.name for axis in cases.axes)
+    tasks = {value for axis in cases.axes for value in axis.values.get(TASK, ())} or {cases.scene.get(TASK)}
     for name, (unit, meaning) in METRICS.items():
+        if (name in OF_DOCKING and "dock" not in tasks) or (name in OF_FOLLOWING and "follow" not in tasks):
+            continue
         for suffix, what in KEPT.items():
             attrs = {"units": unit, "long_name": f"{what}: {meaning}"}
             found[name + suffix] = Variable(dims, cases.shape, plan.chunks, "f8", attrs)
     return found | state_variables(plan)
 
 
-def _attributes(plan: Plan) -> dict[str, Any]:
+def _attributes(plan: Plan, runs: int) -> dict[str, Any]:
     scene = plan.cases.scene
     return {
         "Conventions": "CF-1.11",
@@ -157,6 +164,7 @@ def _attributes(plan: Plan) -> dict[str, Any]:
         "scene_toml": scene.to_toml(),
         "sweep_axes": json.dumps(axes_as_plain(plan)),
         "seed": plan.settings.seed,
+        "runs": runs,
         "traces": 0,
         "cases": plan.cases.count,
         "lightfield_version": __version__,
