@@ -58,6 +58,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "a trace ends there even if the error is not reached (default {})",
     },
     "--seed": {"type": seed_number, "metavar": "N", "help": "same seed, same result (default {})"},
+    "--vary": {
+        "action": "append", "metavar": "PATH=RANGE", "help": "one dimension; may be repeated",
+    },
     "--workers": {"type": int, "metavar": "N", "help": "local processes (default: {})"},
     "--no-trace": {
         "action": "store_true",

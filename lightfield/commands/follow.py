@@ -10,7 +10,8 @@ from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import atomic_path, output_file, output_folder
+from lightfield.sweep.axes import FORMS, parse_axis
 
 #: More runs side by side tell no more, and take minutes.
 MOST_RUNS = 200
@@ -35,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--track", type=Path, metavar="OUT.nc", help="write the first follower's runs over time"
     )
+    add_option(parser, "--vary")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="STORE.zarr", help="store of the runs over what varies"
+    )
+    add_option(parser, "--workers", "this one")
     add_option(parser, "--max-photons", PHOTONS)
     add_option(parser, "--seed", 0)
     add_option(parser, "--no-trace")
@@ -54,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
         output_file(args.track, *inputs, *(file for file in (args.json, args.report) if file))
     if not 1 <= args.runs <= MOST_RUNS:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
+    if args.vary or args.output:
+        return _sweep(scenes[next(iter(scenes))], args)
     beliefs = args.believe.split(",") if args.believe else []
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
@@ -70,3 +78,39 @@ def run(args: argparse.Namespace) -> int:
 
         print(f"report: {write_following(found, args.report).resolve()}")
     return 0
+
+
+def _sweep(scene: Scene, args: argparse.Namespace) -> int:
+    """Runs over parameters, into a store; 1 when cases failed."""
+    from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
+    from lightfield.sweep.results import open_store
+
+    for name, value in (("--with", args.others), ("--believe", args.believe), ("--track", args.track)):
+        if value:
+            raise UsageError(
+                "one scene is varied", where=name, remedy="vary follower.mission.believes, or leave it out"
+            )
+    if not args.vary or args.output is None:
+        raise UsageError(
+            "runs over parameters need both", rule="what varies, and a store",
+            remedy=f"--vary PATH=RANGE -o STORE.zarr, with RANGE {FORMS}",
+        )  # fmt: skip
+    output_folder(args.output.parent)
+    axes = [parse_axis(text, "--vary") for text in args.vary]
+    plan, done = run_follow_sweep(
+        scene, axes, args.output, runs=args.runs, seed=args.seed or 0, photons=photons_of(args),
+        workers=args.workers or 0,
+    )  # fmt: skip
+    print(
+        f"{args.output}: {plan.cases.count} cases, {done.cases_done} run now, {done.cases_before} were there "
+        f"already, {done.failed} failed"
+    )
+    if args.json or args.report:
+        data = open_store(args.output, QUANTITY)
+        if args.json:
+            write_json(as_data(data), args.json)
+        if args.report:
+            from lightfield.report.follower.follow_page import write_follow_sweep
+
+            print(f"report: {write_follow_sweep(data, args.report).resolve()}")
+    return 1 if done.failed else 0

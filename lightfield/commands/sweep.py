@@ -59,9 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     default = SweepSettings()
     parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML)")
-    parser.add_argument(
-        "--vary", action="append", default=[], metavar="PATH=RANGE", help="one dimension; may be repeated"
-    )
+    add_option(parser, "--vary")
     parser.add_argument(
         "--plan", type=Path, metavar="FILE", help="dimensions and settings from a file (TOML)"
     )
@@ -97,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no scene given", remedy="lightfield sweep SCENE --vary PATH=RANGE -o STORE.zarr")
     scene = Scene.load(args.scene)
     axes, settings = read_plan(args.plan) if args.plan else ([], {})
-    axes = [*axes, *(parse_axis(text, "--vary") for text in args.vary)]
+    axes = [*axes, *(parse_axis(text, "--vary") for text in args.vary or [])]
     if not axes:
         remedy = f"--vary PATH=RANGE with RANGE {FORMS}, or --plan FILE"
         raise UsageError("nothing is varied", where=str(args.scene), remedy=remedy)

@@ -204,6 +204,21 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
     return Plan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, tuple(grid_axes))
 
 
+def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings, most: int) -> Plan:
+    """Up to `most` cases that share nothing: each is a block, and finds by itself what it needs of light.
+
+    Raises
+    ------
+    UsageError, SceneError
+        Nothing or too much is varied; an unknown path or an impossible value.
+    """
+    cases = Cases(scene, tuple(checked_axes(axes, scene)))
+    if cases.count > most:
+        raise UsageError("too many cases", found=cases.count, rule=f"at most {most}", remedy="coarser ranges")
+    none, chunks = np.full(cases.count, -1), (1,) * len(cases.shape)
+    return Plan(cases, settings, chunks, (), _blocks(cases.shape, chunks, none), none, {}, [], ())
+
+
 def _axes_on(cases: Cases, what: Acts) -> list[int]:
     """Axes that set something which acts on any of these stages."""
     coefficients = dict.fromkeys(COMPOUND, Acts.ABSORPTION | Acts.SCATTERING)

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.errors import OutputError, UsageError
+from lightfield.maps.dataset import QUANTITIES
 from lightfield.scene import Scene
 from lightfield.scene.messages import nearest
 from lightfield.sweep import journal
@@ -82,8 +83,14 @@ def verify(path: str | Path) -> Soundness:
     )
 
 
-def open_store(path: str | Path) -> xr.Dataset:
+def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
     """Check a store and open it; all files are read once, the values of variables on demand.
+
+    Parameters
+    ----------
+    path : path-like
+    quantity : str, optional
+        What it must hold, instead of maps of light.
 
     Raises
     ------
@@ -101,6 +108,12 @@ def open_store(path: str | Path) -> xr.Dataset:
         raise OutputError(
             "cannot read this store", where=str(path), found=str(error), remedy="run its sweep again"
         ) from error
+    held = data.attrs.get("quantity")
+    if held != quantity if quantity else held not in (*QUANTITIES, "reading"):
+        raise OutputError(
+            "this store holds something else", where=str(path), found=str(held),
+            rule=quantity or "maps of light", remedy="xarray opens it as it is",
+        )  # fmt: skip
     return data
 
 

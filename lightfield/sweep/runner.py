@@ -15,11 +15,13 @@ from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
 from lightfield.sweep.plan import Block, Plan
-from lightfield.sweep.schema import quantity_of
+from lightfield.sweep.schema import Kind, attributes, coordinates, variables_of
 from lightfield.sweep.store import SweepStore
-from lightfield.sweep.work import BlockDone, Target, TraceDone, do_block, do_trace
+from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target
 
 Report = Callable[["SweepProgress"], None]
+#: Maps of light and what is derived from them.
+MAPS = Kind(variables_of, coordinates, attributes, map_target, do_block, {})
 
 
 @dataclass
@@ -72,6 +74,7 @@ def run_sweep(
     plan: Plan,
     path: Path,
     *,
+    kind: Kind = MAPS,
     workers: int = 0,
     scheduler: str | None = None,
     memory_gb: float | None = None,
@@ -84,6 +87,8 @@ def run_sweep(
     plan : Plan
     path : Path
         The store. A finished one is left as it is; an unfinished or a damaged one is continued.
+    kind : Kind
+        What is computed of the cases.
     workers, scheduler, memory_gb
         See `cluster.connected`.
     report : callable, optional
@@ -98,7 +103,7 @@ def run_sweep(
     """
     check_workers(workers, scheduler, memory_gb)
     path = Path(path).resolve()
-    with _full_disk(path), SweepStore(path, plan).opened() as store:
+    with _full_disk(path), SweepStore(path, plan, kind).opened() as store:
         return _run(plan, store, workers, scheduler, memory_gb, report)
 
 
@@ -142,8 +147,7 @@ class _Dispatch:
 
         self.client, self.plan, self.store = client, plan, store
         self.progress, self.report = progress, report
-        quantity, units, _, area_units = quantity_of(plan)
-        self.target = Target(store.path, store.variables, quantity, units, area_units)
+        self.target = store.kind.target(plan, store.path, store.variables)
         self.completed = as_completed([], loop=client.loop)
         self.running: dict[str, tuple[bool, int]] = {}  # is it a trace, and its number
         self.users: dict[int, set[int]] = {}  # blocks that still need a trace
@@ -247,7 +251,7 @@ class _Dispatch:
         block = self.plan.blocks[number]
         traces = [int(t) for t in self.plan.trace_of_case[block.cases]]
         traces = [-1 if t in self.broken else t for t in traces]
-        self._submit(False, number, do_block, block, self.plan.cases, traces, self.target)
+        self._submit(False, number, self.store.kind.block, block, self.plan.cases, traces, self.target)
 
     def _submit(self, is_trace: bool, number: int, work: Callable[..., Any], *args: Any) -> None:
         # Blocks first: a trace on disk is used up before the next one is made.

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,14 +23,36 @@ MESSAGE = "<U240"
 AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance": "W sr-1 nm-1"}
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What a sweep keeps of its cases, and what a worker does with some of them.
+
+    Parameters
+    ----------
+    variables, coordinates, attributes : callable
+        Of a plan: what the store declares, the values of its coordinates, and what it says of itself.
+    target : callable
+        Of the path of a store and its variables: what `block` is told.
+    block : callable
+        Computes a block of cases and writes it: (block, cases, trace of every case, target) to `BlockDone`.
+    told : dict
+        All else that the numbers depend on.
+    """
+
+    variables: Callable[[Plan], dict[str, Variable]]
+    coordinates: Callable[[Plan], dict[str, np.ndarray]]
+    attributes: Callable[[Plan], dict[str, Any]]
+    target: Callable[[Plan, Path, dict[str, Variable]], Any]
+    block: Callable[..., Any]
+    told: dict[str, Any]
+
+
 def variables_of(plan: Plan) -> dict[str, Variable]:
     """Every variable of the store."""
     cases, grid, maps = plan.cases, plan.grids[0], map_dims(plan)
     dims, shape = tuple(axis.name for axis in cases.axes), cases.shape
     quantity, units, meaning, area_units = quantity_of(plan)
-    variables: dict[str, Variable] = {}
-    for axis in cases.axes:
-        variables |= _axis_coordinates(plan, axis)
+    variables = axis_variables(plan)
     sizes = {maps[0]: plan.bands, **dict(zip(maps[1:], grid.shape, strict=True))}
     for name, unit, text in (
         ("wavelength_nm", "nm", "centre of the band"),
@@ -62,6 +87,21 @@ def variables_of(plan: Plan) -> dict[str, Variable]:
             "f8",
             {"units": unit, "long_name": text},
         )
+    return variables | state_variables(plan)
+
+
+def axis_variables(plan: Plan) -> dict[str, Variable]:
+    """Coordinates along the axes."""
+    variables: dict[str, Variable] = {}
+    for axis in plan.cases.axes:
+        variables |= _axis_coordinates(plan, axis)
+    return variables
+
+
+def state_variables(plan: Plan) -> dict[str, Variable]:
+    """The state of every case."""
+    dims, shape = tuple(axis.name for axis in plan.cases.axes), plan.cases.shape
+    variables: dict[str, Variable] = {}
     flags: dict[str, Any] = {"flag_values": [0, 1, 2], "flag_meanings": " ".join(STATUS)}
     for name, dtype, about in (
         ("status", "i1", {"long_name": "state of the case", **flags}),
@@ -131,12 +171,7 @@ def map_dims(plan: Plan) -> tuple[str, str, str, str]:
 
 def coordinates(plan: Plan) -> dict[str, np.ndarray]:
     """Values of every coordinate."""
-    cases, result = plan.cases, {}
-    for axis in cases.axes:
-        for path, values in axis.values.items():
-            result[path] = _coordinate(values)
-        if axis.name not in axis.values:
-            result[axis.name] = np.arange(axis.size)
+    cases, result = plan.cases, axis_coordinates(plan)
     names = dict(zip(("wavelength_nm", "z_m", "y_m", "x_m"), map_dims(plan), strict=True))
     for name, dim in names.items():
         if name == dim:
@@ -147,6 +182,17 @@ def coordinates(plan: Plan) -> dict[str, np.ndarray]:
             for n in range(cases.count)
         ]
         result[name] = np.array(table).reshape(*cases.shape, -1)
+    return result
+
+
+def axis_coordinates(plan: Plan) -> dict[str, np.ndarray]:
+    """Values along the axes."""
+    result: dict[str, np.ndarray] = {}
+    for axis in plan.cases.axes:
+        for path, values in axis.values.items():
+            result[path] = _coordinate(values)
+        if axis.name not in axis.values:
+            result[axis.name] = np.arange(axis.size)
     return result
 
 

@@ -29,7 +29,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.plan import Plan
-from lightfield.sweep.schema import MESSAGE, attributes, axes_as_plain, coordinates, variables_of
+from lightfield.sweep.schema import MESSAGE, Kind, axes_as_plain
 
 FORMAT = 3  # of the store; raised whenever the same plan would give other numbers
 
@@ -41,6 +41,7 @@ class SweepStore:
     ----------
     path : Path
     plan : Plan
+    kind : Kind
 
     Attributes
     ----------
@@ -48,9 +49,9 @@ class SweepStore:
         Files that were found damaged when the store was taken up; they are written again.
     """
 
-    def __init__(self, path: Path, plan: Plan) -> None:
-        self.path, self.plan = path, plan
-        self.variables = variables_of(plan)
+    def __init__(self, path: Path, plan: Plan, kind: Kind) -> None:
+        self.path, self.plan, self.kind = path, plan, kind
+        self.variables = kind.variables(plan)
         self.inner = path / ".lightfield"
         self.traces = self.inner / "traces"
         self.journal: list[journal.Entry] = []
@@ -152,10 +153,10 @@ class SweepStore:
         self._lay_out()
         self.summarise()
         # Last: without a plan there is no store to continue.
-        self._write({journal.PLAN: _as_json(fingerprint(self.plan))})
+        self._write({journal.PLAN: _as_json(fingerprint(self.plan, self.kind))})
 
     def _lay_out(self) -> None:
-        self._write({**self._metadata("no"), **self._whole(coordinates(self.plan))})
+        self._write({**self._metadata("no"), **self._whole(self.kind.coordinates(self.plan))})
 
     def _take_up(self, lost: int) -> None:
         """Check all that is there, and forget what is damaged: it is done again."""
@@ -170,7 +171,7 @@ class SweepStore:
         journal.rewrite(self.path, self.journal)  # without a last line that was cut off
         if self.repaired:
             self._lay_out()
-            self._write({journal.PLAN: _as_json(fingerprint(self.plan))})
+            self._write({journal.PLAN: _as_json(fingerprint(self.plan, self.kind))})
 
     def _stands(self, entry: journal.Entry, bad: set[str], traces: set[int]) -> bool:
         """Whether what a line says is still true beside damaged files, and with these traces known."""
@@ -182,7 +183,7 @@ class SweepStore:
 
     def _check_plan(self, damaged: bool) -> None:
         """Raise unless the store is for this plan; its digest in the journal is as good as the plan."""
-        wanted = fingerprint(self.plan)
+        wanted = fingerprint(self.plan, self.kind)
         if journal.digest(_as_json(wanted)) in self._plans():
             return
         try:
@@ -205,7 +206,9 @@ class SweepStore:
         return [told[journal.PLAN] for told in files if journal.PLAN in told]
 
     def _metadata(self, complete: str) -> dict[str, bytes]:
-        return zarrfile.metadata_files(self.variables, attributes(self.plan) | {"complete": complete})
+        return zarrfile.metadata_files(
+            self.variables, self.kind.attributes(self.plan) | {"complete": complete}
+        )
 
     def _whole(self, arrays: Mapping[str, np.ndarray]) -> dict[str, bytes]:
         """Files of arrays that are one chunk each."""
@@ -237,7 +240,7 @@ def trace_file(store: Path, number: int) -> Path:
     return store / ".lightfield" / "traces" / f"{number:06d}.npz"
 
 
-def fingerprint(plan: Plan) -> dict[str, Any]:
+def fingerprint(plan: Plan, kind: Kind) -> dict[str, Any]:
     """All that the numbers of a store depend on."""
     texts = [
         i
@@ -251,7 +254,7 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
         "order": [axis.name for axis in plan.cases.axes],
         # Text may name a table, whose content counts as well.
         "contents": [_digest(scene) for i in texts for _, scene in plan.cases.subset([i])],
-        "settings": asdict(plan.settings),
+        "settings": asdict(plan.settings) | kind.told,
         "blocks": {
             "chunks": list(plan.chunks),
             "traces": [[*asdict(trace.reference).values(), trace.seed] for trace in plan.traces],

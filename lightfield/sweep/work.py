@@ -33,8 +33,8 @@ from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive
-from lightfield.sweep.plan import Block, SweepSettings, Trace
-from lightfield.sweep.schema import derived_variables
+from lightfield.sweep.plan import Block, Plan, SweepSettings, Trace
+from lightfield.sweep.schema import derived_variables, quantity_of
 from lightfield.sweep.store import trace_file
 from lightfield.sweep.zarrfile import Variable
 
@@ -85,6 +85,12 @@ class Target:
     quantity: str
     units: str
     area_units: str
+
+
+def map_target(plan: Plan, path: Path, variables: dict[str, Variable]) -> Target:
+    """Where and how the blocks of a sweep of maps are written."""
+    quantity, units, _, area_units = quantity_of(plan)
+    return Target(path, variables, quantity, units, area_units)
 
 
 def do_trace(
@@ -165,18 +171,30 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
                 for name, key, _, _ in names:
                     if key in found:
                         results[name][i] = found[key]
-        files: dict[str, str] = {}
-        for name, values in results.items():
-            variable = target.variables[name]
-            edge = tuple(
-                min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False)
-            )
-            index = (*block.index, *(0,) * len(shapes[name]))
-            whole = values.reshape(*edge, *shapes[name])
-            file, told = zarrfile.write_chunk(target.path, name, variable, index, whole)
-            files[file] = told
+        files = write_block(block, cases, target.path, target.variables, results)
         seconds = time.perf_counter() - started
         return BlockDone(block.number, failed, files, seconds, worker_name(), peak_bytes())
+
+
+def write_block(
+    block: Block, cases: Cases, path: Path, variables: dict[str, Variable], results: dict[str, np.ndarray]
+) -> dict[str, str]:
+    """Write the chunks of a block, one per variable; digests of the files, by name.
+
+    Parameters
+    ----------
+    results : dict of str to array, shape (n_cases, ...)
+    """
+    files: dict[str, str] = {}
+    for name, values in results.items():
+        variable, shape = variables[name], values.shape[1:]
+        edge = tuple(
+            min(c, s - j * c) for j, c, s in zip(block.index, variable.chunks, cases.shape, strict=False)
+        )
+        index = (*block.index, *(0,) * len(shape))
+        file, told = zarrfile.write_chunk(path, name, variable, index, values.reshape(*edge, *shape))
+        files[file] = told
+    return files
 
 
 def evaluated(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,12 +25,11 @@ COLOURS = {
 
 
 def strip_figure(cases: Sequence[Followed]) -> Figure:
-    """Frames of the first run of every follower, from above: the lamp on the left, its light to the right."""
+    """Frames of the most typical run of every follower, from above: lamp on the left, light to the right."""
     shown = cases[:MOST_ROWS]
-    far = max(float(np.nanmax(one.track.pose[:, 0, 2] + one.track.leader_m[:, 2])) for one in shown) + 0.8
-    wide = 0.3 + max(
-        0.5, *(float(np.abs(one.track.pose[:, 0, 0] + one.track.leader_m[:, 0]).max()) for one in shown)
-    )
+    ways = [one.track.pose[:, one.typical, :3] + one.track.leader_m for one in shown]
+    far = max(float(way[:, 2].max()) for way in ways) + 0.8
+    wide = max(0.5, *(float(np.abs(way[:, 0]).max()) for way in ways)) + 0.3
     with figure(WIDTH, 0.75 + 1.35 * len(shown)) as fig:
         axes = fig.subplots(len(shown), FRAMES, squeeze=False, sharex=True, sharey=True)
         for row, one in zip(axes, shown, strict=True):
@@ -51,8 +51,9 @@ def strip_figure(cases: Sequence[Followed]) -> Figure:
 
 def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
     track, mission = one.track, one.mission
-    lamp, pose, believed = track.leader_m[k], track.pose[k, 0], track.estimate[k, 0]
-    lit, colour = bool(track.lit[k, 0]), COLOURS[mission.believes]
+    run = one.typical
+    lamp, pose, believed = track.leader_m[k], track.pose[k, run], track.estimate[k, run]
+    lit, colour = bool(track.lit[k, run]), COLOURS[mission.believes]
     half = np.tan(np.radians(one.scene.lamp.hwhm_deg))
     end = lamp[2] + 20.0
     if lit:
@@ -62,15 +63,15 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
             axis.fill(*corners.T, color=SERIES[4], alpha=strength, linewidth=0)
     axis.plot(lamp[2], lamp[0], "o", color=SERIES[4] if lit else MUTED, markersize=6, markeredgecolor=INK)
     past = slice(max(0, k - len(track.time_s) // FRAMES), k + 1)
-    way = track.pose[past, 0, :3] + track.leader_m[past]
+    way = track.pose[past, run, :3] + track.leader_m[past]
     axis.plot(way[:, 2], way[:, 0], color=colour, linewidth=0.9, alpha=0.7)
-    goal = lamp[2] + track.goal_m[k, 0]
+    goal = lamp[2] + track.goal_m[k, run]
     axis.plot([goal, goal], [lamp[0] - 0.25, lamp[0] + 0.25], color=GOOD, linewidth=2.2)
     _vehicle(axis, pose + np.append(lamp, np.zeros(3)), size, colour, filled=True)
     if np.isfinite(believed).all():
         _vehicle(axis, believed + np.append(lamp, np.zeros(3)), size, colour, filled=False)
     axis.set_title(
-        f"{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
+        f"\n{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
         fontweight="normal", color=INK if lit else BAD,
     )  # fmt: skip
     axis.tick_params(labelsize=7.5)
@@ -143,3 +144,29 @@ def _events(axis: Axes, one: Followed) -> None:
         )
     if mission.current_from_s > 0:
         axis.axvline(mission.current_from_s, color=MUTED, linestyle=":")
+
+
+def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str) -> Figure:
+    """A metric over the first axis, a line for every step of the others; bars: scatter from run to run."""
+    first, others = axes[0], list(axes[1:])
+    steps = data[first].values
+    numbers = steps.dtype.kind in "fi"
+    at = steps if numbers else np.arange(len(steps))
+    with figure(WIDTH, 3.8) as fig:
+        axis = fig.subplots()
+        for k, at_others in enumerate(np.ndindex(*(data.sizes[name] for name in others))):
+            one = data.isel(dict(zip(others, at_others, strict=True)))
+            name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
+            belief = name if name in COLOURS else ""
+            scatter = np.nan_to_num(one[f"{metric}_stderr"].values) * data.attrs["runs"] ** 0.5
+            axis.errorbar(
+                at, one[metric].values, scatter, marker="o", capsize=3,
+                color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
+            )  # fmt: skip
+        if not numbers:
+            axis.set_xticks(at, [str(step) for step in steps])
+        if others:
+            axis.legend(title=", ".join(others), fontsize=8.5)
+        unit = data[first].attrs.get("units", "")
+        label(axis, f"{first} ({unit})" if unit else first, f"{metric} ({data[metric].attrs['units']})")
+    return fig

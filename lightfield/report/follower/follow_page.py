@@ -6,16 +6,19 @@ import os
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
-from lightfield.report.follower.follow_figures import strip_figure, way_figure
+from lightfield.report.follower.follow_figures import strip_figure, sweep_figure, way_figure
 from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
+from lightfield.scene import Follower, Scene
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, Spread
 from lightfield.studies.following.study import Followed, Following
+from lightfield.sweep.results import axes_of
 
 #: Metrics of the table, beside those of docking.
-OF_FOLLOWING = (
+SHOWN = (
     "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
 )  # fmt: skip
 #: Shown where they are not zero, or exist.
@@ -27,9 +30,9 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
     cases = found.cases
     first = cases[0]
     docking = any(one.mission.task == "dock" for one in cases)
-    names = [name for name in (*OF_DOCKING, *OF_FOLLOWING) if any(name in one.runs for one in cases)]
+    names = [name for name in (*OF_DOCKING, *SHOWN) if any(name in one.runs for one in cases)]
     names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
-    rows = [[f"{METRICS[n][1]} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
+    rows = [[f"{n.replace('_', ' ')} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
     sections = [
         section(
@@ -38,9 +41,9 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
                 page_figure(
                     strip_figure(cases),
                     "strip",
-                    "First run of every follower. Circle: the lamp, with its light; green: where the "
-                    "follower should be; filled: where it is; dashed outline: where it takes itself to be. "
-                    "Across is stretched, and the vehicle is drawn larger than it is.",
+                    "The most typical run of every follower. Circle: the lamp, with its light; green: where "
+                    "the follower should be; filled: where it is; dashed outline: where it takes itself to "
+                    "be. Across is stretched, and the vehicle is drawn larger than it is.",
                     "Film strip of the followers from above",
                 )
             ],
@@ -57,6 +60,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
                     "Distance and offset over time",
                 )
             ],
+            text=["; ".join(f"{n.replace('_', ' ')}: {METRICS[n][1]}" for n in names) + "."],
             tables=[
                 Table(
                     "Mean of the runs ± scatter from run to run.",
@@ -75,8 +79,47 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
     ]
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
-    verdicts = " ".join(one.verdict.replace("+-", "±") + "." for one in cases)
-    return write(path, title, verdicts, lead, sections, first.scene, origin)
+    verdict = found.verdict.replace("+-", "±") + "."
+    return write(path, title, verdict, lead, sections, first.scene, origin)
+
+
+def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write the page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
+    scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
+    mission = (scene.follower or Follower()).mission
+    runs = int(data.attrs["runs"])
+    metric = "docked" if mission.task == "dock" else "standoff"
+    unit, meaning = METRICS[metric]
+    shown = [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
+    rows = []
+    for steps in np.ndindex(*(data.sizes[name] for name in axes)):
+        one = data.isel(dict(zip(axes, steps, strict=True)))
+        errors = [float(one[f"{n}_stderr"]) for n in shown]
+        cells = [
+            _words(Spread(float(one[n]), e * runs**0.5, e, int(np.isfinite(one[n]))))
+            for n, e in zip(shown, errors, strict=True)
+        ]
+        failed = str(one.message.values)
+        where = ", ".join(f"{data[name].values[k]}" for name, k in zip(axes, steps, strict=True))
+        rows.append([where, *(cells if not failed else [failed, *[""] * (len(shown) - 1)])])
+    done = int((data.status == 1).sum())
+    verdict = f"{done} of {data.status.size} cases over {', '.join(axes)}: {meaning}."
+    sections = [
+        section(
+            f"{metric.capitalize()} over {axes[0]}",
+            [
+                page_figure(
+                    sweep_figure(data, axes, metric), "sweep",
+                    f"{meaning.capitalize()} ({unit}); bars: scatter from run to run.",
+                    "A metric over parameters",
+                )
+            ],
+            "Mean of the runs ± scatter from run to run.",
+            [", ".join(axes), *(f"{n.replace('_', ' ')} ({METRICS[n][0]})" for n in shown)],
+            rows,
+        )
+    ]  # fmt: skip
+    return write(path, "Following over parameters", verdict, [], sections, scene)
 
 
 def _matters(one: Followed, name: str) -> bool:

@@ -39,6 +39,10 @@ METRICS: dict[str, tuple[str, str]] = {
     "contact_yaw": ("deg", "turn there"),
     "contact_speed": ("m/s", "speed there"),
 }
+OF_FOLLOWING = (
+    "standoff", "standoff_at_end", "standoff_rms", "across_rms", "yaw_rms", "belief_less_truth",
+    "belief_scatter", "overshoot", "nearest", "effort", "back_after",
+)  # fmt: skip
 OF_DOCKING = ("docked", "contact_time", "contact_across", "contact_yaw", "contact_speed")
 
 

@@ -65,6 +65,13 @@ class Followed:
         return {name: Spread.of(values) for name, values in self.runs.items()}
 
     @property
+    def typical(self) -> int:
+        """Number of the run that ends nearest to where they end in the middle."""
+        last = self.track.pose[-1, :, 2] if self.mission.task == "follow" else self.track.contact[:, 0]
+        known = np.where(np.isfinite(last), last, np.inf)
+        return int(np.argsort(known, kind="stable")[(len(known) - 1) // 2])
+
+    @property
     def verdict(self) -> str:
         """One sentence."""
         found, mission = self.spreads, self.mission
@@ -111,10 +118,10 @@ class Followed:
                 }
                 for name, one in self.spreads.items()
             },
-            "first_run": {
+            "typical_run": {
                 "time_s": track.time_s[::every].tolist(),
-                "pose_m_deg": in_degrees(track.pose[::every, 0]).round(6).tolist(),
-                "believed_m_deg": _listed(in_degrees(track.estimate[::every, 0])),
+                "pose_m_deg": in_degrees(track.pose[::every, self.typical]).round(6).tolist(),
+                "believed_m_deg": _listed(in_degrees(track.estimate[::every, self.typical])),
                 "leader_m": track.leader_m[::every].round(6).tolist(),
             },
         }
@@ -184,11 +191,24 @@ class Following:
 
     cases: list[Followed]
 
+    @property
+    def verdict(self) -> str:
+        """One sentence for all."""
+        first = self.cases[0].mission
+        if len(self.cases) == 1 or first.task == "dock":
+            return ". ".join(one.verdict for one in self.cases)
+        parts = []
+        for believes in dict.fromkeys(one.mission.believes for one in self.cases):
+            alike = [one for one in self.cases if one.mission.believes == believes]
+            stands = ", ".join(f"{_pm(one.spreads['standoff_at_end'])} m ({one.name})" for one in alike)
+            parts.append(f"who believes {BELIEFS[believes]} stands at {stands}")
+        return f"Asked for {first.standoff_m:g} m: " + "; ".join(parts)
+
     def as_data(self) -> dict[str, Any]:
-        return {"cases": [one.as_data() for one in self.cases]}
+        return {"verdict": self.verdict, "cases": [one.as_data() for one in self.cases]}
 
     def as_text(self) -> str:
-        return "\n".join([*(one.as_text() for one in self.cases), *(one.verdict for one in self.cases)])
+        return "\n".join([*(one.as_text() for one in self.cases), self.verdict])
 
 
 def follow(

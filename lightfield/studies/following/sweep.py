@@ -1,0 +1,172 @@
+"""Runs over any parameters of the scene, as a sweep: one case, one block, continued where it stopped."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield import __version__
+from lightfield.errors import LightfieldError
+from lightfield.scene import Scene
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.survey import array_of
+from lightfield.studies.following.light import densest_per_m
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, Spread
+from lightfield.studies.following.study import follow, with_belief
+from lightfield.sweep.axes import Axis
+from lightfield.sweep.cases import Cases
+from lightfield.sweep.plan import Block, Plan, SweepSettings, plan_of_single_cases
+from lightfield.sweep.runner import Report, SweepProgress, run_sweep
+from lightfield.sweep.schema import Kind, axes_as_plain, axis_coordinates, axis_variables, state_variables
+from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
+from lightfield.sweep.zarrfile import Variable
+
+#: What such a store says that it holds.
+QUANTITY = "following"
+TASK = "follower.mission.task"
+#: A case takes seconds.
+MOST_CASES = 10_000
+#: Of a metric over the runs of a case: suffix of its name, and what it is.
+KEPT = {"": "mean over the runs", "_stderr": "standard error of the mean over the runs"}
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a worker is told beside its cases."""
+
+    path: Path
+    variables: dict[str, Variable]
+    runs: int
+    seed: int
+    photons: float
+    densest: float
+
+
+def run_follow_sweep(
+    scene: Scene,
+    axes: list[Axis],
+    path: Path,
+    *,
+    runs: int = 4,
+    seed: int = 0,
+    photons: float = 1e7,
+    workers: int = 0,
+    report: Report | None = None,
+) -> tuple[Plan, SweepProgress]:
+    """Run the mission of a scene over a grid of its parameters, into a store; or what is left of it.
+
+    All cases whose lamp, tank and way are alike are weighed from one trace, which lies in the cache.
+
+    Parameters
+    ----------
+    scene : Scene
+        With an array.
+    axes : list of Axis
+    path : Path
+        The store.
+    runs, seed, photons
+        See `study.follow`.
+    workers : int
+        Local processes; 0: this one.
+
+    Raises
+    ------
+    UsageError, SceneError, OutputError
+        Nothing is varied, or what no scene has; the store belongs to another sweep.
+    """
+    array_of(scene)
+    scene = with_belief(scene, "")
+    settings = SweepSettings(max_photons=max(photons, 1e3), seed=seed, maps=False)
+    plan = plan_of_single_cases(scene, axes, settings, MOST_CASES)
+    densest, contents = 0.0, set()
+    for number in range(plan.cases.count):
+        try:
+            case = plan.cases.build(number)
+            densest = max(densest, densest_per_m(case))
+            contents.add(elements_of(array_of(case)).as_csv())
+        except LightfieldError:
+            continue  # the case says so itself
+    content = sha256("".join(sorted(contents)).encode()).hexdigest()[:16]
+    told = {"runs": runs, "photons": photons, "densest_per_m": densest, "arrays": content}
+
+    def target(_: Plan, store: Path, variables: dict[str, Variable]) -> Target:
+        return Target(store, variables, runs, seed, photons, densest)
+
+    kind = Kind(_variables, axis_coordinates, lambda p: _attributes(p, runs), target, do_block, told)
+    return plan, run_sweep(plan, path, kind=kind, workers=workers, report=report)
+
+
+def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: Target) -> BlockDone:
+    """Run the follower of every case of a block and write its metrics."""
+    started = time.perf_counter()
+    failed: dict[int, str] = {}
+    kept = [name for name in METRICS if name in target.variables]
+    results = {name + suffix: np.full(len(block.cases), np.nan) for name in kept for suffix in KEPT}
+    for i, number in enumerate(map(int, block.cases)):
+        try:
+            scene = cases.build(number)
+            found = follow(
+                {scene.name: scene}, runs=target.runs, seed=target.seed, photons=target.photons,
+                densest=target.densest,
+            )  # fmt: skip
+        except LightfieldError as error:
+            failed[number] = " ".join(str(error).split())[:240]
+            continue
+        for name, values in found.cases[0].runs.items():
+            one = Spread.of(values)
+            for suffix, value in zip(KEPT, (one.mean, one.error), strict=True):
+                results[name + suffix][i] = value
+    files = write_block(block, cases, target.path, target.variables, results)
+    return BlockDone(block.number, failed, files, time.perf_counter() - started, worker_name(), peak_bytes())
+
+
+def as_data(data: xr.Dataset) -> dict[str, Any]:
+    """Values along the axes, and of every metric; null where a case has none."""
+    found: dict[str, Any] = {
+        "axes": json.loads(data.attrs["sweep_axes"]),
+        "message": data.message.values.tolist(),
+    }
+    for name in (metric + suffix for metric in METRICS if metric in data for suffix in KEPT):
+        values = data[name].values
+        nothing: Any = None  # JSON knows no NaN
+        found[name] = np.where(np.isfinite(values), values, nothing).tolist()
+    return found
+
+
+def _variables(plan: Plan) -> dict[str, Variable]:
+    cases, found = plan.cases, axis_variables(plan)
+    dims = tuple(axis.name for axis in cases.axes)
+    tasks = {value for axis in cases.axes for value in axis.values.get(TASK, ())} or {cases.scene.get(TASK)}
+    for name, (unit, meaning) in METRICS.items():
+        if (name in OF_DOCKING and "dock" not in tasks) or (name in OF_FOLLOWING and "follow" not in tasks):
+            continue
+        for suffix, what in KEPT.items():
+            attrs = {"units": unit, "long_name": f"{what}: {meaning}"}
+            found[name + suffix] = Variable(dims, cases.shape, plan.chunks, "f8", attrs)
+    return found | state_variables(plan)
+
+
+def _attributes(plan: Plan, runs: int) -> dict[str, Any]:
+    scene = plan.cases.scene
+    return {
+        "Conventions": "CF-1.11",
+        "title": str(scene.name or "runs of a follower"),
+        "source": f"closed loop in traced light, lightfield {__version__}",
+        "quantity": QUANTITY,
+        "scene_toml": scene.to_toml(),
+        "sweep_axes": json.dumps(axes_as_plain(plan)),
+        "seed": plan.settings.seed,
+        "runs": runs,
+        "traces": 0,
+        "cases": plan.cases.count,
+        "lightfield_version": __version__,
+        "complete": "no",
+    }

@@ -1,0 +1,196 @@
+"""The closed loop: followers end where the theory of a wrong model says, and what went wrong is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lightfield.errors import SceneError
+from lightfield.report.follower.follow_page import write_follow_sweep, write_following
+from lightfield.scene import Scene
+from lightfield.studies.follower.bias import belief
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.light import FormulaLight, Model
+from lightfield.studies.follower.noise import Noise
+from lightfield.studies.following.leader import way_of
+from lightfield.studies.following.light import belief_of
+from lightfield.studies.following.metrics import Spread
+from lightfield.studies.following.study import Followed, follow, with_belief
+from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
+from lightfield.sweep.axes import parse_axis
+from lightfield.sweep.results import open_store, verify
+
+SCENE = Scene.from_dict(
+    {
+        "name": "<water>",
+        "lamp": {"hwhm_deg": 3.81},
+        "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05},
+        "array": {"count": [3, 3], "size_m": 0.26, "radius_m": 0.19, "sample_hz": 5.0},
+        "follower": {"water_known_percent": 0.0, "mission": {"duration_s": 24.0, "leader": "still"}},
+    }
+)
+KNOWN = SCENE.with_values({"array.gain_drift_percent": 0.0, "array.gain_mismatch_percent": 0.0})
+
+
+def run(scene: Scene = KNOWN, runs: int = 2, **values: object) -> Followed:
+    told = {(f"follower.mission.{k}" if "." not in k else k): v for k, v in values.items()}
+    return follow({scene.name: scene.with_values(told)}, runs=runs, seed=3, photons=0).cases[0]
+
+
+@pytest.mark.parametrize("believes", ["exact", "fitted", "clear"])
+def test_a_follower_ends_where_its_wrong_light_puts_it(believes: str) -> None:
+    """Truth is another c than is believed: the distance at which the belief, of `pose bias`, says 6.5 m."""
+    truth = FormulaLight(KNOWN)
+    elements = elements_of(KNOWN.array)  # type: ignore[arg-type]
+    other = KNOWN.with_values({"water.absorption_per_m": 0.12, "follower.mission.duration_s": 30.0})
+    model, _ = belief_of("exact", FormulaLight(other), elements, 6.5)
+    if believes != "exact":
+        model, _ = belief_of(believes, truth, elements, 6.5)
+    # By bisection on the static theory, which knows nothing of a loop.
+    near, far = 5.0, 8.0
+    for _ in range(30):
+        z = 0.5 * (near + far)
+        found = belief(
+            Model(truth, elements), model, np.array([0, 0, z, 0, 0, 0.0]), "xyz", Noise(brightest=0.01)
+        )
+        near, far = (z, far) if found.believed[2] < 6.5 else (near, z)
+    run_ = run(believes=believes, duration_s=30.0)
+    if believes == "exact":
+        assert run_.spreads["standoff_at_end"].mean == pytest.approx(6.5, abs=0.02)
+    else:
+        assert run_.spreads["standoff_at_end"].mean == pytest.approx(z, abs=0.02)
+
+
+def test_what_is_not_known_scatters_from_run_to_run() -> None:
+    """A gain known to 5 % moves the distance by 5 % over 2/z + c, one standard deviation."""
+    found = run(SCENE.with_values({"array.gain_mismatch_percent": 0.0}), runs=24)
+    expected = 0.05 / (2 / 6.5 + 0.1)
+    scatter = found.runs["standoff_at_end"].std(ddof=1)
+    # The follower seeks its gain too: the shape of the beam takes a little of it away.
+    assert 0.5 * expected < scatter < expected * (1 + 4 / np.sqrt(2 * 23))
+    one = found.spreads["standoff"]
+    assert one.error == pytest.approx(one.scatter / np.sqrt(24))
+
+
+def test_equal_seeds_give_equal_runs() -> None:
+    first, again = run(duration_s=4.0), run(duration_s=4.0)
+    assert np.array_equal(first.track.pose, again.track.pose)
+    other = follow({"": KNOWN.with_values({"follower.mission.duration_s": 4.0})}, runs=2, seed=4, photons=0)
+    assert not np.array_equal(first.track.pose, other.cases[0].track.pose)
+
+
+def test_light_lost_and_found() -> None:
+    """In the dark the filter grows uncertain and the current carries the vehicle off; then it comes back."""
+    scene = KNOWN.with_values({"follower.mission.current_x_m_per_s": 0.05})
+    found = run(scene, dark_from_s=10.0, dark_for_s=4.0, duration_s=30.0)
+    track = found.track
+    dark = (track.time_s >= 10) & (track.time_s < 14)
+    assert not track.lit[dark].any() and track.lit[~dark].all()
+    growing = track.sigma[dark, :, 2]
+    assert (np.diff(growing, axis=0) > 0).all()
+    assert found.spreads["without_light"].mean == pytest.approx(4.0, abs=0.2)
+    assert 0 < found.spreads["back_after"].mean < 20
+    assert abs(found.spreads["standoff_at_end"].mean - 6.5) < 0.1
+
+
+def test_docking_by_its_rule() -> None:
+    home = {"follower.z_m": 2.6}
+    found = run(task="dock", standoff_m=2.6, dock_m=1.5, approach_m_per_s=0.1, duration_s=30.0, **home)
+    time, aside, _, speed = found.track.contact.T
+    assert (found.runs["docked"] == 1).all() and "docks in 2 of 2 runs" in found.verdict
+    assert (aside < 0.1).all() and (speed < 0.1).all() and (time > 8).all()
+    # Who only sees a dark lamp never comes home.
+    blind = run(
+        task="dock", standoff_m=2.6, dock_m=1.5, dark_from_s=0.0, dark_for_s=99.0, duration_s=5.0, **home
+    )
+    assert (blind.runs["docked"] == 0).all() and "never comes to the dock" in blind.verdict
+
+
+def test_water_that_changes_on_the_way() -> None:
+    """The follower's belief is of the first water: with more scattering (here: loss) it stays too near."""
+    found = run(turbid_factor=2.0, turbid_from_s=6.0, turbid_for_s=4.0, duration_s=24.0)
+    z, time = found.track.pose[..., 2], found.track.time_s
+    assert abs(z[time < 6].mean() - 6.5) < 0.1
+    assert z[time > 20].mean() < 6.5 - 0.5 and "too near" in found.verdict
+    assert found.runs["doubtful"].shape == (2,)
+
+
+def test_leaders_begin_where_they_are() -> None:
+    for leader in ("still", "sway", "lawnmower"):
+        mission = KNOWN.with_values({"follower.mission.leader": leader}).follower.mission  # type: ignore[union-attr]
+        way = way_of(mission)
+        assert np.array_equal(way(0.0), np.zeros(3))
+        # No faster than a small vehicle follows.
+        steps = np.array([way(0.1 * k) for k in range(240)])
+        assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.1 * 0.1
+
+
+def test_a_leader_from_a_table(tmp_path: Path) -> None:
+    table = tmp_path / "way.csv"
+    table.write_text("time_s,x_m,y_m,z_m\n0,1,0,0\n10,1,0,0.5\n")
+    scene = Scene.from_dict(
+        {**KNOWN.to_dict(), "follower": {"mission": {"leader": "table", "leader_table": "way.csv"}}},
+        folder=tmp_path,
+    )
+    way = way_of(scene.follower.mission)  # type: ignore[union-attr]
+    np.testing.assert_allclose([way(0.0), way(5.0), way(20.0)], [[0, 0, 0], [0, 0, 0.25], [0, 0, 0.5]])
+    scene.save(tmp_path / "saved.toml")
+    assert 'leader_table = "way.csv"' in (tmp_path / "saved.toml").read_text()
+
+
+def test_missions_that_cannot_be(tmp_path: Path) -> None:
+    table = tmp_path / "way.csv"
+    table.write_text("time_s,x_m,y_m,z_m\n1,0,0,0\n0,1,0,0\n")
+    for values, says in (
+        ({"leader": "table"}, "needs a table"),
+        ({"leader": "table", "leader_table": str(table)}, "times that do not rise"),
+        ({"task": "dock", "dock_m": 7.0}, "not nearer"),
+        ({"law": "fuzzy"}, "law"),
+    ):
+        with pytest.raises(SceneError, match=says):
+            KNOWN.with_values({f"follower.mission.{k}": v for k, v in values.items()})
+    case_one = KNOWN.with_values({"water.base": "pure", "water.absorption_per_m": 0.0})
+    with pytest.raises(SceneError, match="not one number"):
+        with_belief(case_one, "clear")
+
+
+def test_a_page_and_its_data(tmp_path: Path) -> None:
+    scene = KNOWN.with_values({"follower.mission.duration_s": 2.0, "follower.mission.dark_from_s": 1.0})
+    scene = scene.with_values({"follower.mission.dark_for_s": 0.4})
+    found = follow({"<a>": scene, "b": scene}, ["exact"], runs=2, photons=0)
+    html = write_following(found, tmp_path / "f.html").read_text(encoding="utf-8")
+    assert "&lt;a&gt;" in html and html.count("<svg") == 2 and "Asked for 6.5 m" in html
+    data = found.as_data()["cases"][0]
+    assert data["metrics"]["standoff"]["by_run"] == found.cases[0].runs["standoff"].tolist()
+    assert found.cases[0].dataset()["pose"].sizes == {"time_s": 11, "run": 2, "coordinate": 6}
+    assert "standoff" in found.as_text() and "+-" in found.as_text()
+    single = Spread.of(np.array([1.0, np.nan]))
+    assert single.runs == 1 and np.isnan(single.error)
+
+
+def test_runs_over_parameters_continue_where_they_stopped(tmp_path: Path) -> None:
+    """As every sweep: one chunk gone is one case done again, and the store is what it was."""
+    scene = KNOWN.with_values({"follower.mission.duration_s": 1.0})
+    axes = [parse_axis("water.scattering_per_m=0.05,0.1", ""), parse_axis("follower.mission.law=pid,lqr", "")]
+    store = tmp_path / "runs.zarr"
+    _, done = run_follow_sweep(scene, axes, store, runs=2, photons=0)
+    assert done.cases_done == 4 and done.failed == 0
+    before = as_data(open_store(store, QUANTITY))
+    (store / "standoff" / "1.0").unlink()
+    _, again = run_follow_sweep(scene, axes, store, runs=2, photons=0)
+    assert again.cases_done == 1 and again.cases_before == 3
+    assert as_data(open_store(store, QUANTITY)) == before and verify(store).complete
+    html = write_follow_sweep(open_store(store, QUANTITY), tmp_path / "s.html").read_text(encoding="utf-8")
+    assert "4 of 4 cases" in html and "lqr" in html
+    alone = follow({"": scene.with_values({"water.scattering_per_m": 0.1})}, runs=2, photons=0)
+    assert before["standoff"][1][0] == alone.cases[0].spreads["standoff"].mean
+
+
+def test_a_case_that_cannot_be_is_recorded(tmp_path: Path) -> None:
+    scene = KNOWN.with_values({"follower.mission.duration_s": 1.0, "follower.mission.task": "dock"})
+    axes = [parse_axis("follower.mission.dock_m=1.5,9", "")]
+    _, done = run_follow_sweep(scene, axes, tmp_path / "runs.zarr", runs=1, photons=0)
+    assert done.failed == 1
+    assert "not nearer" in str(open_store(tmp_path / "runs.zarr", QUANTITY).message.values[1])
