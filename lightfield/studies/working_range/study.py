@@ -42,6 +42,10 @@ _DEGREES, _LEAST_ERROR = (4, 3), 1e-3
 _SHOWN = 61
 #: Step of derivatives, m.
 _STEP_M = 1e-3
+#: A bound that is not known at all, where a smooth curve is drawn through bounds, m.
+_UNKNOWN_M = 1e6
+#: Information over that of the best known direction at which rounding begins (double precision, squared).
+_BLIND = 1e-13
 #: No light, for logarithms.
 _DARK = 1e-300
 #: Kept free before the end of a tank, m.
@@ -193,7 +197,7 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     z = data.z_m.values
 
     def curve(name: str) -> CubicSpline:
-        return CubicSpline(z, np.log(data[name].values))
+        return CubicSpline(z, np.log(np.minimum(data[name].values, _UNKNOWN_M)))
 
     error = CubicSpline(z, data.light_stderr.values / data.light.values)
     light, formula = curve("light"), curve("formula")
@@ -285,9 +289,20 @@ def _pose(field: Field, z_m: float, array: tuple[Array, Array], sigma: float, ga
     ]
     if gain_free:
         columns.append(read(0, 0, z_m))
-    J = np.stack(columns, 1) / sigma
-    bound = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    bound = _bound(np.stack(columns, 1) / sigma)
     return np.array([max(bound[0], bound[1]), bound[2]])
+
+
+def _bound(J: Array) -> Array:
+    """Least standard errors by Cramer and Rao; infinite for what the readings do not tell, shape (k,)."""
+    norm = np.linalg.norm(J, axis=0)
+    scaled = J / np.where(norm > 0, norm, 1.0)
+    strength, axes = np.linalg.eigh(scaled.T @ scaled)
+    blind = strength < _BLIND
+    share = axes**2
+    variance = (share[:, ~blind] / strength[~blind]).sum(axis=1)
+    lost = share[:, blind].sum(axis=1) > _BLIND
+    return np.where(lost, np.inf, np.sqrt(variance) / np.where(norm > 0, norm, 1.0))
 
 
 def _half_error(light: LightAt, field: Field, z: Array) -> Array:

@@ -15,7 +15,7 @@ from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
-from lightfield.studies.working_range.study import WorkingRange, working_range
+from lightfield.studies.working_range.study import WorkingRange, _bound, working_range
 from lightfield.studies.working_range.text import as_data, as_text
 
 HALF = np.radians(3.81)
@@ -149,3 +149,24 @@ def test_words_data_and_page(formula) -> None:
     assert "8.31 m" in as_text(formula)
     page = range_page(formula)
     assert "does not tell yaw" in page and page.count("<svg") == 2
+
+
+def test_where_an_array_sees_nothing_of_a_direction_its_bound_is_infinite() -> None:
+    """A small tank and a narrow beam: near the lamp the array is wider than all light that is known there."""
+    tank = {"width_m": 1.2, "depth_m": 0.8, "length_m": 3.0, "behind_lamp_m": 0.3, "wall_albedo": 0.3}
+    lamp = {"hwhm_deg": 8.0, "spectrum": "led-blue"}
+    detector = {"planes_m": [0.7, 1.0, 1.4, 1.8, 2.2], "bands_nm": [[445.0, 495.0]]}
+    small = Scene.from_dict({"lamp": lamp, "tank": tank, "detector": detector})
+    found = working_range(small, None)
+    sigma = found.dataset.sigma_along_relative_m.values
+    assert (sigma > 0).all() and not np.isnan(sigma).any()
+    assert as_text(found) and "</html>" in range_page(found)
+    json.dumps(as_data(found), allow_nan=False)
+
+
+def test_the_bound_is_that_of_the_inverse_where_there_is_one() -> None:
+    rng = np.random.default_rng(1)
+    J = rng.normal(size=(9, 3)) * [1.0, 1e-3, 1e4]
+    np.testing.assert_allclose(_bound(J), np.sqrt(np.diag(np.linalg.inv(J.T @ J))), rtol=1e-9)
+    blind = np.stack([J[:, 0], J[:, 1], 2 * J[:, 1], 0 * J[:, 1]], axis=1)
+    assert np.isfinite(_bound(blind)).tolist() == [True, False, False, False]
