@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
     from lightfield.report.style import Axes
 
+#: Of a rung, what a notebook shows.
+LADDER = {
+    "label", "error_percent", "chi2_per_dof", "held_out_percent", "removed_percent",
+    "rendered_error_percent", "rendered_stderr_percent",
+}  # fmt: skip
+
 
 class Diagnosis(Result[diagnosing.Diagnosis]):
     """What `diagnose` found."""
@@ -78,8 +84,8 @@ class Diagnosis(Result[diagnosing.Diagnosis]):
         """The ladder."""
         import pandas as pd
 
-        rows = [rung.model_dump(exclude={"effects"}) for rung in self.verdict.ladder]
-        return pd.DataFrame(rows)
+        rows = [rung.model_dump(include=LADDER) for rung in self.verdict.ladder]
+        return pd.DataFrame(rows).dropna(axis="columns", how="all")
 
     def report(self, path: AnyPath) -> Path:
         from lightfield.report.diagnosis.page import write_diagnosis

@@ -8,7 +8,7 @@ import importlib.util
 import keyword
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
@@ -18,6 +18,7 @@ from lightfield.errors import UsageError
 
 # Name and help of every sub-command; one whose module is not there is not offered.
 COMMANDS = {
+    "new": "begin with a tank of your own: a scene and an empty reading table",
     "render": "trace a scene and write its maps",
     "scene": "check a scene file, read or change its values, convert it",
     "picture": "a camera view of the lit tank",
@@ -40,6 +41,7 @@ COMMANDS = {
     "export": "write cases of a sweep as spectral EXR",
     "demo": "run the example experiments and write their reports",
     "doctor": "check the installation against a known value",
+    "completion": "words of the command line for a shell to complete",
 }
 
 
@@ -64,6 +66,26 @@ def prepared(argv: list[str]) -> Callable[[], int]:
     commands = available()
     general = _general_options(argparse.SUPPRESS)
     chosen = next((word for word in general.parse_known_args(argv)[1] if word in commands), None)
+    parser, runs = _parser([chosen] if chosen else [])
+    args = parser.parse_args(argv)
+    if args.command is None or args.command not in runs:
+        parser.print_help()
+        return lambda: 2 if argv else 0
+    for option, variable in (("backend", "LIGHTFIELD_BACKEND"), ("threads", "LIGHTFIELD_THREADS")):
+        if getattr(args, option) is not None:
+            # The environment, not a global: worker processes must follow.
+            os.environ[variable] = str(getattr(args, option))
+    return partial(runs[args.command], args)
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """The parser with the options of every sub-command; all of their modules are imported."""
+    return _parser(list(available()))[0]
+
+
+def _parser(declared: Sequence[str]) -> tuple[_Parser, dict[str, Callable[[argparse.Namespace], int]]]:
+    """The parser of all sub-commands, with the options of some, and what runs these."""
+    general = _general_options(argparse.SUPPRESS)
     parser = _Parser(
         prog="lightfield",
         description="The light field of an underwater lamp.",
@@ -71,22 +93,14 @@ def prepared(argv: list[str]) -> Callable[[], int]:
     )
     parser.add_argument("--version", action="version", version=f"lightfield {__version__}")
     choices = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    run = None
-    for name, text in commands.items():
+    runs = {}
+    for name, text in available().items():
         command = choices.add_parser(name, help=text, description=_sentence(text), parents=[general])
-        if name == chosen:
+        if name in declared:
             module = importlib.import_module(_module(name))
             module.add_arguments(command)
-            run = module.run
-    args = parser.parse_args(argv)
-    if args.command is None or run is None:
-        parser.print_help()
-        return lambda: 2 if argv else 0
-    for option, variable in (("backend", "LIGHTFIELD_BACKEND"), ("threads", "LIGHTFIELD_THREADS")):
-        if getattr(args, option) is not None:
-            # The environment, not a global: worker processes must follow.
-            os.environ[variable] = str(getattr(args, option))
-    return partial(run, args)
+            runs[name] = module.run
+    return parser, runs
 
 
 def _general_options(default: str | None) -> _Parser:

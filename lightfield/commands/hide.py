@@ -6,10 +6,13 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
-from lightfield.errors import UsageError
+from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
+
+#: What is written; the last tells that the others are a riddle.
+WRITTEN = ("scene.toml", "data.csv", "truth.json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--effects-file")
     add("--strength", type=float, metavar="S", help="size over the effect's typical size, else drawn")
     add_option(parser, "--seed", 0)
-    add("--layout", default="line", help="line, half, grid, fine, column or air (default line)")
+    add(
+        "--layout",
+        help="line, half, grid, fine, column or air (default: line, or the positions that the scene lists)",
+    )
     add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
     add(
         "--plane-gain",
@@ -88,6 +94,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     from lightfield.experiments.measure import Instrument
 
     output_file(args.output / "scene.toml", args.scene)
+    replaced = _replaced(args.output)
     made = hide(
         scene,
         Secret(args.effect, args.strength, values, args.lamp),
@@ -98,9 +105,31 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
         **given(args, "max_photons"),
     )
     folder = made.save(args.output)
+    if replaced:
+        print(f"replaced, of a riddle of before: {', '.join(replaced)}")
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
     light = made.truth["light_error_percent"]
     if light > 50 * args.noise:
         print(f"the light is known to {light:.2g} % only, stated with the errors; more: --max-photons")
     print(f"do not look: {folder / 'truth.json'}")
     return 0
+
+
+def _replaced(folder: Path) -> list[str]:
+    """Files that will be written over; they must be those of a riddle, not somebody's own readings.
+
+    Raises
+    ------
+    OutputError
+        Readings are there, and no truth that they were made from.
+    """
+    there = [str(folder / name) for name in WRITTEN if (folder / name).exists()]
+    if there and not (folder / WRITTEN[-1]).exists():
+        raise OutputError(
+            "files of an experiment are here already",
+            where=str(folder),
+            found=", ".join(there),
+            rule="only a riddle is replaced by another",
+            remedy="choose another folder",
+        )
+    return there

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "layout",
         type=Path,
         metavar="LAYOUT",
-        help="reading table; the column value may be left out",
+        help="reading table; its values may be left out",
     )
     parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument(

@@ -15,7 +15,7 @@ from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidat
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.errors import UsageError
 from lightfield.experiments import unknowns
-from lightfield.experiments.layouts import Order, scan
+from lightfield.experiments.layouts import LISTED, Order, scan
 from lightfield.experiments.measure import PHOTONS, Instrument, measure, rendered
 from lightfield.fitting import effects
 from lightfield.readings import Readings, write_table
@@ -165,7 +165,8 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
         "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
     }
     if scene.lamp.radius_m == 0:
-        nearest = min(scene.detector.planes_m)
+        single = scene.detector.positions_m
+        nearest = min(scene.detector.planes_m if single is None else [z for _, _, z in single])
         changed["lamp.radius_m"] = min(WINDOW_M, WINDOW_PART * nearest)
     return scene.with_values({**changed, **values})
 
@@ -176,7 +177,7 @@ def hide(
     seed: int,
     instrument: Instrument,
     *,
-    layout: str = "line",
+    layout: str | None = None,
     order: Order = "random",
     max_photons: float = PHOTONS,
 ) -> Hidden:
@@ -191,7 +192,7 @@ def hide(
     instrument : Instrument
         Its errors of planes and positions are stated in the table's error budget.
     layout, order : str
-        As `layouts.scan` takes them.
+        As `layouts.scan` takes them; without a layout "line", or the positions that the scene lists.
     max_photons : float
         Budget of the render.
 
@@ -201,6 +202,8 @@ def hide(
         Unknown effect, unknown layout, an effect that cannot act here, or a size that hides one more.
     """
     rng = np.random.default_rng(seed)
+    if layout is None:
+        layout = "line" if scene.detector.positions_m is None else LISTED
     effects.all_of(scene)  # so that the scene's own are known by name
     table = scan(scene, layout, order, rng)
     hidden: dict[str, float] = {}

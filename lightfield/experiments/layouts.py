@@ -15,6 +15,8 @@ from lightfield.scene import Scene
 
 Order = Literal["random", "plane"]
 LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
+#: Where the scene lists single positions, these are the layout.
+LISTED = "positions"
 
 SECONDS_PER_READING = 20.0
 
@@ -26,19 +28,25 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     ----------
     kind : str
         "line": x on both sides; "half": x from 0; "grid": x and y; "fine": more planes; "column": x and y up
-        to the surface; "air": "line" in water and again in air.
+        to the surface; "air": "line" in water and again in air; "positions": those that the scene lists.
 
     Raises
     ------
     UsageError
-        No such layout.
+        No such layout for this scene.
     """
-    if kind not in LAYOUTS:
-        raise UsageError("unknown layout", found=kind, rule="one of " + ", ".join(LAYOUTS))
+    single = scene.detector.positions_m
+    known = LAYOUTS if single is None else (LISTED,)
+    if kind not in known:
+        kinds = "has planes" if single is None else "lists single positions"
+        raise UsageError("unknown layout", found=kind, rule=f"this scene {kinds}: {', '.join(known)}")
+    if single is not None:
+        listed = dict(zip(("x_m", "y_m", "z_m"), np.array(single, float).T, strict=True))
+        return {**listed, "medium": np.repeat("water", len(single))}
     planes: NDArray[Any] = np.array(scene.detector.planes_m)
-    reach, (low, high) = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf)
+    reach, (low, high), end = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf), np.inf
     if scene.tank is not None:
-        low, high = scene.tank.box_m[1]
+        (low, high), (_, end) = scene.tank.box_m[1:]
     x: NDArray[Any] = np.linspace(-reach, reach, 21)
     y: NDArray[Any] = np.zeros(1)
     if kind == "half":
@@ -50,7 +58,7 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         gaps = np.diff(planes) if len(planes) > 1 else 0.2 * planes
         ends = [planes[:1] - gaps[:1], planes[-1:] + gaps[-1:]]
         planes = np.unique(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1]), *ends]))
-        planes = planes[planes > 0.1 * scene.detector.planes_m[0]]
+        planes = planes[(planes > 0.1 * scene.detector.planes_m[0]) & (planes < end)]
     elif kind == "column":
         x = min(0.3, 0.9 * reach) * np.array([-1.0, 0.0, 1.0])
         top = high - min(0.1, 0.5 * high)

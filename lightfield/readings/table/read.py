@@ -48,7 +48,7 @@ def read_table(
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
     required : sequence of str
-        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1.
+        Columns that must be there: `LAYOUT` lets the values be absent or blank, they are then 1.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def read_table(
     sheet = read_sheet(text.read_text(where, READINGS), problems, COLUMNS, required, NUMBER_COLUMNS)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
-    columns, extra, lines = _read_columns(sheet, problems)
+    columns, extra, lines = _read_columns(sheet, problems, required)
     budget = ErrorBudget(**{name: head.pop(name) for name in TERMS if name in head})
     words = {name: head.pop(name) for name in WORDS if name in head}
     readings = Readings(
@@ -147,7 +147,9 @@ def _settle_words(sheet: Sheet, head: dict[str, Any], problems: Problems) -> Non
                 )
 
 
-def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
+def _read_columns(
+    sheet: Sheet, problems: Problems, required: Sequence[str]
+) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
     place = {name: c for c, name in reversed(list(enumerate(sheet.names)))}
     good: list[tuple[int, list[str], dict[str, Any]]] = []
     for line, cells in sheet.rows:
@@ -158,7 +160,7 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
                 continue
             cell = cells[place[name]].strip()
             try:
-                row[name] = _value(name, cell, sheet.mark)
+                row[name] = _value(name, cell, sheet.mark, required)
             except ValueError as error:
                 problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name), column=name)
                 row[name] = DEFAULTS[name] if name in TEXT_COLUMNS else np.nan  # the others are still checked
@@ -174,13 +176,13 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
     return columns, {name: extra[name] for name in sheet.names if name in extra}, [line for line, *_ in good]
 
 
-def _value(name: str, cell: str, mark: str) -> Any:
+def _value(name: str, cell: str, mark: str, required: Sequence[str]) -> Any:
     if name in TEXT_COLUMNS:
         return cell or DEFAULTS[name]
     if cell == "":
-        if name in REQUIRED:
+        if name in required:
             raise ValueError("is missing")
-        return DEFAULTS.get(name, np.nan)
+        return 1.0 if name == "value" else DEFAULTS.get(name, np.nan)
     if name == "saturated":
         if cell.lower() not in (*_TRUE, *_FALSE):
             raise ValueError("is neither 0 nor 1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lightfield.errors import UsageError
 from lightfield.experiments.hide import WINDOW_PART, true_scene
 from lightfield.experiments.layouts import LAYOUTS, positions, scan
 from lightfield.scene import Scene
@@ -20,6 +21,30 @@ def test_layouts_and_window_fit_a_small_tank(layout: str) -> None:
     assert (np.abs(table.x_m) <= 0.15 + 1e-9).all() and (table.y_m < 0.2).all()
     assert table.z_m.min() >= 0.1 and table.z_m.max() <= 1.0 + 1e-9
     assert true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m == pytest.approx(WINDOW_PART * 0.2)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("depth_m", [0.1, 0.5, 0.9])
+def test_no_layout_leaves_the_water(layout: str, depth_m: float) -> None:
+    """Whatever the lamp's depth, and with a last plane right before the wall."""
+    tank = {"width_m": 1.2, "depth_m": 1.0, "length_m": 3.0, "behind_lamp_m": 0.3, "lamp_depth_m": depth_m}
+    scene = Scene.from_dict({"tank": tank, "detector": {"planes_m": [0.5, 1.0, 1.5, 2.6]}})
+    places = positions(scene, layout)
+    assert scene.tank is not None
+    for name, (low, high) in zip(("x_m", "y_m", "z_m"), scene.tank.box_m, strict=True):
+        assert (places[name] >= low).all() and (places[name] <= high).all(), name
+    assert places["z_m"].min() > 0
+
+
+def test_positions_that_the_scene_lists_are_the_layout() -> None:
+    listed = [[0.0, 0.1, 1.0], [0.2, 0.0, 1.5]]
+    scene = Scene.from_dict({"detector": {"positions_m": listed}})
+    places = positions(scene, "positions")
+    assert np.stack([places[n] for n in ("x_m", "y_m", "z_m")], axis=1).tolist() == listed
+    with pytest.raises(UsageError, match="single positions"):
+        positions(scene, "line")
+    nearest = true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m
+    assert nearest == pytest.approx(WINDOW_PART * 1.0)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

@@ -204,3 +204,16 @@ def test_words_data_and_page(formula) -> None:
     assert "8.31 m" in as_text(formula)
     page = range_page(formula)
     assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2
+
+
+def test_where_an_array_sees_nothing_of_a_direction_its_bound_is_infinite() -> None:
+    """A small tank and a narrow beam: near the lamp the array is wider than all light that is known there."""
+    tank = {"width_m": 1.2, "depth_m": 0.8, "length_m": 3.0, "behind_lamp_m": 0.3, "wall_albedo": 0.3}
+    lamp = {"hwhm_deg": 8.0, "spectrum": "led-blue"}
+    detector = {"planes_m": [0.7, 1.0, 1.4, 1.8, 2.2], "bands_nm": [[445.0, 495.0]]}
+    small = Scene.from_dict({"lamp": lamp, "tank": tank, "detector": detector})
+    found = working_range(small, None)
+    sigma = found.dataset.sigma_along_relative_m.values
+    assert (sigma > 0).all() and not np.isnan(sigma).any()
+    assert as_text(found) and "</html>" in range_page(found)
+    json.dumps(as_data(found), allow_nan=False)

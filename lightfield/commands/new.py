@@ -1,0 +1,74 @@
+"""`lightfield new tank`: a scene and an empty reading table of one's own, from answers or options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from lightfield.errors import LightfieldError
+from lightfield.experiments.new_tank import QUESTIONS, NewTank, Question, new_tank
+from lightfield.storage.files import output_folder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options: one per question."""
+    parser.add_argument("kind", choices=("tank",), metavar="tank", help="what is begun: a tank of your own")
+    for question in QUESTIONS:
+        default = f"default {question.default}" if question.default else "default: from the rest"
+        parser.add_argument(
+            f"--{question.name.replace('_', '-')}",
+            metavar=question.name.upper().replace("_", "-"),
+            help=f"{question.text[0].lower()}{question.text[1:]}: {question.form} ({default})",
+        )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for scene.toml, readings.csv",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Ask on a terminal for what was not given, write both files, say what comes next."""
+    answers = {q.name: value for q in QUESTIONS if (value := getattr(args, q.name)) is not None}
+    asking = not answers and sys.stdin.isatty()
+    name = args.output.resolve().name
+    made = asked(name) if asking else new_tank(answers, name)
+    scene, readings = made.save(output_folder(args.output))
+    if not asking:
+        assumed = [f"{q.name} {q.default}" for q in QUESTIONS if q.name not in answers and q.default]
+        if assumed:
+            print(f"assumed: {', '.join(assumed)}")
+    print(f"scene: {scene}\nreadings: {readings}, {made.rows} places to read")
+    print("next, what this layout could tell, and then, with its values filled in, what they tell:")
+    print(f"  lightfield plan {readings} --scene {scene}")
+    print(f"  lightfield diagnose {readings} --scene {scene} --report {readings.with_name('report.html')}")
+    return 0
+
+
+def asked(name: str) -> NewTank:
+    """Answers from the terminal, one by one; an empty line takes what stands in brackets."""
+    answers: dict[str, str] = {}
+    for question in QUESTIONS:
+        if answers.get("tank", "").lower() == "none" and question.name in ("lamp_depth", "walls", "surface"):
+            continue
+        made = _answer(question, answers, name)
+    return made
+
+
+def _answer(question: Question, answers: dict[str, str], name: str) -> NewTank:
+    """Ask until the answer fits what was answered before."""
+    while True:
+        default = f" [{question.default}]" if question.default else ""
+        print(f"{question.text} ({question.form}){default}: ", end="", flush=True)
+        line = sys.stdin.readline()
+        answers[question.name] = line.strip()
+        try:
+            return new_tank(answers, name)
+        except LightfieldError as error:
+            if not line:  # the terminal was closed: there will be no other answer
+                raise
+            print(f"  {error}")

@@ -1,0 +1,310 @@
+"""A tank of one's own: what has to be asked, and the scene and the empty reading table that follow."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from lightfield.arrays import Array
+from lightfield.errors import OutputError, UsageError
+from lightfield.scene import Scene
+from lightfield.scene.spectral.peaks import LEDS, peaks_of
+from lightfield.scene.tank import Tank
+from lightfield.scene.water.library import list_presets
+from lightfield.storage.files import atomic_path
+
+SCENE, READINGS = "scene.toml", "readings.csv"
+#: Planes that are proposed, and between which parts of the water before the lamp.
+_PLANES, _FROM, _TO = 5, 0.25, 0.8
+#: Distances that are proposed in open water, m.
+_OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
+#: From the wall, the part of the room that readings keep away.
+_CLEAR = 0.9
+#: Behind the lamp there is so much water, or less in a short tank.
+_BEHIND_M = 0.5
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that the scene has to know.
+
+    Parameters
+    ----------
+    name : str
+    text : str
+        The question.
+    form : str
+        How the answer is written.
+    default : str
+        What is taken where nobody answers; "" for what follows from the other answers.
+    """
+
+    name: str
+    text: str
+    form: str
+    default: str
+
+
+QUESTIONS = (
+    Question("tank", "Width, depth and length of the water, m", "WxDxL, or none for open water", "2x1x6"),
+    Question("lamp_depth", "Lamp below the surface, m", "a number; half the depth if not given", ""),
+    Question("walls", "Part of the light that walls and floor send back", "0 black to 0.9 white", "0.1"),
+    Question("surface", "Is there a free water surface above", "yes or no", "yes"),
+    Question("lamp", "Spectrum of the lamp", "a name such as led-green, or PEAK/WIDTH in nm", "led-green"),
+    Question("beam", "Half width of the beam at half maximum, degrees", "a number", "10"),
+    Question("power", "Light of the lamp, W (not the electrical power)", "a number", "10"),
+    Question("water", "Water", "A,B: absorption and scattering in 1/m, pure, or a preset", "0.1,0"),
+    Question("quantity", "What the detector reads", "irradiance, scalar_irradiance, radiance", "irradiance"),
+    Question("band", "Wavelengths that it sees, nm", "LOW:HIGH", ""),
+    Question("planes", "Distances from the lamp to read at, m", "Z,Z,...", ""),
+    Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
+)
+
+
+@dataclass(frozen=True)
+class NewTank:
+    """What is written.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the scene file says.
+    scene_text : str
+        The scene file, with comments.
+    table_text : str
+        The reading table: places, and no values yet.
+    rows : int
+        Readings to be taken.
+    """
+
+    scene: Scene
+    scene_text: str
+    table_text: str
+    rows: int
+
+    def save(self, folder: Path) -> tuple[Path, Path]:
+        """Write both files, neither over another.
+
+        Raises
+        ------
+        OutputError
+            One of them is there already.
+        """
+        targets = folder / SCENE, folder / READINGS
+        if there := [str(path) for path in targets if path.exists()]:
+            raise OutputError(
+                "files of an experiment are here already",
+                where=str(folder),
+                found=", ".join(there),
+                rule="nothing that was filled in is overwritten",
+                remedy="choose another folder",
+            )
+        for path, text in zip(targets, (self.scene_text, self.table_text), strict=True):
+            with atomic_path(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+        return targets
+
+
+def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
+    """Scene and reading table from answers.
+
+    Parameters
+    ----------
+    answers : mapping of str to str
+        By the names of `QUESTIONS`; what is absent or empty takes its default.
+    name : str
+        Of the scene.
+
+    Raises
+    ------
+    UsageError
+        An answer that is not of its form.
+    SceneError
+        Answers that do not fit together, such as distances outside the tank.
+    """
+    given = {q.name: answers.get(q.name, "").strip() or q.default for q in QUESTIONS}
+    tank = tank_lines(given)
+    ahead = None
+    if tank:
+        near = ["[detector]", "planes_m = [1e-6]"]  # to see the tank by itself
+        ahead = Scene.from_toml("\n".join([*tank, *near]), where="the new scene").tank
+    planes = numbers(given["planes"], "planes", ",") if given["planes"] else proposed_planes(ahead)
+    points = int(numbers(given["points"], "points", ",", whole=True)[0])
+    if not 1 <= points <= 201:
+        raise UsageError("impossible number of readings", where="points", found=points, rule="1 to 201")
+    lines = [
+        "# What is known about the experiment. Lengths in m from the lamp's window: x to the side, y up,",
+        "# z along the beam. What is not said has a default; `lightfield scene FILE` lists all of it.",
+        tomli_w.dumps({"name": name}).rstrip(),
+        "",
+        "[lamp]",
+        f"spectrum = {spectrum(given['lamp'])}",
+        f"hwhm_deg = {number(given['beam'], 'beam')}    # half width at half maximum: a guess, it is fitted",
+        f"power_w = {number(given['power'], 'power')}    # counts for absolute readings alone",
+        "# radius_m = 0.02    # of the window, where it is large",
+        "",
+        "[water]",
+        *water_lines(given["water"]),
+        'phase = { type = "henyey-greenstein", g = 0.924 }    # where scattered light goes: forward',
+        "",
+        *(tank or ["# No [tank]: open water, without walls or a surface."]),
+        "",
+        "[detector]",
+        f'quantity = "{given["quantity"]}"    # irradiance: a flat collector; radiance: a narrow tube',
+        f"planes_m = [{', '.join(f'{z:g}' for z in planes)}]    # distances that are rendered",
+        f"bands_nm = [[{band(given)}]]    # wavelengths that are seen",
+        '# response = { peak_nm = 525, fwhm_nm = 10 }    # a filter; or "silicon", or a table',
+        "",
+    ]
+    text = "\n".join(lines)
+    scene = Scene.from_toml(text, where="the new scene")
+    places = _places(scene, planes, points)
+    return NewTank(scene, text, table(scene, places), len(places))
+
+
+def tank_lines(given: Mapping[str, str]) -> list[str]:
+    """The scene's tank; nothing for open water."""
+    if given["tank"].lower() == "none":
+        return []
+    sizes = numbers(given["tank"].lower(), "tank", "x")
+    if len(sizes) != 3:
+        raise UsageError(
+            "not the sizes of a tank",
+            where="tank",
+            found=given["tank"],
+            rule="WxDxL in m, such as 2x1x6, or none",
+        )
+    if given["surface"].lower() not in ("yes", "no"):
+        raise UsageError("neither yes nor no", where="surface", found=given["surface"], rule="yes or no")
+    named = zip(("width_m", "depth_m", "length_m"), sizes, strict=True)
+    top = "flat" if given["surface"].lower() == "yes" else "none"
+    depth = "# lamp_depth_m = 0.5    # from the surface down to the beam's axis: half the depth unless given"
+    if given["lamp_depth"]:
+        depth = f"lamp_depth_m = {number(given['lamp_depth'], 'lamp_depth')}"
+    return [
+        "[tank]",
+        *(f"{name} = {value:g}" for name, value in named),
+        depth,
+        f"behind_lamp_m = {min(_BEHIND_M, 0.1 * sizes[2]):g}    # from the wall behind to the lamp's window",
+        f"wall_albedo = {number(given['walls'], 'walls')}    # what walls and floor reflect",
+        f'surface = "{top}"    # flat: water against air; none: a lid like the walls',
+    ]
+
+
+def spectrum(answer: str) -> str:
+    """The lamp's spectrum as TOML."""
+    if "/" in answer:
+        peak, _, width = answer.partition("/")
+        return f"{{ peak_nm = {number(peak, 'lamp')}, fwhm_nm = {number(width, 'lamp')} }}"
+    if answer not in (*LEDS, "planck", "cie-a"):
+        raise UsageError(
+            "not a spectrum", where="lamp", found=answer,
+            rule=f"PEAK/WIDTH in nm, or one of {', '.join([*LEDS, 'planck', 'cie-a'])}",
+        )  # fmt: skip
+    return f'"{answer}"'
+
+
+def water_lines(answer: str) -> list[str]:
+    """The water as TOML."""
+    if answer in ("pure", *list_presets()):
+        return [f'base = "{answer}"', "# absorption_per_m = 0.0    # beyond that; it is fitted"]
+    values = answer.split(",")
+    if len(values) != 2:
+        raise UsageError(
+            "not a water", where="water", found=answer,
+            rule=f"A,B in 1/m, pure, or one of {', '.join(list_presets())}",
+        )  # fmt: skip
+    a, b = (number(value, "water") for value in values)
+    return [
+        f"absorption_per_m = {a}    # a guess, it is fitted",
+        f"scattering_per_m = {b}    # a diagnosis asks whether there is any",
+    ]
+
+
+def band(given: Mapping[str, str]) -> str:
+    """The detector's band as TOML: as answered, or all that an LED gives."""
+    if given["band"]:
+        ends = numbers(given["band"], "band", ":")
+    elif given["lamp"] in LEDS or "/" in given["lamp"]:
+        text = f"[lamp]\nspectrum = {spectrum(given['lamp'])}"
+        peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
+        ends = [
+            5.0 * round(min(p.peak_nm - p.fwhm_nm for p in peaks) / 5.0),
+            5.0 * round(max(p.peak_nm + p.fwhm_nm for p in peaks) / 5.0),
+        ]
+    else:
+        ends = [500.0, 550.0]
+    if len(ends) != 2:
+        raise UsageError("not a band", where="band", found=given["band"], rule="LOW:HIGH in nm")
+    return f"{ends[0]:g}, {ends[1]:g}"
+
+
+def proposed_planes(tank: Tank | None) -> list[float]:
+    """Distances that fit the tank, m, to a tenth where it is long enough."""
+    if tank is None:
+        return list(_OPEN_M)
+    end = tank.box_m[2][1]
+    digits = 1 if end > 2 else 2 if end > 0.2 else 3
+    return sorted({float(round(z, digits)) for z in np.linspace(_FROM * end, _TO * end, _PLANES)})
+
+
+def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
+    """Where to read, shape (n, 3), m: across the beam on every plane, not at the very wall.
+
+    Before, between and after them the axis of the first plane, again and again: that tells the lamp's drift
+    and how well a place is found again.
+    """
+    reach = _CLEAR * 0.5 * scene.plane_size_m[0]
+    x = np.round(np.linspace(-reach, reach, points) if points > 1 else np.zeros(1), 3) + 0.0
+    again = (0.0, 0.0, planes[0])
+    rows = [[again, *((side, 0.0, z) for side in x)] for z in planes]
+    return np.array([*(place for plane in rows for place in plane), again])
+
+
+def table(scene: Scene, places: Array) -> str:
+    """The reading table: what is known of its errors, and a row per place, its value to be filled in."""
+    head = [
+        f'# quantity = "{scene.detector.quantity}"',
+        '# scale = "relative"    # or "absolute", with units',
+        "# position_mm = 2.0    # how well the places are known",
+        "# plane_gain_percent = 0.5    # how well a stay at a plane repeats",
+        "## Fill in value (any unit), and stderr and time_s (seconds since the start) where known;",
+        "## drop rows that were not read. One place comes again and again: it tells how steady all is.",
+        "medium,x_m,y_m,z_m,repeat,value,stderr,time_s",
+    ]
+    seen: Counter[tuple[float, ...]] = Counter()
+    rows = []
+    for place in places.tolist():
+        rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]},,,")
+        seen[tuple(place)] += 1
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def number(text: str, where: str) -> str:
+    """A number as it was written."""
+    numbers(text, where, None)
+    return text.strip()
+
+
+def numbers(text: str, where: str, separator: str | None, *, whole: bool = False) -> list[float]:
+    """Numbers between separators.
+
+    Raises
+    ------
+    UsageError
+        Something else.
+    """
+    try:
+        parts = [text] if separator is None else text.split(separator)
+        found = [float(int(part) if whole else float(part)) for part in parts]
+        if not np.isfinite(found).all():
+            raise ValueError
+    except ValueError:
+        rule = next(q.form for q in QUESTIONS if q.name == where)
+        raise UsageError("not understood", where=where, found=text, rule=rule) from None
+    return found

@@ -1,0 +1,94 @@
+"""`lightfield new tank` and `lightfield completion` as a user meets them, and what `hide` replaces."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from lightfield.cli import main
+from lightfield.scene import Scene
+
+
+def test_options_make_a_tank_and_what_was_assumed_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "tank", "--tank", "1.2x0.8x3", "--lamp", "led-blue", "-o", "pool"]) == 0
+    printed = capsys.readouterr().out
+    assert "beam 10" in printed and "lightfield diagnose pool/readings.csv" in printed
+    assert "tank 2x1x6" not in printed
+    scene = Scene.load("pool/scene.toml")
+    assert scene.name == "pool" and scene.tank.width_m == 1.2 and scene.lamp.spectrum == "led-blue"
+    assert main(["plan", "pool/readings.csv", "--scene", "pool/scene.toml", "--no-trace"]) == 0
+    assert main(["new", "tank", "-o", "pool"]) == 2
+    assert "choose another folder" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_it_asks_and_asks_again(tmp_path, monkeypatch, capsys):
+    """Answers one by one; an empty line takes the default, a wrong answer is asked for once more."""
+    answers = ["a lot", "1x1x4", "", "0.5", "", "led-cyan", "", "", "", "", "", "", "5"]
+    monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
+    assert main(["new", "tank", "-o", str(tmp_path / "mine")]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("Width, depth and length") == 2 and "not understood" in printed
+    scene = Scene.load(tmp_path / "mine" / "scene.toml")
+    assert scene.tank.length_m == 4 and scene.tank.wall_albedo == 0.5 and scene.lamp.spectrum == "led-cyan"
+
+
+def test_a_terminal_that_closes_takes_the_defaults_of_the_rest(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", Terminal("none\n"))
+    assert main(["new", "tank", "-o", str(tmp_path / "sea")]) == 0
+    assert Scene.load(tmp_path / "sea" / "scene.toml").tank is None
+    assert "Lamp below" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_completion_script_knows_commands_and_options(shell, capsys):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for word in ("diagnose", "--effects-file", "optimise", "--tilt-max", "--scene"):
+        assert word in script
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
+def test_bash_completes_words(tmp_path, capsys):
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "lightfield.bash"
+    script.write_text(capsys.readouterr().out)
+    asked = (
+        f"source {script}; COMP_WORDS=(lightfield dia); COMP_CWORD=1; "
+        "$(complete -p lightfield | sed 's/.*-F \\([^ ]*\\) .*/\\1/') ; echo ${COMPREPLY[@]}"
+    )
+    clean = {**os.environ, "COMP_WORDBREAKS": " "}
+    done = subprocess.run(
+        ["bash", "-c", asked], capture_output=True, text=True, env=clean, check=False, timeout=60
+    )
+    assert done.stdout.split() == ["diagnose"], done.stderr
+
+
+def hidden(folder: Path, scene: Path) -> int:
+    words = f"hide {scene} --effect background --max-photons 1e3 -o {folder}"
+    return main(words.split())
+
+
+def test_hide_says_what_it_replaces_and_leaves_own_readings_alone(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    scene.write_text("[detector]\npositions_m = [[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.0, 1.5]]\n")
+    assert hidden(tmp_path / "riddle", scene) == 0
+    assert "replaced" not in capsys.readouterr().out
+    assert hidden(tmp_path / "riddle", scene) == 0
+    assert f"{tmp_path / 'riddle' / 'data.csv'}" in capsys.readouterr().out.partition("replaced")[2]
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "data.csv").write_text("z_m,value\n1,1\n")
+    assert hidden(mine, scene) == 2
+    assert "data.csv" in capsys.readouterr().err
+    assert (mine / "data.csv").read_text() == "z_m,value\n1,1\n"

@@ -1,0 +1,94 @@
+"""A tank of one's own: what is asked, and that scene and table follow and belong together."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lightfield as lf
+from lightfield.errors import LightfieldError, MeasurementError, OutputError
+from lightfield.experiments.new_tank import QUESTIONS, new_tank
+from lightfield.readings import read_table
+from lightfield.readings.columns import LAYOUT
+from lightfield.scene import Scene
+
+
+def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Path) -> None:
+    made = new_tank({})
+    scene_file, readings_file = made.save(tmp_path)
+    scene = Scene.load(scene_file)
+    assert scene == made.scene and scene.tank is not None
+    layout = read_table(readings_file, scene, LAYOUT)
+    assert len(layout) == made.rows == len(scene.detector.planes_m) * 12 + 1
+    repeated = (layout.x_m == 0) & (layout.z_m == scene.detector.planes_m[0])
+    assert repeated.sum() == len(scene.detector.planes_m) + 2
+    assert lf.plan(layout, scene, trace=False).details.limits
+
+
+def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
+    made = new_tank({"points": "3"})
+    _, readings = made.save(tmp_path)
+    with pytest.raises(MeasurementError, match="value is missing"):
+        read_table(readings, made.scene)
+    filled = re.sub(r",,,$", ",1.5,,", readings.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    readings.write_text(filled, encoding="utf-8")
+    assert (read_table(readings, made.scene).value == 1.5).all()
+
+
+def test_answers_stand_in_the_scene() -> None:
+    made = new_tank(
+        {
+            "tank": "1.2 x 0.8 x 3", "lamp_depth": "0.2", "walls": "0.3", "surface": "no", "lamp": "470/25",
+            "beam": "6.5", "power": "3", "water": "0.05,0.2", "planes": "0.5, 1",
+            "quantity": "scalar_irradiance", "points": "1",
+        },
+        "Jörg's \"pool\" \N{GRINNING FACE}",
+    )  # fmt: skip
+    scene = made.scene
+    assert scene.name.startswith("Jörg") and scene.tank is not None and scene.detector.planes_m == (0.5, 1.0)
+    assert scene.tank.box_m[1] == (pytest.approx(-0.6), pytest.approx(0.2))
+    assert (scene.tank.wall_albedo, scene.tank.surface) == (0.3, "none")
+    assert scene.lamp.spectrum.peak_nm == 470 and scene.lamp.hwhm_deg == 6.5 and scene.lamp.power_w == 3
+    assert (scene.water.absorption_per_m, scene.water.scattering_per_m) == (0.05, 0.2)
+    assert scene.detector.bands_nm == ((445.0, 495.0),)
+    assert made.rows == 5
+
+
+@pytest.mark.parametrize(("answer", "base"), [("pure", "pure"), ("petzold-coastal", "petzold-coastal")])
+def test_waters_have_names(answer: str, base: str) -> None:
+    assert new_tank({"water": answer, "tank": "none"}).scene.water.base == base
+    assert new_tank({"tank": "none"}).scene.tank is None
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    made = new_tank({})
+    (tmp_path / "readings.csv").write_text("mine")
+    with pytest.raises(OutputError, match=r"readings\.csv"):
+        made.save(tmp_path)
+    assert (tmp_path / "readings.csv").read_text() == "mine" and not (tmp_path / "scene.toml").exists()
+
+
+@given(
+    st.floats(0.1, 50), st.floats(0.05, 20), st.floats(0.2, 200), st.sampled_from(["1", "5", "11"])
+)  # fmt: skip
+def test_the_proposed_places_fit_any_tank(width: float, depth: float, length: float, points: str) -> None:
+    made = new_tank({"tank": f"{width:.3g}x{depth:.3g}x{length:.3g}", "points": points})
+    assert made.scene.tank is not None
+    x, y, z = made.scene.tank.box_m
+    rows = [line.split(",") for line in made.table_text.splitlines() if line.startswith("water")]
+    for row in rows:
+        assert all(low <= float(v) <= high for v, (low, high) in zip(row[1:4], (x, y, z), strict=True))
+
+
+@given(st.sampled_from([q.name for q in QUESTIONS]), st.text(max_size=12))
+def test_whatever_is_answered_there_is_a_scene_or_a_clear_error(name: str, answer: str) -> None:
+    try:
+        made = new_tank({name: answer})
+    except LightfieldError as error:
+        assert str(error)
+    else:
+        assert Scene.from_toml(made.scene_text) == made.scene
