@@ -35,9 +35,9 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     readings = model.forward.readings
     view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
     best = min(rungs, key=lambda rung: rung.error_percent)
-    verdict = f"{newest.label}: error {newest.error_percent:.2g} %, noise floor {floor:.2g} %."
+    verdict = f"{newest.label}: error {newest.error_percent:.3g} %, noise floor {floor:.3g} %."
     if len(rungs) > 1 and best is not newest:
-        verdict += f" The lowest so far is {best.error_percent:.2g} %, {best.label}."
+        verdict += f" The lowest so far is {best.error_percent:.3g} %, {best.label}."
     adequate = report.statistics.adequacy_p
     lead = [
         f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
