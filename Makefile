@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 TESTS ?=
 
 .DEFAULT_GOAL := setup
-.PHONY: setup llvm chromium lock lint format types pytest test slow demo bench clean
+.PHONY: setup llvm chromium lock lint format types pytest test docs slow demo bench clean
 
 setup: $(STAMP) llvm
 
@@ -45,6 +45,12 @@ test: setup
 	$(MAKE) --no-print-directory lint
 	$(MAKE) --no-print-directory types
 	$(MAKE) --no-print-directory pytest
+
+# The site, in build/site: warnings are errors, the notebooks in it are executed, its figures are made.
+docs: setup
+	$(BIN)/python -m pip install --quiet -e ".[dev,docs]"
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
+	@echo "build/site/index.html"
 
 # What takes minutes: fuzzing, kills at random moments, statistics over many seeds.
 slow: setup

@@ -10,7 +10,7 @@ from lightfield.experiments.measure import Instrument
 from lightfield.maps.dataset import to_dataset
 from lightfield.render.maps import render_scene
 from lightfield.report.compare.figures import maps_figure
-from lightfield.report.diagnosis.figures import ladder_figure
+from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.studies.compare.maps import compare

@@ -6,7 +6,7 @@ import argparse
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import LARGEST_SEED, add_option, given
@@ -15,6 +15,9 @@ from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
+
+if TYPE_CHECKING:
+    from lightfield.studies.compare.readings import FitReport
 
 
 def add_arguments(group: argparse._ArgumentGroup) -> None:
@@ -55,6 +58,18 @@ def run(args: argparse.Namespace) -> int:
         return _fit(readings, scene, names, options, args)
 
 
+def _page(report: FitReport, args: argparse.Namespace) -> Path:
+    """The folder's page, with a rung more."""
+    from lightfield.diagnosis import ledger
+    from lightfield.report.compare.readings_page import readings_page
+    from lightfield.report.page import write_page
+
+    known = ledger.fingerprint(report.model.forward.readings)
+    rungs = [entry for entry in ledger.entries(args.output) if entry.get("readings") == known]
+    title = f"{args.what.name}, climbed by hand"
+    return write_page(readings_page(report, rungs, title), args.output / "index.html")
+
+
 def _fit(
     readings: Readings, scene: Scene, names: list[str], options: dict[str, Any], args: argparse.Namespace
 ) -> int:
@@ -75,6 +90,7 @@ def _fit(
         if args.solver != "analytic":
             command += f" --solver {args.solver}"
         print(f"stored: {report.save(args.output, command)}")
+        print(_page(report, args))
     if args.fit_json:
         write_json(as_data(report), args.fit_json)
     return 0

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-import numpy as np
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
 from lightfield.commands._options import add_tracing, given
+from lightfield.commands._progress import part_of_trace, status_lines
 from lightfield.render.maps import Rendering
 from lightfield.render.settings import OnProgress, Settings
 from lightfield.scene import Scene
@@ -28,30 +28,37 @@ def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) -> Made:
-    """Trace a scene as the options say, with a progress bar on a terminal."""
-    with progress_bar(scene.name or "scene") as report:
+    """Trace a scene as the options say, and say how far it is."""
+    options = given(args)
+    limit = float(options.get("max_photons", Settings().max_photons))
+    with progress_bar(scene.name or "scene", limit) as report:
         return render(
             scene,
-            **given(args),
+            **options,
             cache=not args.no_cache,
             progress=report,
         )
 
 
 @contextmanager
-def progress_bar(name: str) -> Iterator[OnProgress]:
-    """Progress of a trace on standard error; nothing unless that is a terminal."""
+def progress_bar(name: str, max_photons: float = Settings().max_photons) -> Iterator[OnProgress]:
+    """Progress of a trace on standard error: a bar on a terminal, elsewhere a line every ten seconds."""
     output = console(stderr=True)
+    if not output.is_terminal:
+        with status_lines(name) as note:
+            yield lambda photons, reached, requested: note(
+                f"{photons:.3g} photons, error {100 * reached:.2g} % of {100 * requested:.2g} % asked for",
+                part_of_trace(photons, reached, requested, max_photons),
+            )
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=output, disable=not output.is_terminal, transient=True) as bar:
+    with Bar(*columns, console=output, transient=True) as bar:
         task = bar.add_task(f"tracing {name}", total=1.0)
 
         def report(photons: int, reached: float, requested: float) -> None:
-            # The error falls with the square root of the photons.
-            done = min(1.0, (requested / reached) ** 2) if np.isfinite(reached) and reached > 0 else 0.0
             bar.update(
                 task,
-                completed=done,
+                completed=part_of_trace(photons, reached, requested, max_photons),
                 description=f"{name}: {photons:.3g} photons, error {100 * reached:.2g} %",
             )
 

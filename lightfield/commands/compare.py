@@ -83,6 +83,7 @@ def _maps(args: argparse.Namespace) -> int:
 def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
 
+    from lightfield.report.compare.layers import write_layers
     from lightfield.report.compare.page import terminal_table, write_comparison
     from lightfield.studies.compare.maps import as_text, compare
 
@@ -97,6 +98,7 @@ def _report(dataset: object, folder: Path) -> int:
             json.dumps(comparison.as_data(), indent=2, allow_nan=False) + "\n", encoding="utf-8"
         )
     page, *_ = write_comparison(comparison, dataset.attrs, folder)
+    write_layers(comparison, folder)
     print(page)
     return 0
 

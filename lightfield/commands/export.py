@@ -1,4 +1,4 @@
-"""`lightfield export`: write cases of a sweep as spectral EXR, one image per plane."""
+"""`lightfield export`: write maps, or cases of a sweep, as spectral EXR, one image per plane."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import xarray as xr
 
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
-from lightfield.maps.dataset import write_exr_planes
+from lightfield.maps.dataset import read_netcdf, write_exr_planes
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, decoded, label, open_store
 
@@ -19,7 +19,12 @@ MOST = 64
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("store", type=Path, metavar="STORE", help="what `lightfield sweep` wrote")
+    parser.add_argument(
+        "store",
+        type=Path,
+        metavar="STORE|MAPS",
+        help="what `sweep` wrote, or maps of `render` (.nc)",
+    )
     parser.add_argument("--exr", type=Path, required=True, metavar="DIR", help="folder of the images")
     add_option(parser, "--case")
     parser.add_argument("--all", action="store_true", help=f"more than {MOST} cases are meant")
@@ -27,8 +32,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write a folder for every case that was computed; 1 when some had failed."""
+    if args.store.suffix.lower() == ".nc":
+        return _maps(args)
     with decoded(args.store):
         return _chosen(args)
+
+
+def _maps(args: argparse.Namespace) -> int:
+    if args.case or args.all:
+        raise UsageError(
+            "maps are one case", where=str(args.store), rule="--case and --all belong to a sweep"
+        )
+    dataset = read_netcdf(args.store)
+    if "z_m" not in dataset.dims:
+        raise UsageError(
+            "these maps are of single positions",
+            where=str(args.store),
+            rule="images are of planes",
+            remedy="render a scene with planes_m",
+        )
+    with locked_folder(args.exr) as folder:
+        for path in write_exr_planes(dataset, folder):
+            print(path)
+    return 0
 
 
 def _chosen(args: argparse.Namespace) -> int:

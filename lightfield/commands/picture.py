@@ -10,8 +10,12 @@ import OpenEXR
 
 from lightfield.commands._options import add_option
 from lightfield.errors import OutputError, UsageError
+from lightfield.maps.colour import CHROMATICITIES
 from lightfield.scene import Scene
 from lightfield.storage.files import MAKE_ROOM, atomic_path, output_file
+
+#: What the numbers of the EXR are.
+UNITS = "relative radiance x lightfield.exposure; 1 is white"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scene = Scene.load(args.scene)
     output_file(args.output, args.scene)
-    from lightfield.render.picture import take_picture, tone_mapped
+    from lightfield.render.picture import exposure, take_picture, tone_mapped
     from lightfield.report.style import save_pixels
 
     taken = take_picture(
@@ -54,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"note: {note}")
     for path in (
         save_pixels(tone_mapped(taken.rgb), args.output),
-        write_rgb_exr(taken.rgb, args.output, taken.notes),
+        write_rgb_exr(taken.rgb, exposure(taken.rgb), args.output, taken.notes),
     ):
         print(path)
     return 0
@@ -74,17 +78,22 @@ def size_of(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def write_rgb_exr(rgb: np.ndarray, beside: Path, notes: tuple[str, ...]) -> Path:
-    """Write linear light next to the PNG, as 32-bit R, G, B."""
+def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: tuple[str, ...]) -> Path:
+    """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
     path = beside.with_suffix(".exr")
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "comments": "; ".join(notes),
+        "chromaticities": CHROMATICITIES,
+        "lightfield.exposure": np.array([factor]),
+        "lightfield.units": UNITS,
     }
     try:
         with atomic_path(path) as temporary:
-            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb, np.float32)}).write(str(temporary))
+            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}).write(
+                str(temporary)
+            )
     except RuntimeError as error:
         raise OutputError(
             "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM

@@ -14,6 +14,7 @@ from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
 from lightfield.commands._options import LARGEST_SEED, add_option, add_tracing, given
+from lightfield.commands._progress import status_lines
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
@@ -172,11 +173,23 @@ def as_text(plan: Plan, done: SweepProgress, path: Path) -> str:
 
 
 @contextmanager
-def progress_bar(plan: Plan) -> Iterator[Report | None]:
-    """Cases done, photons per second and time left on standard error; nothing unless that is a terminal."""
+def progress_bar(plan: Plan) -> Iterator[Report]:
+    """Cases done, photons per second and time left on standard error; else a line now and then."""
     output = console(stderr=True)
     if not output.is_terminal:
-        yield None
+        with status_lines("sweep") as note:
+
+            def line(progress: SweepProgress) -> None:
+                done = progress.cases_before + progress.cases_done
+                # A trace is most of the work of its cases; those kept from an earlier run took no time now.
+                now = progress.cases_done + progress.traced
+                todo = max(plan.cases.count - progress.cases_before + progress.traces, 1)
+                note(
+                    f"{done} of {plan.cases.count} cases, {progress.traced} of {progress.traces} traces",
+                    now / todo,
+                )
+
+            yield line
         return
     columns = (
         TextColumn("{task.description}"),

@@ -41,8 +41,19 @@ def colour_matching(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack(columns, axis=-1)
 
 
+#: Primaries and white of IEC 61966-2-1 (sRGB), in which all our RGB is: x, y of red, green, blue, white.
+CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+
+
 def spectrum_to_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear sRGB of a spectral image, brightest channel 1, colours outside the gamut clipped.
+    """Linear sRGB of a spectral image, brightest channel 1; see `linear_rgb`."""
+    rgb = linear_rgb(value, wavelength_nm)
+    peak = float(rgb.max()) if rgb.size else 0.0
+    return rgb / peak if peak > 0 else rgb
+
+
+def linear_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear sRGB of a spectral image, colours outside the gamut clipped.
 
     Parameters
     ----------
@@ -51,7 +62,7 @@ def spectrum_to_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float6
 
     Returns
     -------
-    array, shape (..., 3), 0 to 1
+    array, shape (..., 3), that unit times nm; of a single wavelength per nm
     """
     wavelength_nm = np.asarray(wavelength_nm, dtype=float)
     weight = np.gradient(wavelength_nm) if wavelength_nm.size > 1 else np.ones(1)
@@ -65,5 +76,4 @@ def spectrum_to_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float6
     # Bands outside the visible have no colour: show them grey rather than black.
     if peak < 1e-6 * max(float(np.max(np.abs(value), initial=0.0)), 1e-300):
         rgb = np.repeat(np.clip(np.mean(value, axis=0), 0.0, None)[..., None], 3, axis=-1)
-        peak = float(rgb.max()) if rgb.size else 0.0
-    return rgb / peak if peak > 0 else rgb
+    return rgb

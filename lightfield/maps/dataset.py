@@ -16,6 +16,7 @@ import xarray as xr
 from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.errors import OutputError
+from lightfield.maps.colour import linear_rgb
 from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Scene
@@ -204,7 +205,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     return dataset
 
 
-def plane_image(dataset: xr.Dataset, plane: int) -> SpectralImage:
+def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = None) -> SpectralImage:
     """One plane of a data set as a spectral image.
 
     Parameters
@@ -212,6 +213,8 @@ def plane_image(dataset: xr.Dataset, plane: int) -> SpectralImage:
     dataset : xarray.Dataset
     plane : int
         Index along z_m.
+    common_scale : float, optional
+        That of the preview which all planes share.
     """
     quantity, attrs = dataset.attrs["quantity"], dataset.attrs
     scene = json.loads(attrs["scene_json"])
@@ -246,14 +249,19 @@ def plane_image(dataset: xr.Dataset, plane: int) -> SpectralImage:
             for w, (low, high) in zip(wavelengths, np.asarray(bounds), strict=False)
         },
         attributes=details,
+        common_scale=common_scale,
     )
 
 
 def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> list[Path]:
     """One spectral EXR per plane, named after quantity and distance: `irradiance_z4.500m.exr`."""
     quantity = dataset.attrs["quantity"]
+    values = np.nan_to_num(dataset[quantity].values)  # [n_wavelength, n_plane, n_y, n_x]
+    scale = float(linear_rgb(values, dataset.wavelength_nm.values.astype(float)).max(initial=0.0))
     return [
-        write_spectral_exr(Path(folder) / f"{quantity}_z{float(z):.3f}m.exr", plane_image(dataset, index))
+        write_spectral_exr(
+            Path(folder) / f"{quantity}_z{float(z):.3f}m.exr", plane_image(dataset, index, scale or None)
+        )
         for index, z in enumerate(dataset.z_m)
     ]
 

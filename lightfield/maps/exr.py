@@ -2,7 +2,9 @@
 
 Layout: Fichet, Pacanowski & Wilkie (2021), "An OpenEXR layout for spectral images", JCGT 10(3): one 32-bit
 channel `S0.<centre>nm` per wavelength, with a decimal comma, and an R, G, B preview. Standard errors stand in
-channels of the same name in the layer `stderr.`.
+channels of the same name in the layer `stderr.`. The preview's brightest channel is 1 on each plane;
+`preview_scale` says what 1 stands for. Planes that belong together have a second preview, in the layer
+`common.`, on one scale for all of them, `common_scale`.
 
 Orientation. An image is what an observer *behind the plane, looking back at the lamp* (towards -z) sees: the
 first row is the top (largest y), columns run with growing x. It is the picture one gets by plotting x to the
@@ -23,12 +25,12 @@ import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
 from lightfield.errors import OutputError
-from lightfield.maps.colour import spectrum_to_rgb
+from lightfield.maps.colour import CHROMATICITIES, linear_rgb
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 
 Attribute = str | int | float
 LAYOUT_VERSION = "1.0"
-ERROR_LAYER = "stderr."
+ERROR_LAYER, COMMON_LAYER = "stderr.", "common."
 OURS = "lightfield."
 ORIENTATION = "seen from behind the plane towards the lamp (-z): first row is +y, columns run with +x"
 _CHANNEL = re.compile(r"^(stderr\.)?S0\.(\d+(?:,\d+)?)nm$")
@@ -48,6 +50,7 @@ class SpectralImage:
     units : str, in the layout's notation, for example `W.m^-2.nm^-1`
     response : mapping of wavelength to (wavelengths nm, relative response) of its band
     attributes : our own attributes, name without prefix to text or number
+    common_scale : float, optional: what 1 in the layer `common.` stands for, as `colour.linear_rgb` gives it
     """
 
     wavelength_nm: NDArray[np.float64]
@@ -59,6 +62,7 @@ class SpectralImage:
     units: str = "W.m^-2.nm^-1"
     response: Mapping[float, tuple[Sequence[float], Sequence[float]]] = field(default_factory=dict)
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
+    common_scale: float | None = None
 
 
 def channel_name(wavelength_nm: float) -> str:
@@ -81,9 +85,12 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
     """
     _check(path, image)
     channels: dict[str, NDArray[np.float32]] = {}
-    preview = spectrum_to_rgb(np.nan_to_num(image.value), image.wavelength_nm)
+    preview = linear_rgb(np.nan_to_num(image.value), image.wavelength_nm)
+    scale = float(preview.max(initial=0.0)) or 1.0
     for index, name in enumerate("RGB"):
-        channels[name] = _to_file(preview[..., index])
+        channels[name] = _to_file(preview[..., index] / scale)
+        if image.common_scale:
+            channels[COMMON_LAYER + name] = _to_file(preview[..., index] / image.common_scale)
     for index, wavelength in enumerate(image.wavelength_nm):
         name = channel_name(wavelength)
         channels[name] = _to_file(image.value[index])
@@ -91,7 +98,9 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
             channels[ERROR_LAYER + name] = _to_file(image.stderr[index])
     try:
         with atomic_path(path) as temporary:
-            OpenEXR.File(_header(image), channels).write(str(temporary))
+            OpenEXR.File({**_header(image), OURS + "preview_scale": np.array([scale])}, channels).write(
+                str(temporary)
+            )
     except RuntimeError as error:
         raise OutputError(
             "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
@@ -148,7 +157,48 @@ def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
             w: _response(str(header[channel_name(w)])) for w in wavelengths if channel_name(w) in header
         },
         attributes=_attributes(header),
+        common_scale=float(header[OURS + "common_scale"][0]) if OURS + "common_scale" in header else None,
     )
+
+
+def write_layers_exr(
+    path: str | os.PathLike[str],
+    layers: Mapping[str, ArrayLike],
+    attributes: Mapping[str, Attribute],
+    preview: ArrayLike,
+) -> Path:
+    """Maps beside each other in one image, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    layers : mapping of str to array, shape (n_y, n_x)
+        Channels by their full name, "render.525nm": what stands before the last point is the layer.
+    attributes : mapping
+        Our own attributes, name without prefix to text or number.
+    preview : array, shape (n_y, n_x, 3)
+        Linear sRGB that viewers show first.
+
+    Raises
+    ------
+    OutputError
+        The place is not writable.
+    """
+    header: dict[str, object] = {
+        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+        "chromaticities": CHROMATICITIES, OURS + "orientation": ORIENTATION, **_ours(attributes),
+    }  # fmt: skip
+    seen = np.asarray(preview)
+    channels = {name: _to_file(seen[..., index]) for index, name in enumerate("RGB")}
+    channels |= {name: _to_file(layer) for name, layer in layers.items()}
+    try:
+        with atomic_path(path) as temporary:
+            OpenEXR.File(header, channels).write(str(temporary))
+    except RuntimeError as error:
+        raise OutputError(
+            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
+        ) from error
+    return Path(path)
 
 
 def _header(image: SpectralImage) -> dict[str, object]:
@@ -156,6 +206,7 @@ def _header(image: SpectralImage) -> dict[str, object]:
     header: dict[str, object] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
+        "chromaticities": CHROMATICITIES,
         "spectralLayoutVersion": LAYOUT_VERSION,
         "emissiveUnits": image.units,
         OURS + "plane_z_m": np.array([image.z_m]),
@@ -163,9 +214,17 @@ def _header(image: SpectralImage) -> dict[str, object]:
         OURS + "first_pixel_m": np.array([image.x_m[0], image.y_m[-1]]),
         OURS + "orientation": ORIENTATION,
     }
+    if image.common_scale:
+        header[OURS + "common_scale"] = np.array([image.common_scale])
     for wavelength, (nodes, response) in image.response.items():
         header[channel_name(wavelength)] = response_text(nodes, response)
-    for name, attribute in image.attributes.items():
+    return {**header, **_ours(image.attributes)}
+
+
+def _ours(attributes: Mapping[str, Attribute]) -> dict[str, object]:
+    """Attributes under our prefix, as EXR keeps them."""
+    header: dict[str, object] = {}
+    for name, attribute in attributes.items():
         # Numbers as doubles and long integers as text: EXR's own int and float have 32 bits.
         small = isinstance(attribute, int) and abs(attribute) < 2**31
         header[OURS + name] = (
@@ -175,7 +234,7 @@ def _header(image: SpectralImage) -> dict[str, object]:
 
 
 def _attributes(header: Mapping[str, Any]) -> dict[str, Attribute]:
-    own = {"plane_z_m", "pixel_size_m", "first_pixel_m", "orientation"}
+    own = {"plane_z_m", "pixel_size_m", "first_pixel_m", "orientation", "preview_scale", "common_scale"}
     found: dict[str, Attribute] = {}
     for key, attribute in header.items():
         name = key.removeprefix(OURS)

@@ -26,6 +26,7 @@ RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
 BEAM_PIXELS = 256
 MAX_DEPTH = 10
+MIDDLE, BELOW = 0.25, 0.8
 SPARK, SMOOTHING_PIXELS, CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
 
 
@@ -226,6 +227,13 @@ def calm(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return result
 
 
+def exposure(rgb: np.ndarray) -> float:
+    """Factor that brings four fifths of the lit part of a picture below a quarter of white."""
+    luminance = rgb @ np.array([0.2126, 0.7152, 0.0722])
+    lit_part = luminance[luminance > 0]
+    return float(MIDDLE / np.quantile(lit_part, BELOW)) if lit_part.size else 1.0
+
+
 def tone_mapped(rgb: np.ndarray) -> np.ndarray:
     """Linear light to sRGB bytes: exposure from the brightness of the lit part, highlights rolled off.
 
@@ -237,11 +245,7 @@ def tone_mapped(rgb: np.ndarray) -> np.ndarray:
     -------
     array of uint8, shape (height, width, 3)
     """
-    luminance = rgb @ np.array([0.2126, 0.7152, 0.0722])
-    lit = luminance[luminance > 0]
-    if lit.size == 0:
-        return np.zeros(rgb.shape, np.uint8)
-    exposed = rgb * (0.25 / np.quantile(lit, 0.8))
+    exposed = rgb * exposure(rgb)
     bright = exposed.max(axis=-1, keepdims=True)
     rolled = exposed / (1 + bright) * (1 + bright / 25)
     linear = np.clip(rolled, 0, 1)

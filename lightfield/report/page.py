@@ -29,16 +29,23 @@ class PageFigure:
         One or two sentences: what to see.
     alt : str
         What it shows, for those who cannot see it.
+    narrow : str
+        The same with one panel a row, for a telephone; "": it scrolls in its box there.
     """
 
     svg: str
     caption: str
     alt: str
+    narrow: str = ""
 
 
-def page_figure(drawing: Figure, name: str, caption: str, alt: str) -> PageFigure:
+def page_figure(
+    drawing: Figure, name: str, caption: str, alt: str, narrow: Figure | None = None
+) -> PageFigure:
     """Figure made ready for a page; `name` is different for every figure of the page."""
-    return PageFigure(to_svg(drawing, name), caption, alt)
+    return PageFigure(
+        to_svg(drawing, name), caption, alt, "" if narrow is None else to_svg(narrow, f"{name}-narrow")
+    )
 
 
 def fill(template: str, **values: Any) -> str:

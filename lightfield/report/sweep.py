@@ -67,7 +67,8 @@ def profiles_figure(data: xr.Dataset) -> Figure:
             _text_ticks(axis, held, along)
         fig.axes[0].legend(title=_axis_name(held, hue), fontsize=8.5, title_fontsize=8.5)
         where = "" if hue == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
-        _note(fig, [where, *rest, f"bands: {SIGMAS:g} standard errors"])
+        cut = _cut(held, hue, chosen)
+        _note(fig, [where, *rest, *cut, f"bands: {SIGMAS:g} standard errors"])
     return fig
 
 
@@ -113,7 +114,10 @@ def formula_figure(data: xr.Dataset) -> Figure:
         fig.supylabel(_axis_name(held, up), fontsize=10)
         handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
         fig.legend(handles=handles, loc="outside lower center", ncols=4)
-        _note(fig, ["error of the closed-form model on the axis, in %", "?: noise leaves it open", *rest])
+        cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
+        cut += [] if up == plane else _cut(held, plane, panels)
+        what = "error of the closed-form model on the axis, in %"
+        _note(fig, [what, "?: noise leaves it open", *rest, *cut])
     return fig
 
 
@@ -140,7 +144,9 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
     values = chosen.transpose(up, along, row, column).values
     top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
     width = min(WIDTH, 2.2 + 1.75 * len(columns))
-    with figure(width, 1.1 + 1.75 * len(lines)) as fig:
+    shape = _extent(held, column, row)
+    tall = float(np.clip((shape[3] - shape[2]) / (shape[1] - shape[0]), 0.2, 1.6)) if shape else 1.0
+    with figure(width, 1.2 + (0.3 + 1.45 * tall) * len(lines)) as fig:
         axes = fig.subplots(len(lines), len(columns), squeeze=False, sharex=True, sharey=True)
         for (j, i), axis in np.ndenumerate(axes):
             shown = axis.imshow(
@@ -159,7 +165,9 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
         fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
         where = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
-        _note(fig, [where, *rest])
+        cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
+        cut += [] if up == plane else _cut(held, plane, [middle])
+        _note(fig, [where, *rest, *cut])
     return fig
 
 
@@ -196,6 +204,12 @@ def _hold(data: xr.Dataset, kept: set[str]) -> tuple[xr.Dataset, list[str]]:
 def _some(count: int, most: int) -> list[int]:
     """All steps, or first, last and evenly chosen ones between."""
     return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
+
+def _cut(data: xr.Dataset, name: str, chosen: Sequence[int]) -> list[str]:
+    """What a figure leaves out of a dimension, in words."""
+    there = data.sizes[name]
+    return [f"{len(chosen)} of {there} steps of {name}"] if len(chosen) < there else []
 
 
 def _line(axis: Axes, data: xr.Dataset, along: str, name: str, colour: str, text: str) -> None:

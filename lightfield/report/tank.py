@@ -13,6 +13,7 @@ from lightfield.diagnosis.verdict.parts import Spot
 from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, WIDTH, figure, label
 from lightfield.scene import Tank
 
+NARROW = 4.3  # inches of a figure on a telephone
 SHOWN_BEHIND_M, SHOWN_BEYOND_M = 0.8, 1.5  # of a long tank only the part with readings is drawn
 
 
@@ -23,6 +24,7 @@ def tank_figure(
     tank: Tank | None = None,
     spots: Sequence[Spot] = (),
     hwhm_deg: float = 3.81,
+    narrow: bool = False,
 ) -> Figure:
     """Plan and side view.
 
@@ -43,17 +45,19 @@ def tank_figure(
     walls = tank.box_m if tank else ((-side, side), (-side, side), (0.0, np.inf))
     start, end = walls[2]
     reach = min(far + SHOWN_BEYOND_M, end)
-    with figure(WIDTH, 4.6) as fig:
+    with figure(*((NARROW, 5.0) if narrow else (WIDTH, 4.6))) as fig:
         above, beside = fig.subplots(2, 1, sharex=True)
         for axis, across, (low, high), name, title in (
             (above, x_m, walls[0], "x_m", "From above"),
             (beside, y_m, walls[1], "y_m", "From the side"),
         ):
+            beam = _beam(axis, reach, hwhm_deg)
             if tank:
                 box = (start, low), end - start, high - low
-                axis.add_patch(Rectangle(*box, facecolor=RENDER, alpha=0.08, edgecolor="none"))
+                water = Rectangle(*box, facecolor=RENDER, alpha=0.08, edgecolor="none")
+                axis.add_patch(water)
                 axis.add_patch(Rectangle(*box, fill=False, edgecolor=MUTED, linewidth=1.4))
-            _beam(axis, reach, hwhm_deg)
+                beam.set_clip_path(water)  # it ends at the walls
             axis.plot(z_m, across, "o", color=DATA, markersize=3, label="readings taken")
             _spots(axis, spots, name)
             axis.set_xlim(-SHOWN_BEHIND_M, reach)
@@ -65,23 +69,23 @@ def tank_figure(
             at = reach, walls[1][1]
             beside.annotate("water surface", at, (-4, 3), textcoords="offset points", ha="right", color=MUTED)
         handles, names = above.get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=3)
+        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else 3)
     return fig
 
 
-def _beam(axis: Axes, reach: float, hwhm_deg: float) -> None:
+def _beam(axis: Axes, reach: float, hwhm_deg: float) -> Polygon:
     wide = reach * np.tan(np.radians(min(hwhm_deg, 80.0)))
-    axis.add_patch(
-        Polygon(
-            [(0, 0), (reach, wide), (reach, -wide)],
-            closed=True,
-            facecolor="#f2b632",
-            alpha=0.28,
-            edgecolor="none",
-            label=f"beam to half intensity, ±{hwhm_deg:.3g}°",
-        )
+    beam = Polygon(
+        [(0, 0), (reach, wide), (reach, -wide)],
+        closed=True,
+        facecolor="#f2b632",
+        alpha=0.28,
+        edgecolor="none",
+        label=f"beam to half intensity, ±{hwhm_deg:.3g}°",
     )
+    axis.add_patch(beam)
     axis.plot([0], [0], marker=">", color=MUTED, markersize=11, linestyle="none")
+    return beam
 
 
 def _spots(axis: Axes, spots: Sequence[Spot], name: str) -> None:

@@ -78,6 +78,9 @@ def as_text(verdict: Verdict) -> str:
             f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
         )
         lines.append("would have been seen: " + listed)
+    hidden = [name for name, each in verdict.detection_limits.items() if not each.within_range]
+    if hidden and verdict.verdict == "none":
+        lines.append(f"could not have been seen, not even at the largest plausible size: {', '.join(hidden)}")
     for reason in dict.fromkeys(verdict.untestable.values()):
         names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
         lines.append(f"not testable here: {names} ({reason})")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from lightfield.report.style import (
@@ -22,17 +24,27 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.maps import LEVELS, SIGMAS, PlaneComparison
 
+MOST_PLANES, MOST_NARROW = 5, 3
+NARROW = 4.3  # inches of a figure on a telephone
 ERROR_SCALE = 0.50  # the colours of error maps end here
 CONTOURS = dict(zip(LEVELS, ((0, (2, 2)), "solid"), strict=True))
 SHORT_UNITS = {"W m-2 nm-1": "W/(m² nm)", "W m-2 sr-1 nm-1": "W/(m² sr nm)"}
 
 
-def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str) -> Figure:
-    """Rows: render, formula, error of the formula with contours where it is beyond 5 % and 10 %."""
-    planes = _at_most(planes, 5)
-    n = len(planes)
-    with figure(max(4.4, 1.3 + 1.74 * n), 5.7) as fig:
-        axes = fig.subplots(3, n, squeeze=False, sharex=True, sharey=True)
+def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, narrow: bool = False) -> Figure:
+    """Rows: render, formula, error of the formula with contours where it is beyond 5 % and 10 %.
+
+    `narrow`: a plane is a row, and these three its columns.
+    """
+    there = len(planes)
+    planes = _at_most(planes, MOST_NARROW if narrow else MOST_PLANES)
+    n, tall = len(planes), _height_of(planes)
+    size = (NARROW, 2.3 + n * (1.2 * tall + 0.5)) if narrow else (max(4.4, 1.3 + 1.74 * n), 1.2 + 4.5 * tall)
+    with figure(*size) as fig:
+        if narrow:
+            axes = fig.subplots(n, 3, squeeze=False, sharex=True, sharey=True).T
+        else:
+            axes = fig.subplots(3, n, squeeze=False, sharex=True, sharey=True)
         for column, plane in enumerate(planes):
             extent, peak = _extent(plane), float(np.nanmax(plane.render))
             for row, values in enumerate((plane.render, plane.formula)):
@@ -62,32 +74,60 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str) ->
                 vmax=ERROR_SCALE,
             )
             _contours(axes[2, column], plane)
-            axes[2, column].set_xlabel("x (m)")
+            if not narrow:
+                axes[2, column].set_xlabel("x (m)")
         for row, name in enumerate(("render", "formula", "formula / render \N{MINUS SIGN} 1")):
-            axes[row, 0].set_ylabel(f"{name}\n\ny (m)")
+            if narrow:
+                axes[row, -1].set_xlabel(f"x (m)\n{name.replace(' / render', '/render')}", fontsize=8.5)
+            else:
+                axes[row, 0].set_ylabel(f"{name}\n\ny (m)")
+        for axis in axes[0, :] if narrow else ():
+            axis.set_ylabel("y (m)")
         for axis in axes.ravel():
             axis.grid(False)
             axis.set_aspect("equal")
             axis.tick_params(labelsize=8.5)
-        bar = fig.colorbar(light, ax=axes[:2, :], location="right", shrink=0.8, aspect=30, pad=0.015)
-        percent_axis(bar.ax.yaxis)
-        bar.set_label(f"{quantity.replace('_', ' ')}, 100 % in {SHORT_UNITS.get(units, units)}", fontsize=9)
-        bar = fig.colorbar(error, ax=axes[2, :], location="right", extend="both", aspect=15, pad=0.015)
-        percent_axis(bar.ax.yaxis)
-        bar.set_label("error of the formula", fontsize=9)
+        unit = f"{quantity.replace('_', ' ')}, 100 % in {SHORT_UNITS.get(units, units)}"
+        scales: list[Axis]
+        if narrow:
+            below: dict[str, Any] = {"location": "bottom", "aspect": 30, "shrink": 0.9}
+            bar = fig.colorbar(light, ax=axes.ravel().tolist(), pad=0.02, **below)
+            other = fig.colorbar(error, ax=axes.ravel().tolist(), extend="both", pad=0.02, **below)
+            scales = [bar.ax.xaxis, other.ax.xaxis]
+        else:
+            bar = fig.colorbar(light, ax=axes[:2, :], location="right", shrink=0.8, aspect=30, pad=0.015)
+            other = fig.colorbar(error, ax=axes[2, :], location="right", extend="both", aspect=15, pad=0.015)
+            scales = [bar.ax.yaxis, other.ax.yaxis]
+        for scale in scales:
+            percent_axis(scale)
+        bar.set_label(unit, fontsize=9)
+        other.set_label("error of the formula", fontsize=9)
+        drawn = f"{n} of {there} planes. " if n < there else ""
+        noise = f"after {SIGMAS:g} standard errors of noise"
         fig.supxlabel(
-            f"Contours: error beyond 5 % (dashed) and 10 % (solid) after {SIGMAS:g} standard errors of noise",
-            fontsize=9,
+            f"{drawn}Contours: error beyond 5 % (dashed)\nand 10 % (solid) {noise}"
+            if narrow
+            else f"{drawn}Contours: error beyond 5 % (dashed) and 10 % (solid) {noise}",
+            fontsize=8 if narrow else 9,
             color=MUTED,
         )
     return fig
 
 
-def radial_figure(planes: Sequence[PlaneComparison]) -> Figure:
+def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Figure:
     """Profiles over rings with three-sigma bands, and the error of the formula below."""
-    planes = _at_most(planes, 5)
-    with figure(WIDTH, 4.4) as fig:
-        axes = fig.subplots(2, len(planes), squeeze=False, sharex=True, sharey="row", height_ratios=(1.35, 1))
+    there = len(planes)
+    planes = _at_most(planes, MOST_NARROW if narrow else MOST_PLANES)
+    with figure(*((NARROW, 0.5 + 3.2 * len(planes)) if narrow else (WIDTH, 4.4))) as fig:
+        if narrow:
+            stack = fig.subplots(
+                2 * len(planes), 1, squeeze=False, sharex=True, height_ratios=(1.35, 1) * len(planes)
+            )
+            axes = stack.reshape(len(planes), 2).T
+        else:
+            axes = fig.subplots(
+                2, len(planes), squeeze=False, sharex=True, sharey="row", height_ratios=(1.35, 1)
+            )
         for column, plane in enumerate(planes):
             upper, lower, profile = axes[0, column], axes[1, column], plane.profile
             scale = float(np.nanmax(profile.render)) or np.nan  # an empty panel where no light was rendered
@@ -111,19 +151,23 @@ def radial_figure(planes: Sequence[PlaneComparison]) -> Figure:
                 ratio = np.where(profile.render > 0, profile.formula / profile.render, np.nan)
                 noise = np.where(profile.render > 0, ratio * band / profile.render, np.nan)
             error_band(lower, profile.r_m, ratio - 1, noise)
-            lower.set_xlabel("r (m)")
-        axes[0, 0].set_ylabel("relative to the render's\nbrightest ring")
-        axes[1, 0].set_ylabel("error of the formula")
-        axes[1, 0].set_ylim(-0.52, 0.32)
+            if not narrow or column == len(planes) - 1:
+                lower.set_xlabel("r (m)")
+            if narrow or not column:
+                upper.set_ylabel("relative" if narrow else "relative to the render's\nbrightest ring")
+                lower.set_ylabel("error" if narrow else "error of the formula")
+                lower.set_ylim(-0.52, 0.32)
         axes[0, 0].legend(loc="lower left")
+        if len(planes) < there:
+            fig.suptitle(f"{len(planes)} of {there} planes", x=0.01, ha="left", fontsize=9, color=MUTED)
     return fig
 
 
-def axial_figure(planes: Sequence[PlaneComparison]) -> Figure:
+def axial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Figure:
     """Along the tank: brightness on the axis, half width, and the light that the formula lacks."""
     z = np.array([plane.z_m for plane in planes])
-    with figure(WIDTH, 3.5) as fig:
-        axis, width, lost = fig.subplots(1, 3)
+    with figure(*((NARROW, 8.4) if narrow else (WIDTH, 3.5))) as fig:
+        axis, width, lost = fig.subplots(*((3, 1) if narrow else (1, 3)))
         render = np.array([plane.axis.render[0] for plane in planes])
         stderr = np.array([plane.axis.stderr[0] for plane in planes])
         formula = np.array([plane.axis.formula[0] for plane in planes])
@@ -211,6 +255,12 @@ def _contours(axis: Axes, plane: PlaneComparison) -> None:
                 linestyles=[dash],
                 linewidths=1.1,
             )
+
+
+def _height_of(planes: Sequence[PlaneComparison]) -> float:
+    """Height of a map over its width, within what a page can bear."""
+    shapes = [(e[3] - e[2]) / (e[1] - e[0]) for e in map(_extent, planes)]
+    return float(np.clip(max(shapes, default=1.0), 0.2, 1.6))
 
 
 def _extent(plane: PlaneComparison) -> tuple[float, float, float, float]:

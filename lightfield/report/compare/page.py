@@ -98,6 +98,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
                 "the dashed line it is within 5 %, inside the solid line within 10 %. Looking at the lamp: "
                 "+x is right, +y up.",
                 "Maps of render, formula and relative error on each plane",
+                maps_figure(planes, comparison.units, comparison.quantity, narrow=True),
             ),
             page_figure(
                 radial_figure(planes),
@@ -105,6 +106,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
                 "Means over rings around the lamp's axis, with bands of three standard errors. Grey zones: "
                 "5 % and 10 %.",
                 "Radial profiles of render and formula and the error of the formula",
+                radial_figure(planes, narrow=True),
             ),
         ]
         if len(planes) > 1:
@@ -114,6 +116,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
                     f"{key}-axial",
                     "Along the tank. All carry three standard errors, mostly smaller than the symbol.",
                     "Brightness on the axis, half width and lost light against distance",
+                    axial_figure(planes, narrow=True),
                 )
             )
         body = [

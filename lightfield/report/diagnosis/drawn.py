@@ -9,6 +9,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.rivals import separation
 from lightfield.fitting.fitted_curves import fitted_curves
+from lightfield.readings import Readings
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 
 if TYPE_CHECKING:
@@ -55,27 +56,32 @@ def _tidy(metres: Array) -> Array:
     return np.asarray(np.round(metres, 4) + 0.0)
 
 
+def drawn_readings(readings: Readings, sigma: Array, keep: Array) -> DrawnReadings:
+    """Readings as figures draw them: errors of shape (n,), and `keep` 0 for what does not count."""
+    return DrawnReadings(
+        _tidy(readings.x_m),
+        _tidy(readings.y_m),
+        _tidy(readings.z_m),
+        readings.wavelength_nm,
+        readings.value,
+        sigma,
+        [str(m) for m in readings.medium],
+        keep == 0,
+    )
+
+
 def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     """Everything on the page of a diagnosis."""
     readings, problem, finding = found.readings, found.prepared.problem, found.finding
     base = finding.level.base.prediction
     verdict = found.verdict
     return DiagnosisView(
-        verdict,
-        DrawnReadings(
-            _tidy(readings.x_m),
-            _tidy(readings.y_m),
-            _tidy(readings.z_m),
-            readings.wavelength_nm,
-            readings.value,
-            found.sigma,
-            [str(m) for m in readings.medium],
-            problem.keep == 0,
-        ),
+        drawn_readings(readings, found.sigma, problem.keep),
         [
             Prediction(" ".join(s.label for s in found.steps[: k + 1]), step.fit.prediction)
             for k, step in enumerate(found.steps)
         ],
+        verdict,
         [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),
         found.forward.scene.tank,

@@ -9,15 +9,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from lightfield.diagnosis.verdict.parts import Rung
-from lightfield.report.diagnosis.view import DiagnosisView, Group, Separation
+from lightfield.report.diagnosis.view import DiagnosisView, Group, ReadingsView
 from lightfield.report.style import (
     DATA,
     FORMULA,
-    GOOD,
     GRID,
     MUTED,
     RENDER,
@@ -25,34 +22,50 @@ from lightfield.report.style import (
     WIDTH,
     figure,
     label,
-    plain_log_axis,
 )
 
-MOST_PANELS = 5
+MOST_PANELS, MOST_NARROW = 5, 3
+#: Inches of a figure on a telephone: its letters are those of the page there.
+NARROW = 4.3
+#: Readings that span more than this are drawn over decades, and of decades no more than these.
+LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
-SAME_CLASS_SIGMA, SURE_SIGMA = 3.0, 6.0
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
 DASHED = (0, (5, 2))
+STYLES, MARKS = ("solid", DASHED, "dotted", "dashdot"), ("s", "^", "D", "v")
 # Without its darkest ends: they would vanish on a dark page.
 RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
 
 
-def data_figure(view: DiagnosisView) -> Figure:
-    """Readings with one-sigma bars, base model and explanation; below, what is left in sigma."""
+def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
+    """Readings with one-sigma bars, base model and explanation; below, what is left in sigma.
+
+    `narrow`: the first, the middle and the last panel below each other.
+    """
     panels = _panels(view)
     explained = len(view.predictions) > 1
-    with figure(WIDTH if len(panels) > 1 else 6.0, 4.8) as fig:
-        axes = fig.subplots(2, len(panels), squeeze=False, sharex=True, sharey="row", height_ratios=(1.5, 1))
+    if narrow:
+        panels = few(panels, MOST_NARROW)
+    size = (NARROW, 1.2 + 3.4 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 4.8)
+    with figure(*size) as fig:
+        if narrow:
+            ratios = (1.5, 1) * len(panels)
+            stack = fig.subplots(2 * len(panels), 1, squeeze=False, sharex=True, height_ratios=ratios)
+            axes = stack.reshape(len(panels), 2).T
+        else:
+            axes = fig.subplots(
+                2, len(panels), squeeze=False, sharex=True, sharey="row", height_ratios=(1.5, 1)
+            )
         for column, group in enumerate(panels):
             upper, lower = axes[:, column]
             at, rows, out = _sorted(view, group)
             unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
             value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
             base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=_plain(view.predictions[0].label))
+            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=plain(view.predictions[0].label))
             if explained:
                 upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-                upper.plot(at, best, color=RENDER, label=_plain(view.predictions[-1].label))
+                upper.plot(at, best, color=RENDER, label=plain(view.predictions[-1].label))
             upper.errorbar(
                 at[~out],
                 value[~out],
@@ -67,27 +80,58 @@ def data_figure(view: DiagnosisView) -> Figure:
                 at[out], value[out], "x", color=MUTED, markersize=5, label="left out" if out.any() else None
             )
             upper.set_title(group.label)
+            _over_decades(upper, value[~out])
             residual_panel(lower, view, at, rows, out)
             lower.set_xlabel(AXIS_NAMES[view.scan_axis])
         if np.nanmax(np.abs(view.residual_sigma(0)[~view.readings.left_out])) > 15:
             # Linear over the noise, logarithmic beyond: one axis for the misfit and for what is left of it.
-            axes[1, 0].set_yscale("symlog", linthresh=3, linscale=1)
-            axes[1, 0].yaxis.set_major_formatter(
-                FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
-            )
-            axes[1, 0].yaxis.set_major_locator(
-                FixedLocator([-100, -30, -10, -3, 0, 3, 10, 30, 100, 300, 1000])
-            )
-        axes[0, 0].set_ylabel("reading / largest of the scan" if len(panels) > 1 else "reading / largest")
-        axes[1, 0].set_ylabel("reading \N{MINUS SIGN} model (σ)")
+            for lower in axes[1] if narrow else axes[1, :1]:
+                lower.set_yscale("symlog", linthresh=3, linscale=1)
+                lower.yaxis.set_major_formatter(
+                    FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
+                )
+                lower.yaxis.set_major_locator(
+                    FixedLocator([-100, -30, -10, -3, 0, 3, 10, 30, 100, 300, 1000])
+                )
+        several = "reading / largest of the scan" if len(panels) > 1 else "reading / largest"
+        for one in range(len(panels) if narrow else 1):
+            axes[0, one].set_ylabel("reading / largest" if narrow else several)
+            axes[1, one].set_ylabel("left over (σ)" if narrow else "reading \N{MINUS SIGN} model (σ)")
         handles, names = axes[0, 0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=len(names))
+        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else len(names))
+        say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
 
 
-def residual_panel(
-    axis: Axes, view: DiagnosisView, at: np.ndarray, rows: np.ndarray, out: np.ndarray
-) -> None:
+def steps(view: ReadingsView) -> list[tuple[int, str]]:
+    """The base model, and the best explanation where there is one."""
+    last = len(view.predictions) - 1
+    return [(k, view.predictions[k].label) for k in dict.fromkeys((0, last))]
+
+
+def few(panels: list[Group], most: int) -> list[Group]:
+    """First, last and evenly chosen panels between."""
+    if len(panels) <= most:
+        return panels
+    return [panels[i] for i in np.unique(np.linspace(0, len(panels) - 1, most).round().astype(int))]
+
+
+def _over_decades(axis: Axes, value: np.ndarray) -> None:
+    """A logarithmic axis for readings that are positive and span more than a few times their least."""
+    lit = value[np.isfinite(value) & (value > 0)]
+    if 2 * lit.size < value.size or not lit.size or lit.max() < LOG_FROM * lit.min():
+        return
+    low, high = axis.get_ylim() if axis.get_yscale() == "log" else (lit.min(), lit.max())
+    axis.set_yscale("log")
+    axis.set_ylim(max(min(low, 0.6 * lit.min()), MOST_DECADES), max(high, 1.7 * lit.max()))
+
+
+def say_left_out(fig: Figure, shown: int, there: int) -> None:
+    if shown < there:
+        fig.suptitle(f"{shown} of {there} scans are drawn", x=0.01, ha="left", fontsize=9, color=MUTED)
+
+
+def residual_panel(axis: Axes, view: ReadingsView, at: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
     """Residuals of the base model (open) and of the explanation (filled) over the zone of two sigma."""
     axis.axhspan(-2, 2, color=GRID, alpha=0.7, linewidth=0)
     axis.axhline(0, color=MUTED, linewidth=0.8)
@@ -97,19 +141,19 @@ def residual_panel(
     axis.grid(False, axis="y")
 
 
-def residual_map(view: DiagnosisView) -> Figure:
+def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
     """Where the misfit lives: every reading at its place, coloured by its residual, before and after."""
     if view.is_grid:
         return _grid_map(view)
-    shown = [(0, view.predictions[0].label)]
-    if len(view.predictions) > 1:
-        shown.append((len(view.predictions) - 1, view.predictions[-1].label))
+    shown = steps(view)
     readings, scan = view.readings, view.scan_axis
     across = readings.y_m if scan == "y_m" else readings.x_m
     first = view.residual_sigma(0)[~readings.left_out]
     scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
-    with figure(WIDTH, 1.3 + 0.55 * min(max(np.unique(readings.z_m).size, 2), 6)) as fig:
-        axes = fig.subplots(1, len(shown), squeeze=False, sharex=True, sharey=True)[0]
+    high = 1.3 + 0.55 * min(max(np.unique(readings.z_m).size, 2), 6)
+    with figure(NARROW if narrow else WIDTH, high * (len(shown) if narrow else 1)) as fig:
+        grid = (len(shown), 1) if narrow else (1, len(shown))
+        axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, (step, name) in zip(axes, shown, strict=True):
             dots = axis.scatter(
                 across,
@@ -123,7 +167,7 @@ def residual_map(view: DiagnosisView) -> Figure:
                 linewidths=0.4,
             )
             rms = float(np.sqrt(np.nanmean(view.residual_sigma(step)[~readings.left_out] ** 2)))
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{_short(name)}: rms {rms:.1f} σ")
+            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{short(name)}: rms {rms:.1f} σ")
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
@@ -131,19 +175,16 @@ def residual_map(view: DiagnosisView) -> Figure:
     return fig
 
 
-def _grid_map(view: DiagnosisView) -> Figure:
+def _grid_map(view: ReadingsView) -> Figure:
     """The same for readings in x and y: one map per scan, before above, after below."""
-    groups = view.groups()
-    if len(groups) > MOST_PANELS:
-        chosen = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
-        groups = [groups[i] for i in chosen]
-    steps = [0] if len(view.predictions) == 1 else [0, len(view.predictions) - 1]
+    groups = few(view.groups(), MOST_PANELS)
+    rungs = [step for step, _ in steps(view)]
     readings = view.readings
     first = view.residual_sigma(0)[~readings.left_out]
     scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
-    with figure(WIDTH, 0.8 + 2.1 * len(steps)) as fig:
-        axes = fig.subplots(len(steps), len(groups), squeeze=False, sharex=True, sharey=True)
-        for row, step in zip(axes, steps, strict=True):
+    with figure(WIDTH, 0.8 + 2.1 * len(rungs)) as fig:
+        axes = fig.subplots(len(rungs), len(groups), squeeze=False, sharex=True, sharey=True)
+        for row, step in zip(axes, rungs, strict=True):
             residual = view.residual_sigma(step)
             for axis, group in zip(row, groups, strict=True):
                 dots = axis.scatter(
@@ -158,23 +199,32 @@ def _grid_map(view: DiagnosisView) -> Figure:
                     linewidths=0.4,
                 )
                 axis.margins(0.12)
-            row[0].set_ylabel(f"{_short(view.predictions[step].label)}\ny (m)")
+            row[0].set_ylabel(f"{short(view.predictions[step].label)}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
             axis.set_xlabel("x (m)")
         bar = fig.colorbar(dots, ax=axes.ravel().tolist(), extend="both", pad=0.015, aspect=22)
         bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+        say_left_out(fig, len(groups), len(view.groups()))
     return fig
 
 
-def signature_figure(view: DiagnosisView, most: int = 4) -> Figure:
-    """Residual of the base model with what each accepted explanation would add to it."""
-    panels = _panels(view)
-    with figure(WIDTH if len(panels) > 1 else 6.0, 3.4) as fig:
-        axes = fig.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
+def signature_figure(view: DiagnosisView, most: int = 4, narrow: bool = False) -> Figure:
+    """Residual of the base model with what each accepted explanation would add to it.
+
+    Over the scans; of single places over their distance from the axis, where no line joins them.
+    """
+    panels = [Group("", np.arange(len(view.readings.value)))] if view.is_scattered else _panels(view)
+    panels = few(panels, MOST_NARROW) if narrow else panels
+    size = (NARROW, 0.9 + 2.3 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 3.4)
+    with figure(*size) as fig:
+        grid = (len(panels), 1) if narrow else (1, len(panels))
+        axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, group in zip(axes, panels, strict=True):
             at, rows, out = _sorted(view, group)
+            if view.is_scattered:
+                at = np.hypot(view.readings.x_m, view.readings.y_m)[rows]
             axis.axhspan(-2, 2, color=GRID, alpha=0.7, linewidth=0)
             axis.plot(
                 at[~out],
@@ -189,132 +239,33 @@ def signature_figure(view: DiagnosisView, most: int = 4) -> Figure:
                     at,
                     (signature.change / view.readings.sigma)[rows],
                     color=SERIES[(0, 2, 3, 4)[k % 4]],
-                    linestyle=("solid", DASHED, "dotted", "dashdot")[k % 4],
-                    label=_plain(signature.label),
+                    linestyle="none" if view.is_scattered else STYLES[k % len(STYLES)],
+                    marker=MARKS[k % len(MARKS)] if view.is_scattered else None,
+                    markersize=3.5,
+                    label=plain(signature.label),
                 )
             axis.grid(False, axis="y")
-            label(axis, AXIS_NAMES[view.scan_axis], "", group.label)
+            across = "r (m), from the axis" if view.is_scattered else AXIS_NAMES[view.scan_axis]
+            label(axis, across, "", group.label)
         axes[0].set_ylabel("σ")
         handles, names = axes[0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=min(len(names), 3))
+        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else min(len(names), 3))
+        if not view.is_scattered:
+            say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
 
 
-def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float) -> Figure:
-    """Error of every rung falling towards the noise floor; the last rung rendered afresh."""
-    at = np.arange(len(ladder))
-    error = np.array([rung.error_percent for rung in ladder], float)
-    held_out = np.array([np.nan if r.held_out_percent is None else r.held_out_percent for r in ladder])
-    texts = [f"{value:.2g} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error]
-    error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
-    with figure(max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder))), 4.0) as fig:
-        axis = fig.subplots()
-        axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
-        axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
-        axis.annotate(
-            f"noise floor {noise_floor_percent:.2g} %",
-            (0, noise_floor_percent),
-            (5, 4),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            color=GOOD,
-            fontsize=9.5,
-        )
-        axis.plot(at, error, color=RENDER, marker="o", markersize=7, label="error of the fit")
-        if np.isfinite(held_out).any():
-            axis.plot(
-                at,
-                held_out,
-                "D",
-                color=MUTED,
-                mfc="none",
-                markersize=6,
-                label="each plane predicted from the others",
-            )
-        for x, value, text in zip(at, error, texts, strict=True):
-            axis.annotate(
-                text,
-                (float(x), float(value)),
-                (8, 5),
-                textcoords="offset points",
-                fontsize=10,
-                weight="bold",
-            )
-        for x, rung in zip(at, ladder, strict=True):
-            if rung.rendered_error_percent is not None:
-                axis.errorbar(
-                    [x],
-                    [rung.rendered_error_percent],
-                    [rung.rendered_stderr_percent or 0.0],
-                    fmt="*",
-                    color=FORMULA,
-                    markersize=12,
-                    label="rendered afresh",
-                )
-        everything = np.concatenate([error, held_out[np.isfinite(held_out)], [noise_floor_percent]])
-        if everything.max() > 8 * max(everything.min(), 1e-6):
-            axis.set_yscale("log")
-            axis.set_ylim(0.6 * everything.min(), 1.9 * everything.max())
-            plain_log_axis(axis.yaxis)
-        else:
-            axis.set_ylim(0, 1.18 * everything.max())
-        axis.set_xticks(at, [_wrapped(rung.label) for rung in ladder])
-        axis.set_xlim(-0.4, len(ladder) - 0.4)
-        axis.grid(False, axis="x")
-        axis.set_ylabel("rms error (%)")
-        handles, names = axis.get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower left", ncols=2 if len(ladder) > 1 else 1)
-    return fig
-
-
-def separation_figure(separation: Separation) -> Figure:
-    """How far the explanations are apart; under three sigma they cannot be told apart."""
-    k = len(separation.names)
-    with figure(min(WIDTH, 2.6 + 0.85 * k), 1.5 + 0.42 * k) as fig:
-        axis = fig.subplots()
-        for j in range(k):
-            for i in range(k):
-                if i == j:
-                    continue
-                value = float(separation.sigma[j, i])
-                text = ">99" if value > 99 else f"{value:.0f}" if value >= 10 else f"{value:.1f}"
-                colour, alpha, weight = (
-                    (FORMULA, 0.45, "bold")
-                    if value < SAME_CLASS_SIGMA
-                    else (SERIES[4], 0.28, "normal")
-                    if value < SURE_SIGMA
-                    else (GOOD, 0.16, "normal")
-                )
-                cell = Rectangle((i - 0.48, j - 0.46), 0.96, 0.92, facecolor=colour, alpha=alpha, linewidth=0)
-                axis.add_patch(cell)
-                axis.text(i, j, text, ha="center", va="center", fontsize=10, weight=weight)
-        axis.set_xlim(-0.55, k - 0.45)
-        axis.set_ylim(k - 0.45, -0.55)
-        names = [_wrapped(name) for name in separation.names]
-        axis.set_xticks(range(k), names, rotation=30, ha="right", rotation_mode="anchor")
-        axis.set_yticks(range(k), names)
-        axis.grid(False)
-        for side in ("left", "bottom"):
-            axis.spines[side].set_visible(False)
-        axis.tick_params(length=0)
-        label(axis, "imitated by", "true", "")
-    return fig
-
-
-def _panels(view: DiagnosisView) -> list[Group]:
+def _panels(view: ReadingsView) -> list[Group]:
     """Scans to draw: all, or first, last and some between; a single one when readings vary in z only."""
     groups = view.groups()
     if view.scan_axis == "z_m":
         return [Group("along the axis", np.concatenate([group.rows for group in groups]))]
     if view.is_grid:
         groups = [_middle_line(view, group) for group in groups]
-    if len(groups) <= MOST_PANELS:
-        return groups
-    chosen = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
-    return [groups[i] for i in chosen]
+    return few(groups, MOST_PANELS)
 
 
-def _middle_line(view: DiagnosisView, group: Group) -> Group:
+def _middle_line(view: ReadingsView, group: Group) -> Group:
     """Of a grid, the line next to the axis: lines drawn through a grid would jump from row to row."""
     name = "x_m" if view.scan_axis == "y_m" else "y_m"
     other = getattr(view.readings, name)[group.rows]
@@ -323,7 +274,7 @@ def _middle_line(view: DiagnosisView, group: Group) -> Group:
     return Group(f"{group.label}, {name[0]} = {nearest + 0.0:g} m", rows)
 
 
-def _sorted(view: DiagnosisView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scan coordinate, rows and left-out flags in order of the coordinate."""
     at = getattr(view.readings, view.scan_axis)[group.rows]
     order = np.argsort(at, kind="stable")
@@ -342,15 +293,11 @@ def _spread(z_m: np.ndarray, wavelength_nm: np.ndarray, medium: Sequence[str]) -
     return z_m + step * np.array([place[m, float(w)] for m, w in zip(medium, wavelength_nm, strict=True)])
 
 
-def _wrapped(text: str) -> str:
-    return _plain(text).replace(" + ", "\n+ ")
-
-
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     return text.replace("_", " ")
 
 
-def _short(text: str) -> str:
+def short(text: str) -> str:
     """A name that fits beside a panel: of many effects their number."""
     effects = text.count(" + ")
-    return _plain(text) if effects < 2 else f"with {effects} effects"
+    return plain(text) if effects < 2 else f"with {effects} effects"

@@ -21,11 +21,11 @@ from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
-    ladder_figure,
     residual_map,
-    separation_figure,
     signature_figure,
 )
+from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
+from lightfield.report.diagnosis.places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
 from lightfield.report.page import PageFigure, fill, page_figure, write_page
 from lightfield.report.tank import tank_figure
@@ -61,37 +61,35 @@ def diagnosis_page(view: DiagnosisView) -> str:
     advice = verdict.next_measurement
     spots = advice.readings if advice else []
     figures: dict[str, PageFigure | None] = {
-        "data": page_figure(
-            data_figure(view),
-            "data",
-            "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
-            "model with its one-sigma band. Below: what is left, open for the base model, filled for the "
-            "explained one.",
-            "Readings and models per plane with residuals",
-        ),
+        "data": _readings_figure(view),
         "residuals": page_figure(
-            residual_map(view),
+            place_map(view) if view.is_scattered else residual_map(view),
             "residuals",
             "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
             "Residuals by position",
+            None if view.is_grid else (place_map if view.is_scattered else residual_map)(view, narrow=True),
         ),
         "ladder": page_figure(
             ladder_figure(verdict.ladder, verdict.noise_floor_percent),
             "ladder",
             "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
             "Error of each rung of the ladder against the noise floor",
+            ladder_figure(verdict.ladder, verdict.noise_floor_percent, narrow=True),
         ),
         "tank": page_figure(
             tank_figure(readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg),
             "tank",
             "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
             "Tank from above and from the side with positions of readings",
+            tank_figure(
+                readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg, narrow=True
+            ),
         ),
         "curves": None,
         "signatures": None,
         "separation": None,
     }
-    if view.scan_axis == "z_m":  # a map of points on one line shows nothing more
+    if view.scan_axis == "z_m" and not view.is_scattered:  # a map of points on one line shows nothing more
         figures["residuals"] = None
     if view.curves:
         figures["curves"] = page_figure(
@@ -108,6 +106,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "Dots: what the base model leaves. Lines: what each accepted explanation adds, all else "
             "refitted. Lines that lie on each other cannot be told apart by these readings.",
             "Signatures of the accepted explanations over the residual",
+            signature_figure(view, narrow=True),
         )
     if view.separation is not None and len(view.separation.names) > 1:
         figures["separation"] = page_figure(
@@ -130,7 +129,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         rival=_rival(verdict.nearest_rival),
         next_sentence=(advice.sentence if advice else "") or "No further reading is asked for.",
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
-        limits=[_limit(name, each) for name, each in verdict.detection_limits.items()],
+        limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
+        unseen=[_words(name) for name, each in verdict.detection_limits.items() if not each.within_range],
         untestable=[(_words(name), reason) for name, reason in verdict.untestable.items()],
         stated=lines(verdict.stated),
         assumed=verdict.assumed,
@@ -139,6 +139,28 @@ def diagnosis_page(view: DiagnosisView) -> str:
         provenance=view.provenance,
         scene_toml=view.scene_toml,
         **figures,
+    )
+
+
+def _readings_figure(view: DiagnosisView) -> PageFigure:
+    """Readings and models: along their scans, or measured against model where they are single places."""
+    if view.is_scattered:
+        return page_figure(
+            measured_figure(view),
+            "data",
+            "Each reading with its error against what the model says of its place: on the line they agree. "
+            "Over the decades of the readings, which share no scan.",
+            "Readings against models at single places",
+            measured_figure(view, narrow=True),
+        )
+    return page_figure(
+        data_figure(view),
+        "data",
+        "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
+        "model with its one-sigma band, over decades where they span some. Below: what is left, open for the "
+        "base model, filled for the explained one.",
+        "Readings and models per plane with residuals",
+        data_figure(view, narrow=True),
     )
 
 
@@ -237,8 +259,7 @@ def _rival(rival: NearestRival | None) -> str:
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
     unit = "" if each.unit == "1" else f" {each.unit}"
-    text = f"{each.value:.2g}{unit}" if each.within_range else "none: not even its largest plausible size"
-    return {"effect": _words(name), "parameter": each.parameter, "limit": text}
+    return {"effect": _words(name), "parameter": each.parameter, "limit": f"{each.value:.2g}{unit}"}
 
 
 def _optional(value: float | None) -> str:

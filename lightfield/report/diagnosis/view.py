@@ -92,40 +92,18 @@ class Group:
 
 
 @dataclass(frozen=True)
-class DiagnosisView:
-    """Everything on the page.
+class ReadingsView:
+    """Readings and what models say of them.
 
     Parameters
     ----------
-    verdict : Verdict
     readings : DrawnReadings
     predictions : sequence of Prediction
         Base model first, best explanation last; one for "nothing missing".
-    signatures : sequence of Signature
-        Accepted explanations, best first.
-    separation : Separation, optional
-    tank : Tank, optional
-    hwhm_deg : float
-        Half width of the lamp's beam, to draw it.
-    title : str
-    provenance : sequence of (name, value)
-    scene_toml : str
-        The fitted scene.
-    curves : sequence of FittedCurve
-        Free-form curves of the best explanation.
     """
 
-    verdict: Verdict
     readings: DrawnReadings
     predictions: Sequence[Prediction]
-    signatures: Sequence[Signature] = ()
-    separation: Separation | None = None
-    tank: Tank | None = None
-    hwhm_deg: float = 3.81
-    title: str = "Diagnosis"
-    provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
-    scene_toml: str = ""
-    curves: Sequence[FittedCurve] = ()
 
     @property
     def scan_axis(self) -> str:
@@ -145,6 +123,13 @@ class DiagnosisView:
             max(float(np.ptp(getattr(self.readings, name)[group.rows])) for group in self.groups()) > 1e-6
             for name in ("x_m", "y_m")
         )
+
+    @property
+    def is_scattered(self) -> bool:
+        """Are these single places rather than scans: hardly two readings share their distance?"""
+        readings = self.readings
+        spread = max(float(np.ptp(readings.x_m)), float(np.ptp(readings.y_m)))
+        return spread > 1e-6 and 2 * len(self.groups()) > len(readings.value)
 
     def groups(self) -> list[Group]:
         """Scans in order of medium, wavelength and distance; labels say only what differs."""
@@ -168,3 +153,37 @@ class DiagnosisView:
     def residual_sigma(self, step: int) -> Array:
         """(Reading - prediction) / sigma of one rung, shape (n,)."""
         return (self.readings.value - self.predictions[step].value) / self.readings.sigma
+
+
+@dataclass(frozen=True)
+class DiagnosisView(ReadingsView):
+    """Everything on the page of a diagnosis.
+
+    Parameters
+    ----------
+    readings, predictions
+        See `ReadingsView`.
+    verdict : Verdict
+    signatures : sequence of Signature
+        Accepted explanations, best first.
+    separation : Separation, optional
+    tank : Tank, optional
+    hwhm_deg : float
+        Half width of the lamp's beam, to draw it.
+    title : str
+    provenance : sequence of (name, value)
+    scene_toml : str
+        The fitted scene.
+    curves : sequence of FittedCurve
+        Free-form curves of the best explanation.
+    """
+
+    verdict: Verdict
+    signatures: Sequence[Signature] = ()
+    separation: Separation | None = None
+    tank: Tank | None = None
+    hwhm_deg: float = 3.81
+    title: str = "Diagnosis"
+    provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
+    scene_toml: str = ""
+    curves: Sequence[FittedCurve] = ()

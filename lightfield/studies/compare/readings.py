@@ -83,6 +83,8 @@ class Statistics:
         Probability of so large a misfit by chance if nothing is missing.
     error_percent, held_out_percent : float
         Root mean square of the bright readings; the same for each plane from the others.
+    noise_floor_percent : float
+        Where the error would be if only noise were left.
     """
 
     chi2: float
@@ -90,6 +92,7 @@ class Statistics:
     adequacy_p: float
     error_percent: float
     held_out_percent: float
+    noise_floor_percent: float
 
     @property
     def chi2_per_dof(self) -> float:
@@ -98,7 +101,10 @@ class Statistics:
 
 @dataclass(frozen=True)
 class FitReport:
-    """A refit of the model to readings, and where it fails."""
+    """A refit of the model to readings, and where it fails.
+
+    `base_prediction`, shape (n,), is that of the model without the named effects; `sigma` are the errors.
+    """
 
     model: Refit
     solver: str
@@ -106,6 +112,8 @@ class FitReport:
     statistics: Statistics
     residuals: Residuals
     notes: list[str]
+    base_prediction: Array
+    sigma: Array
 
     def save(self, folder: str | Path, command: str = "compare") -> Path:
         """Store the fitted scene as a rung and add it to the folder's ledger.
@@ -128,6 +136,7 @@ class FitReport:
             "effects": self.model.effects,
             "error_percent": self.statistics.error_percent,
             "chi2_per_dof": self.statistics.chi2_per_dof,
+            "held_out_percent": self.statistics.held_out_percent,
             "scene": path.name,
         }
         ledger.append(target, [row], command, known)
@@ -220,12 +229,14 @@ def fit_readings(
     readings = readings.check_against(scene)
     with threadpool_limits(1, "blas"):
         budget = budget_of(readings)
-        model, prepared, made = _refit(readings, scene, with_effects, diffuse, budget, seed)
+        model, prepared, made, base = _refit(readings, scene, with_effects, diffuse, budget, seed)
         noted = [*hints(model.forward, model.problem, model.fit, budget.calibration), *readings.warnings]
         for _ in range(2 if solver == "render" else 0):
             model = model.corrected(made.whiten, tracing or {})
         problem, fit = model.problem, model.fit
         adequacy = made.test.on(problem)(fit)
+        sigma, lit = np.sqrt(prepared.noise.variance(1.0, 0.0)), bright(problem)
+        floor = float(100 * np.sqrt(np.mean((sigma[lit] / fit.prediction[lit]) ** 2))) if lit.any() else 0.0
         return FitReport(
             model,
             solver,
@@ -236,9 +247,12 @@ def fit_readings(
                 adequacy.p,
                 percent(problem, fit.prediction, bright(problem)),
                 held_out(problem, model.explanation, fit, made.whiten),
+                floor,
             ),
-            Residuals.of(problem, fit.prediction, np.sqrt(prepared.noise.variance(1.0, 0.0))),
+            Residuals.of(problem, fit.prediction, sigma),
             [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted],
+            base,
+            sigma,
         )
 
 
@@ -249,7 +263,7 @@ def _refit(
     diffuse: DiffuseSource | str | None,
     budget: Budget,
     seed: int,
-) -> tuple[Refit, Prepared, Bench]:
+) -> tuple[Refit, Prepared, Bench, Array]:
     """Fit with the fast model, traced in the water that the fit ends in."""
     source, reason = source_of(scene, diffuse, readings)
     quoted = np.asarray(readings.stderr, float)
@@ -267,7 +281,7 @@ def _refit(
         base = problem.fit((), made.whiten, [problem.model().start])
         fit = problem.fit(explanation, made.whiten, _starts(problem, explanation, base.u), tolerance=1e-6)
         traces.asked = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
-    return Refit(problem, explanation, fit), prepared, made
+    return Refit(problem, explanation, fit), prepared, made, base.prediction
 
 
 def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:

@@ -25,6 +25,10 @@ class Where:
     rms_sigma: float
 
 
+#: Residuals of more distances than this are told in bins of them.
+MOST_PLANES = 12
+
+
 @dataclass(frozen=True)
 class Residuals:
     """Readings less model.
@@ -81,6 +85,16 @@ def _groups(problem: Problem) -> dict[str, list[tuple[str, Any]]]:
     out: dict[str, list[tuple[str, Any]]] = {}
     planes = sorted(set(zip(layout.air, np.round(layout.z_m, 3), strict=True)))
     mixed = bool(layout.air.any() and not layout.air.all())
+    if len(planes) > MOST_PLANES:  # single places: a table of each would say nothing
+        edges = np.unique(np.quantile(layout.z_m, np.linspace(0, 1, 6)))
+        out["distance"] = [
+            (
+                f"z = {a:.2f} to {b:.2f} m",
+                (layout.z_m >= a) & ((layout.z_m < b) | (b == edges[-1]) & (layout.z_m <= b)),
+            )
+            for a, b in pairwise(edges)
+        ]
+        planes = []
     out["plane"] = [
         (
             f"z = {z:g} m" + ((" air" if air else " water") if mixed else ""),

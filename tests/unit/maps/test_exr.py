@@ -12,9 +12,14 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from lightfield.commands.picture import write_rgb_exr
 from lightfield.errors import OutputError
 from lightfield.maps.colour import colour_matching
+from lightfield.maps.dataset import to_dataset, write_exr_planes
 from lightfield.maps.exr import SpectralImage, channel_name, read_spectral_exr, write_spectral_exr
+from lightfield.render.picture import exposure
+from lightfield.report.compare.layers import write_layers
+from lightfield.studies.compare.maps import compare
 
 WAVELENGTHS = np.array([95.5, 500.0, 525.0, 1000.0])  # alphabetical order of the channels is another one
 X, Y = np.array([-0.75, -0.25, 0.25, 0.75, 1.25]), np.array([-0.2, 0.0, 0.2])
@@ -150,3 +155,51 @@ def test_repeated_wavelength_and_wrong_shape_are_refused(tmp_path):
         )
     with pytest.raises(OutputError, match="wrong shape"):
         write_spectral_exr(tmp_path / "a.exr", SpectralImage(np.array([5.0]), pattern(), None, X, Y, 1.0))
+
+
+def test_previews_say_their_scale_and_planes_share_one(tmp_path, make):
+    """RGB x preview_scale and common RGB x common_scale are the same light, in sRGB's primaries."""
+    dataset = to_dataset(make(pixels=9))
+    files = write_exr_planes(dataset, tmp_path)
+    peaks = []
+    for file in files:
+        with OpenEXR.File(str(file), separate_channels=True) as opened:
+            header = dict(opened.header())
+            channels = {name: channel.pixels for name, channel in opened.channels().items()}
+        own = header["lightfield.preview_scale"][0] * np.array([channels[c] for c in "RGB"])
+        shared = header["lightfield.common_scale"][0] * np.array([channels[f"common.{c}"] for c in "RGB"])
+        np.testing.assert_allclose(own, shared, rtol=1e-5, atol=1e-6 * own.max())
+        assert max(channels[c].max() for c in "RGB") == pytest.approx(1)
+        assert header["chromaticities"][:2] == pytest.approx((0.64, 0.33))
+        peaks.append(max(channels[f"common.{c}"].max() for c in "RGB"))
+    assert max(peaks) == pytest.approx(1) and min(peaks) < 0.9  # far planes are darker
+
+
+def test_layers_of_a_comparison_are_what_was_compared(tmp_path, make, light):
+    comparison = compare(
+        to_dataset(make(pixels=9, glow=0.03)), lambda scene, x, y, z, wavelength: light(scene, x, y, z)
+    )
+    first, *_ = write_layers(comparison, tmp_path)
+    plane = comparison.planes[0]
+    with OpenEXR.File(str(first), separate_channels=True) as opened:
+        header, channels = dict(opened.header()), opened.channels()
+        found = {name: channel.pixels[::-1] for name, channel in channels.items()}
+    nm = f"{plane.wavelength_nm:g}nm"
+    np.testing.assert_array_equal(found[f"render.{nm}"], plane.render.astype(np.float32))
+    np.testing.assert_array_equal(found[f"formula.{nm}"], plane.formula.astype(np.float32))
+    error = found[f"formula.{nm}"] / found[f"render.{nm}"] - 1
+    np.testing.assert_allclose(found[f"error.{nm}"], error, atol=1e-6)
+    assert header["lightfield.plane_z_m"][0] == plane.z_m and header["lightfield.units"] == comparison.units
+
+
+def test_a_picture_is_exposed_and_says_how(tmp_path):
+    """Four fifths of the lit part lie below a quarter of white, however bright the render."""
+    rgb = 1e-4 * np.random.default_rng(1).uniform(0, 1, (20, 30, 3))
+    path = write_rgb_exr(rgb, exposure(rgb), tmp_path / "picture.png", ("lent",))
+    with OpenEXR.File(str(path), separate_channels=True) as opened:
+        header = dict(opened.header())
+        shown = np.stack([opened.channels()[c].pixels for c in "RGB"], axis=-1)
+    luminance = shown @ np.array([0.2126, 0.7152, 0.0722])
+    assert np.quantile(luminance, 0.8) == pytest.approx(0.25, rel=1e-5)
+    np.testing.assert_allclose(shown / header["lightfield.exposure"][0], rgb, rtol=1e-6)
+    assert "relative radiance" in header["lightfield.units"] and header["comments"] == "lent"

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from lightfield.maps.dataset import to_dataset
+from lightfield.report.compare.figures import maps_figure, radial_figure
 from lightfield.report.compare.page import (
     comparison_page,
     concise,
@@ -141,3 +142,15 @@ def test_concise_errors(value, stderr, text):
 )
 def test_errors_decide_the_digits(value, stderr, text):
     assert plus_minus(value, stderr) == text
+
+
+def test_many_planes_are_not_all_drawn_and_that_is_said(make, light):
+    several = compare(
+        to_dataset(make(pixels=9, planes=tuple(range(2, 10)))),
+        lambda scene, x, y, z, wavelength: light(scene, x, y, z),
+    )
+    assert "5 of 8 planes" in maps_figure(several.planes, several.units, several.quantity).get_supxlabel()
+    assert radial_figure(several.planes).get_suptitle() == "5 of 8 planes"
+    narrow = maps_figure(several.planes, several.units, several.quantity, narrow=True)
+    assert "3 of 8 planes" in narrow.get_supxlabel()
+    assert len([axis for axis in narrow.axes if axis.images]) == 9

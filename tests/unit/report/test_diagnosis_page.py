@@ -4,14 +4,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.patches import Polygon
 from matplotlib.text import Text
 
 from lightfield.diagnosis.verdict.parts import SetAside
+from lightfield.diagnosis.verdict.text import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
+from lightfield.report.diagnosis.figures import data_figure, residual_map, signature_figure
 from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
+from lightfield.report.diagnosis.places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+from lightfield.report.tank import tank_figure
 from lightfield.scene import Tank
 
 TANK = Tank(width_m=3.66, depth_m=2.44, length_m=36.6, behind_lamp_m=0.5, lamp_depth_m=1.22)
@@ -240,3 +245,62 @@ def test_fitted_curves_are_drawn_with_their_errors():
     assert upper.get_title("left") + upper.get_title() == "changes readings by 10 % rms"
     (band,) = (patch.get_paths()[0].get_extents() for patch in lower.collections)
     assert (band.ymin, band.ymax) == pytest.approx((-0.24, 0.24))
+
+
+def at_places(kind="ambiguous"):
+    """The readings of `example` at places that share no plane and no line."""
+    view = example(kind)
+    n = view.readings.value.size
+    rng = np.random.default_rng(2)
+    x_m, y_m, z_m = rng.normal(0, 0.3, n), rng.normal(0, 0.3, n), rng.uniform(2, 9, n)
+    return dataclasses.replace(view, readings=dataclasses.replace(view.readings, x_m=x_m, y_m=y_m, z_m=z_m))
+
+
+def test_single_places_are_drawn_as_measured_against_model_and_over_r_and_z():
+    view = at_places()
+    assert view.is_scattered and not example().is_scattered
+    html = diagnosis_page(view)
+    assert "along the axis" not in html and "from the axis" in html
+    assert "Each reading with its error against what the model says of its place" in html
+    drawn = measured_figure(view)
+    base, best = drawn.axes
+    for axis, prediction in zip((base, best), (view.predictions[0], view.predictions[-1]), strict=True):
+        points = axis.containers[0].lines[0]
+        kept = ~view.readings.left_out
+        unit = view.readings.value.max()
+        assert points.get_linestyle() == "None"  # nothing joins places that no scan joins
+        assert np.allclose(points.get_xdata(), prediction.value[kept] / unit)
+        assert np.allclose(points.get_ydata(), view.readings.value[kept] / unit)
+    dots = place_map(view).axes[0].collections[0].get_offsets()
+    assert np.allclose(dots[:, 1], np.hypot(view.readings.x_m, view.readings.y_m))
+
+
+def test_readings_over_decades_are_drawn_logarithmically_and_the_ladder_comes_first():
+    assert data_figure(example()).axes[0].get_yscale() == "log"
+    html = diagnosis_page(example("identified"))
+    assert html.index("The error falls") < html.index("Readings and model")
+
+
+def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal():
+    view = example("none")
+    html = diagnosis_page(view)
+    assert "What could not have been seen" in html and "lamp drift" in html
+    said = as_text(view.verdict)
+    assert "could not have been seen, not even at the largest plausible size: lamp_drift" in said
+
+
+def test_a_telephone_gets_one_panel_a_row():
+    view = example()
+    for draw in (data_figure, residual_map, signature_figure):
+        wide, narrow = draw(view), draw(view, narrow=True)
+        assert narrow.get_figwidth() < wide.get_figwidth() / 2
+        narrow.draw_without_rendering()
+        lefts = {round(axis.get_position().x0, 2) for axis in narrow.axes if not hasattr(axis, "_colorbar")}
+        assert len(lefts) == 1, draw.__name__
+
+
+def test_the_beam_ends_at_the_walls():
+    drawn = tank_figure(np.array([0.0]), np.array([0.0]), np.array([9.0]), TANK, (), 30.0)
+    beam = next(patch for patch in drawn.axes[0].patches if isinstance(patch, Polygon))
+    box = beam.get_clip_box().transformed(drawn.axes[0].transData.inverted())
+    assert (box.y0, box.y1) == pytest.approx((-TANK.width_m / 2, TANK.width_m / 2))

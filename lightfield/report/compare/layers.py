@@ -1,0 +1,37 @@
+"""Render, formula and error of the formula as layers of one OpenEXR image for each plane."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lightfield.maps.colour import spectrum_to_rgb
+from lightfield.maps.exr import write_layers_exr
+from lightfield.studies.compare.maps import Comparison
+
+
+def write_layers(comparison: Comparison, folder: Path) -> list[Path]:
+    """One image for each plane, `compare_z4.500m.exr`.
+
+    Layers `render`, `stderr`, `formula` (in the comparison's units) and `error` (formula / render - 1; NaN
+    where no light was rendered), each with a channel a wavelength, as `render.525nm`; R, G, B: the render.
+    """
+    written = []
+    for z_m in sorted({plane.z_m for plane in comparison.planes}):
+        planes = [plane for plane in comparison.planes if plane.z_m == z_m]
+        layers = {}
+        for plane in planes:
+            channel = f"{plane.wavelength_nm:g}nm".replace(".", ",")
+            layers[f"render.{channel}"] = plane.render
+            layers[f"stderr.{channel}"] = plane.stderr
+            layers[f"formula.{channel}"] = plane.formula
+            layers[f"error.{channel}"] = plane.ratio - 1
+        light = np.nan_to_num(np.stack([plane.render for plane in planes])).astype(np.float64)
+        preview = spectrum_to_rgb(light, np.array([plane.wavelength_nm for plane in planes]))
+        about: dict[str, str | int | float] = {
+            "quantity": comparison.quantity, "units": comparison.units, "plane_z_m": float(z_m),
+            "layers": "render, stderr, formula in units; error = formula / render - 1",
+        }  # fmt: skip
+        written.append(write_layers_exr(folder / f"compare_z{z_m:.3f}m.exr", layers, about, preview))
+    return written

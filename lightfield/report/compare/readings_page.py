@@ -1,0 +1,110 @@
+"""The ladder that is climbed by hand: a page that grows by a rung with every comparison."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lightfield.diagnosis.verdict.parts import Rung
+from lightfield.report.diagnosis.drawn import drawn_readings
+from lightfield.report.diagnosis.figures import data_figure, residual_map
+from lightfield.report.diagnosis.ladder import ladder_figure
+from lightfield.report.diagnosis.places import measured_figure, place_map
+from lightfield.report.diagnosis.view import Prediction, ReadingsView
+from lightfield.report.page import page_figure
+from lightfield.report.sections import Section, Table, study_page
+from lightfield.studies.compare.readings import FitReport
+
+
+def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title: str) -> str:
+    """Page of a comparison with readings.
+
+    Parameters
+    ----------
+    report : FitReport
+        The newest rung.
+    entries : sequence of mapping
+        The ledger's entries for these readings, oldest first.
+    """
+    rungs = [_rung(entry) for entry in entries]
+    model, newest, floor = report.model, rungs[-1], report.statistics.noise_floor_percent
+    predictions = [Prediction("base", report.base_prediction)]
+    if model.effects:
+        predictions.append(Prediction(newest.label, model.fit.prediction))
+    readings = model.forward.readings
+    view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
+    best = min(rungs, key=lambda rung: rung.error_percent)
+    verdict = f"{newest.label}: error {newest.error_percent:.3g} %, noise floor {floor:.3g} %."
+    if len(rungs) > 1 and best is not newest:
+        verdict += f" The lowest so far is {best.error_percent:.3g} %, {best.label}."
+    adequate = report.statistics.adequacy_p
+    lead = [
+        f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
+        f"Is anything missing beside the newest? p = {adequate:.2g}; small means yes.",
+    ]
+    draw, where = (measured_figure, place_map) if view.is_scattered else (data_figure, residual_map)
+    seen = [
+        page_figure(
+            draw(view), "data", "Readings, the base model and the newest rung.",
+            "Readings and models", draw(view, narrow=True),
+        )
+    ]  # fmt: skip
+    if view.scan_axis != "z_m" or view.is_scattered:
+        seen.append(
+            page_figure(
+                where(view), "residuals", "Red: brighter than the model, blue: darker.",
+                "Residuals by position", None if view.is_grid else where(view, narrow=True),
+            )
+        )  # fmt: skip
+    parameters = [
+        [path, f"{e.value:.5g}", "–" if e.stderr is None else f"{e.stderr:.2g}", e.unit, e.reason or ""]
+        for path, e in report.estimates.items()
+    ]
+    sections = [
+        Section(
+            "The error, rung by rung",
+            figures=[
+                page_figure(
+                    ladder_figure(rungs, floor), "ladder",
+                    "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+                    "Error of each rung against the noise floor", ladder_figure(rungs, floor, narrow=True),
+                )
+            ],
+            tables=[
+                Table(
+                    "Every comparison stored in this folder.",
+                    ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
+                    [
+                        [rung.label, f"{rung.error_percent:.3g}", f"{rung.chi2_per_dof:.3g}",
+                         "–" if rung.held_out_percent is None else f"{rung.held_out_percent:.3g}", rung.scene]
+                        for rung in rungs
+                    ],
+                )
+            ],
+        ),
+        Section("Readings and model", figures=seen),
+        Section(
+            "What was fitted",
+            tables=[Table("The newest rung.", ("parameter", "value", "error", "unit", "note"), parameters)],
+        ),
+    ]  # fmt: skip
+    return study_page(title, verdict, lead, sections, model.scene.to_toml())
+
+
+def _rung(entry: Mapping[str, Any]) -> Rung:
+    """A rung from the ledger, whose older entries lack what newer ones say."""
+    held = entry.get("held_out_percent")
+    known = isinstance(held, int | float) and math.isfinite(held)
+    return Rung(
+        label=str(entry.get("label", "?")),
+        effects=list(entry.get("effects", [])),
+        error_percent=float(entry.get("error_percent", math.nan)),
+        chi2_per_dof=float(entry.get("chi2_per_dof", math.nan)),
+        held_out_percent=float(held) if known and held is not None else None,
+        parameters={},
+        scene=str(entry.get("scene", "")),
+        removed_percent=None,
+        rendered_error_percent=None,
+        rendered_stderr_percent=None,
+    )

@@ -1,0 +1,126 @@
+"""Figures of how a diagnosis ends: the ladder of models and their errors, and what can be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from lightfield.diagnosis.verdict.parts import Rung
+from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, plain
+from lightfield.report.diagnosis.view import Separation
+from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
+
+SAME_CLASS_SIGMA, SURE_SIGMA = 3.0, 6.0
+
+
+def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bool = False) -> Figure:
+    """Error of every rung falling towards the noise floor; the last rung rendered afresh."""
+    at = np.arange(len(ladder))
+    error = np.array([rung.error_percent for rung in ladder], float)
+    held_out = np.array([np.nan if r.held_out_percent is None else r.held_out_percent for r in ladder])
+    texts = [f"{value:.2g} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error]
+    error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
+    wide = NARROW if narrow else max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder)))
+    with figure(wide, 3.2) as fig:
+        axis = fig.subplots()
+        axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
+        axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
+        axis.annotate(
+            f"noise floor {noise_floor_percent:.2g} %",
+            (0, noise_floor_percent),
+            (5, 4),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            color=GOOD,
+            fontsize=9.5,
+        )
+        axis.plot(at, error, color=RENDER, marker="o", markersize=7, label="error of the fit")
+        if np.isfinite(held_out).any():
+            axis.plot(
+                at,
+                held_out,
+                "D",
+                color=MUTED,
+                mfc="none",
+                markersize=6,
+                label="each plane predicted from the others",
+            )
+        for x, value, text in zip(at, error, texts, strict=True):
+            axis.annotate(
+                text,
+                (float(x), float(value)),
+                (8, 5),
+                textcoords="offset points",
+                fontsize=10,
+                weight="bold",
+            )
+        for x, rung in zip(at, ladder, strict=True):
+            if rung.rendered_error_percent is not None:
+                axis.errorbar(
+                    [x],
+                    [rung.rendered_error_percent],
+                    [rung.rendered_stderr_percent or 0.0],
+                    fmt="*",
+                    color=FORMULA,
+                    markersize=12,
+                    label="rendered afresh",
+                )
+        everything = np.concatenate([error, held_out[np.isfinite(held_out)], [noise_floor_percent]])
+        if everything.max() > 8 * max(everything.min(), 1e-6):
+            axis.set_yscale("log")
+            axis.set_ylim(0.6 * everything.min(), 1.9 * everything.max())
+            plain_log_axis(axis.yaxis)
+        else:
+            axis.set_ylim(0, 1.18 * everything.max())
+        names = [_wrapped(rung.label) for rung in ladder]
+        if narrow and len(ladder) > MOST_NARROW:
+            axis.set_xticks(at, names, rotation=60, ha="right", rotation_mode="anchor")
+        else:
+            axis.set_xticks(at, names)
+        axis.set_xlim(-0.4, len(ladder) - 0.4)
+        axis.grid(False, axis="x")
+        axis.set_ylabel("rms error (%)")
+        handles, names = axis.get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside lower left", ncols=2 if len(ladder) > 1 and not narrow else 1)
+    return fig
+
+
+def separation_figure(separation: Separation) -> Figure:
+    """How far the explanations are apart; under three sigma they cannot be told apart."""
+    k = len(separation.names)
+    with figure(min(WIDTH, 2.6 + 0.85 * k), 1.5 + 0.42 * k) as fig:
+        axis = fig.subplots()
+        for j in range(k):
+            for i in range(k):
+                if i == j:
+                    continue
+                value = float(separation.sigma[j, i])
+                text = ">99" if value > 99 else f"{value:.0f}" if value >= 10 else f"{value:.1f}"
+                colour, alpha, weight = (
+                    (FORMULA, 0.45, "bold")
+                    if value < SAME_CLASS_SIGMA
+                    else (SERIES[4], 0.28, "normal")
+                    if value < SURE_SIGMA
+                    else (GOOD, 0.16, "normal")
+                )
+                cell = Rectangle((i - 0.48, j - 0.46), 0.96, 0.92, facecolor=colour, alpha=alpha, linewidth=0)
+                axis.add_patch(cell)
+                axis.text(i, j, text, ha="center", va="center", fontsize=10, weight=weight)
+        axis.set_xlim(-0.55, k - 0.45)
+        axis.set_ylim(k - 0.45, -0.55)
+        names = [_wrapped(name) for name in separation.names]
+        axis.set_xticks(range(k), names, rotation=30, ha="right", rotation_mode="anchor")
+        axis.set_yticks(range(k), names)
+        axis.grid(False)
+        for side in ("left", "bottom"):
+            axis.spines[side].set_visible(False)
+        axis.tick_params(length=0)
+        label(axis, "imitated by", "true", "")
+    return fig
+
+
+def _wrapped(text: str) -> str:
+    return plain(text).replace(" + ", "\n+ ")

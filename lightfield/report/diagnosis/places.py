@@ -1,0 +1,63 @@
+"""Figures of readings at single places, which make no scans: measured against model, and the misfit."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lightfield.report.diagnosis.figures import MOST_DECADES, NARROW, RED_BLUE, short, steps
+from lightfield.report.diagnosis.view import ReadingsView
+from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label
+
+
+def measured_figure(view: ReadingsView, narrow: bool = False) -> Figure:
+    """Readings at single places against what base model and explanation predict there; both logarithmic."""
+    readings, kept = view.readings, ~view.readings.left_out
+    shown = steps(view)
+    unit = float(np.nanmax(np.abs(readings.value))) or 1.0
+    least = [np.abs(readings.value[kept]), *(np.abs(view.predictions[k].value[kept]) for k, _ in shown)]
+    low = max(min(float(np.nanmin(v[v > 0], initial=unit)) for v in least) / unit, MOST_DECADES)
+    size = (NARROW, 1.0 + 3.6 * len(shown)) if narrow else (4.9 * len(shown), 4.6)
+    with figure(*size) as fig:
+        grid = (len(shown), 1) if narrow else (1, len(shown))
+        for axis, (step, name) in zip(fig.subplots(*grid, squeeze=False).ravel(), shown, strict=True):
+            colour = RENDER if step else FORMULA
+            axis.plot([low / 2, 2], [low / 2, 2], color=MUTED, linewidth=1, label="measured = model")
+            axis.errorbar(
+                view.predictions[step].value[kept] / unit, readings.value[kept] / unit,
+                readings.sigma[kept] / unit, fmt="o", color=colour, markersize=3.4, linewidth=0.8,
+                label="readings with their errors",
+            )  # fmt: skip
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.set_xlim(low / 2, 2)
+            axis.set_ylim(low / 2, 2)
+            label(axis, "model / largest reading", "", short(name))
+        fig.axes[0].set_ylabel("measured / largest reading")
+        handles, names = fig.axes[0].get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else 2)
+    return fig
+
+
+def place_map(view: ReadingsView, narrow: bool = False) -> Figure:
+    """Where the misfit of single places lives: distance from the axis over distance along it."""
+    readings, shown = view.readings, steps(view)
+    first = view.residual_sigma(0)[~readings.left_out]
+    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
+    size = (NARROW, 0.8 + 2.4 * len(shown)) if narrow else (WIDTH, 3.4)
+    with figure(*size) as fig:
+        grid = (len(shown), 1) if narrow else (1, len(shown))
+        axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
+        for axis, (step, name) in zip(axes, shown, strict=True):
+            residual = view.residual_sigma(step)
+            dots = axis.scatter(
+                readings.z_m, np.hypot(readings.x_m, readings.y_m), c=residual, cmap=RED_BLUE,
+                vmin=-scale, vmax=scale, s=np.where(readings.left_out, 8, 34), edgecolors=MUTED,
+                linewidths=0.4,
+            )  # fmt: skip
+            rms = float(np.sqrt(np.nanmean(residual[~readings.left_out] ** 2)))
+            label(axis, "z (m)", "r (m), from the axis", f"{short(name)}: rms {rms:.1f} σ")
+            axis.margins(0.06, 0.12)
+        bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
+        bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+    return fig
