@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
@@ -160,6 +161,20 @@ def test_a_curve_is_found_where_no_name_will_do() -> None:
     (form,) = [c.form.name for c in found.best.explanation if c.name == "profile"]
     assert form == "4 terms"
     assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
+
+
+@pytest.mark.parametrize(("spare", "level"), [(3, "one of"), (4, "certain")])
+def test_a_curve_that_little_could_contradict_is_no_claim(spare: int, level: str) -> None:
+    """Four terms that fit where three more would follow any readings: that they do says nothing."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0, dusk=3.0)
+    every = tuple(replace(c, spare=spare) if c.name == "profile" else c for c in problem.candidates)
+    problem = replace(problem, candidates=every)
+    pool = pool_of(made, problem)
+    whole = [c for c in every if c.form.name == "4 terms" or c.name == "dusk"]
+    node = pool.fit(whole, [Begin({})])
+    found = {e.candidate.name: e.level for e in evidence(pool, node, adequate=True)}
+    assert found == {"profile": level, "dusk": "certain"}
 
 
 def test_a_curve_is_made_longer_from_where_it_lies() -> None:
