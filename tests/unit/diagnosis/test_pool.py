@@ -90,6 +90,24 @@ def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
         assert one.gap == pytest.approx(rival - costs[found.best.names], abs=0.3)
 
 
+def test_light_that_is_traced_where_the_best_set_lies_needs_no_excuse(monkeypatch) -> None:
+    """Light of a first trace is off by a part of another effect, which is found beside it; traced anew not."""
+    made = toy()
+    columns = more_waves(layout())
+    wrong = toy(odd=columns["odd"] - 0.15 * columns["braid"])
+    value = made.drawn(np.random.default_rng(1), odd=20.0, dusk=-2.5).value
+    problem = wrong.with_value(value)
+    assert many(wrong, problem).best.names == {"odd", "dusk", "braid"}
+
+    def following(problem, fit, seed: int):
+        return replace(problem, forward=made.problem.forward)
+
+    for name, own in (("can_follow", lambda *_: True), ("following", following)):
+        monkeypatch.setattr(pooled, name, own)
+    monkeypatch.setattr(pooled, "scatters", lambda _, fit: "toy.odd" in fit.paths)
+    assert many(wrong, problem).best.names == {"odd", "dusk"}
+
+
 def test_nothing_is_found_where_nothing_is() -> None:
     """Twenty sets: none is named with the chance of 0.01 each (five sigma would be three)."""
     made, rng = toy(), np.random.default_rng(3)
