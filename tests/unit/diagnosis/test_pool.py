@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
@@ -90,6 +91,24 @@ def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
         assert one.gap == pytest.approx(rival - costs[found.best.names], abs=0.3)
 
 
+def test_light_that_is_traced_where_the_best_set_lies_needs_no_excuse(monkeypatch) -> None:
+    """Light of a first trace is off by a part of another effect, which is found beside it; traced anew not."""
+    made = toy()
+    columns = more_waves(layout())
+    wrong = toy(odd=columns["odd"] - 0.15 * columns["braid"])
+    value = made.drawn(np.random.default_rng(1), odd=20.0, dusk=-2.5).value
+    problem = wrong.with_value(value)
+    assert many(wrong, problem).best.names == {"odd", "dusk", "braid"}
+
+    def following(problem, fit, seed: int):
+        return replace(problem, forward=made.problem.forward)
+
+    for name, own in (("can_follow", lambda *_: True), ("following", following)):
+        monkeypatch.setattr(pooled, name, own)
+    monkeypatch.setattr(pooled, "scatters", lambda _, fit: "toy.odd" in fit.paths)
+    assert many(wrong, problem).best.names == {"odd", "dusk"}
+
+
 def test_nothing_is_found_where_nothing_is() -> None:
     """Twenty sets: none is named with the chance of 0.01 each (five sigma would be three)."""
     made, rng = toy(), np.random.default_rng(3)
@@ -161,6 +180,20 @@ def test_a_curve_is_found_where_no_name_will_do() -> None:
     (form,) = [c.form.name for c in found.best.explanation if c.name == "profile"]
     assert form == "4 terms"
     assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
+
+
+@pytest.mark.parametrize(("spare", "level"), [(3, "one of"), (4, "certain")])
+def test_a_curve_that_little_could_contradict_is_no_claim(spare: int, level: str) -> None:
+    """Four terms that fit where three more would follow any readings: that they do says nothing."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0, dusk=3.0)
+    every = tuple(replace(c, spare=spare) if c.name == "profile" else c for c in problem.candidates)
+    problem = replace(problem, candidates=every)
+    pool = pool_of(made, problem)
+    whole = [c for c in every if c.form.name == "4 terms" or c.name == "dusk"]
+    node = pool.fit(whole, [Begin({})])
+    found = {e.candidate.name: e.level for e in evidence(pool, node, adequate=True)}
+    assert found == {"profile": level, "dusk": "certain"}
 
 
 def test_a_curve_is_made_longer_from_where_it_lies() -> None:

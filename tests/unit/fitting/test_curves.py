@@ -241,6 +241,9 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in effects.curves()}
     # Five distances tell of three functions beside gain and absorption.
     assert sizes == {"beam_profile": [2, 4, 7, 11], "attenuation_profile": [2, 3], "lamp_power_curve": [3, 6]}
+    # Of these two leave one distance over, that could contradict them; and three none.
+    spare = [c.spare for c in found.curves if c.name == "attenuation_profile"]
+    assert spare == [1, 0]
     for curve in effects.curves().values():
         for name, effect in effects.table().items():
             together = name not in curve.contains
