@@ -28,6 +28,9 @@ SCENE = Scene.from_dict(
 )
 
 
+OPEN_WATER = Scene.from_dict({**SCENE.to_dict(), "tank": None})
+
+
 @pytest.fixture(scope="module")
 def response() -> DiffuseResponse:
     """Traced once: four values of g, a lid and a water surface."""
@@ -94,6 +97,21 @@ def test_dense_water(denser: DiffuseResponse, b: float) -> None:
     mean, stderr = fresh(scene)
     assert chi_square_p((value - mean) / np.hypot(error, stderr)) > 0.001
     assert (np.hypot(error, stderr) < 0.15 * mean).all()
+
+
+def test_slopes_of_fournier_and_forand() -> None:
+    """Between the traced slopes, as fresh traces within the stated errors and 1 %."""
+    phase = {"type": "fournier-forand", "n": 1.1, "mu": 3.5835}
+    water = {"absorption_per_m": 0.08, "scattering_per_m": 0.15, "phase": phase}
+    scene = Scene.from_dict({**OPEN_WATER.to_dict(), "water": water})
+    response = response_for(scene, *PLACES.T, photons=300_000, cache=False)
+    for mu in (3.4, 3.9):
+        asked = scene.with_values({"water.phase.mu": mu})
+        value, error = response.evaluate(asked)
+        mean, stderr = fresh(asked)
+        stated = np.sqrt(error**2 + stderr**2 + (0.01 * mean) ** 2)
+        assert chi_square_p((value - mean) / stated) > 0.001
+        assert (stated < 0.1 * mean).all()
 
 
 BRIGHT = Scene.from_dict(
@@ -196,9 +214,6 @@ OTHERS: dict[str, dict[str, Any]] = {
     "much scattering": {"water.scattering_per_m": 0.5},
     "tilted": {"lamp.tilt_x_deg": 2.0},
 }
-
-
-OPEN_WATER = Scene.from_dict({**SCENE.to_dict(), "tank": None})
 
 
 @pytest.fixture(scope="module")

@@ -229,6 +229,13 @@ def _different_curves(forms: Iterable[Candidate], told: Mapping[str, int]) -> li
     ]  # fmt: skip
 
 
+def _shaped(forms: list[Candidate]) -> list[Candidate]:
+    """Without forms whose shapes the scene does not know: those of other phase functions; but one of them."""
+    lacking = [f for f in forms if f.form.shapes and not f.shapes]
+    rest = [f for f in forms if f.shapes or not f.form.shapes]
+    return rest or lacking[:1]
+
+
 def candidates(
     setting: Setting, effects: Iterable[Effect], base: Iterable[str], without_diffuse: str | None = None
 ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
@@ -257,7 +264,7 @@ def candidates(
         forms = [
             f for f in (_resolve(effect, form, setting, known) for form in effect.forms) if f is not None
         ]
-        forms = [f for f in forms if not taken & {p.path for p in f.amplitudes}]
+        forms = _shaped([f for f in forms if not taken & {p.path for p in f.amplitudes}])
         if effect.is_free_form:
             forms = _different_curves(forms, setting.told)
             if not forms:

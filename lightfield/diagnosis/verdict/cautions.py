@@ -59,6 +59,7 @@ def cautions(
             out.append(
                 "b and g are those of a Henyey-Greenstein phase function; where the water's own is more "
                 "peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up "
-                "to four times after Fournier and Forand): put it into the scene if b itself matters"
+                "to four times after Fournier and Forand): put it into the scene if b itself matters "
+                '(of "fournier-forand" the slope mu is fitted with b)'
             )
     return out

@@ -1,10 +1,10 @@
 """Effects of the water: what it scatters, how it changes along the tank and in time, and its colour.
 
-Scattering follows the phase function of Henyey and Greenstein (1941), `scene/water/phase/`, and is traced by
-`render/diffuse`. Attenuation along a ray is in `formula/path.py`, its change in time in
-`scene/water/ageing.py`. What is in the water, with sources, is in `scene/water/constituents.py`: chlorophyll
-after Bricaud et al. (1998) and Loisel and Morel (1998), dissolved matter after Bricaud, Morel and Prieur
-(1981), mineral particles after Gege (2021) and Babin et al. (2003).
+Scattering follows the phase function of Henyey and Greenstein (1941), or that of Fournier and Forand (1994)
+in a scene that states it, `scene/water/phase/`, and is traced by `render/diffuse`. Attenuation along a ray is
+in `formula/path.py`, its change in time in `scene/water/ageing.py`. What is in the water, with sources, is in
+`scene/water/constituents.py`: chlorophyll after Bricaud et al. (1998) and Loisel and Morel (1998), dissolved
+matter after Bricaud, Morel and Prieur (1981), mineral particles after Gege (2021) and Babin et al. (2003).
 """
 
 from __future__ import annotations
@@ -21,6 +21,13 @@ EFFECTS = (
                 (Free("water.scattering_per_m", 0.0, 2.0, 0.02),),
                 # Traced from 0.75 to 0.97; extrapolated light is 3 % off at 0.98.
                 (Free("water.phase.g", 0.7, 0.98, 0.02, grid=(0.924, 0.8, 0.97)),),
+            ),
+            # In a scene that has this phase function: its index as stated, its slope free.
+            Form(
+                "Fournier-Forand",
+                (Free("water.scattering_per_m", 0.0, 4.0, 0.02),),
+                # Traced from 3.3 to 4.1, `render.diffuse.between_g`.
+                (Free("water.phase.mu", 3.25, 4.15, 0.05, grid=(3.5835, 3.35, 3.9)),),
             ),
         ),
         "Particles turn light out of the beam and some of it back onto the detector.",

@@ -1,4 +1,5 @@
-"""Light at one asymmetry parameter g from that at a few others, which were traced apart.
+"""Light at one asymmetry parameter g from that at a few others, which were traced apart; or at one slope mu
+of Fournier and Forand's function.
 
 A fit would take the difference of their noise for that of g. But the light at one g over that at another
 varies slowly from cell to cell: smoothed ratios, times the mean of all nodes, have a noise that hardly
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -20,6 +21,37 @@ from lightfield.render.reflected.light import lagrange
 from lightfield.scene import Scene
 
 
+class Shape(NamedTuple):
+    """The number that shapes a phase function and is free in a fit.
+
+    Parameters
+    ----------
+    path : str
+    usual : float
+        Its value in a stored trace.
+    nodes : tuple of float
+        Where light is traced, ascending.
+    low, high : float
+        How far beyond the first and the last node light is asked for.
+    is_g : bool
+        Interpolated in log(1 - g), others as they are.
+    """
+
+    path: str
+    usual: float
+    nodes: tuple[float, ...]
+    low: float
+    high: float
+    is_g: bool = False
+
+
+#: By type of phase function.
+SHAPES = {
+    "henyey-greenstein": Shape("water.phase.g", 0.924, (0.75, 0.87, 0.924, 0.97), -0.1, 0.02, True),
+    "fournier-forand": Shape("water.phase.mu", 3.5835, (3.3, 3.5, 3.75, 4.1), -0.1, 0.1),
+}
+
+
 @dataclass(frozen=True)
 class BetweenG:
     """Interpolation of light over the traced nodes of g.
@@ -27,36 +59,40 @@ class BetweenG:
     Parameters
     ----------
     nodes : tuple of float
-        Ascending; empty when the phase function has no g (one trace then).
+        Ascending; empty when nothing shapes the phase function (one trace then).
     part : array, shape (n_nodes,)
         Of the photons that each was traced with.
     smoother : sparse array, shape (n_cells, n_cells)
         For ratios of the light at one g and another.
+    shape : Shape
+        What the nodes are of.
     """
 
     nodes: tuple[float, ...]
     part: Array
     smoother: csr_array
+    shape: Shape = SHAPES["henyey-greenstein"]
 
     def shares(self, scene: Scene) -> Array:
-        """Lagrange interpolation in log(1 - g) over the nodes, shape (n_nodes,).
+        """Lagrange interpolation over the nodes, shape (n_nodes,).
 
         Raises
         ------
         RenderError
-            The scene's g is outside the traced range.
+            The scene's value is outside the traced range.
         """
         if len(self.nodes) < 2:
             return np.ones(1)
-        g = float(scene.get("water.phase.g"))
-        if not self.nodes[0] - 0.1 <= g <= 0.99:
+        shape, value = self.shape, float(scene.get(self.shape.path))
+        low, high = self.nodes[0] + shape.low, self.nodes[-1] + shape.high
+        if not low <= value <= high:
             raise RenderError(
-                "g is outside the traced range",
-                where="water.phase.g",
-                found=g,
-                rule=f"{self.nodes[0] - 0.1:.2f} to 0.99",
+                f"{shape.path.rpartition('.')[2]} is outside the traced range",
+                where=shape.path,
+                found=value,
+                rule=f"{low:.2f} to {high:.2f}",
             )
-        return _interpolation(self.nodes, g)
+        return _interpolation(self.nodes, value, shape.is_g)
 
     def light(self, found: Array, shares: Array, errors: bool) -> tuple[Array, list[list[Any]]]:
         """Light at one g from that at the nodes.
@@ -96,5 +132,7 @@ class BetweenG:
 
 
 @lru_cache(maxsize=64)
-def _interpolation(nodes: tuple[float, ...], g: float) -> Array:
-    return lagrange(np.log1p(-np.array(nodes)).tolist(), float(np.log1p(-g)))
+def _interpolation(nodes: tuple[float, ...], value: float, is_g: bool) -> Array:
+    at = np.array([*nodes, value])
+    *traced, asked = (np.log1p(-at) if is_g else at).tolist()
+    return lagrange(traced, asked)

@@ -15,7 +15,7 @@ from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.bending import surrounded
-from lightfield.render.diffuse.between_g import BetweenG
+from lightfield.render.diffuse.between_g import SHAPES, BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
 from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
@@ -49,7 +49,6 @@ SENT_PER_M = 0.16
 #: widens what is seen of a beam (to 1.4 of its width at b = 0.2 per m, 1.8 at 1.1). Sent at 0.5 to 0.9 of a
 #: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
 SENT_WIDTH = 0.55
-G_NODES = (0.75, 0.87, 0.924, 0.97)
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace.
@@ -74,7 +73,7 @@ def response_for(
     photons: int = PHOTONS,
     share: float = 1.0,
     dense_per_m: float | None = None,
-    g_nodes: Sequence[float] = G_NODES,
+    g_nodes: Sequence[float] | None = None,
     seed: int = 0,
     cache: bool = True,
 ) -> DiffuseResponse:
@@ -91,8 +90,8 @@ def response_for(
         Part of them that is sent out.
     dense_per_m : float, optional, m^-1
         Trace in water that scatters so much, for `DiffuseResponse.with_denser`.
-    g_nodes : sequence of float
-        Ascending; used when the phase function is Henyey-Greenstein.
+    g_nodes : sequence of float, optional
+        Of what shapes the phase function, in place of those of `between_g.SHAPES`.
     seed : int
     cache : bool
 
@@ -114,8 +113,8 @@ def response_for(
             remedy="render the scene instead",
         )
     places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
-    has_g = scene.water.phase.type == "henyey-greenstein"
-    nodes = tuple(sorted(g_nodes)) if has_g else ()
+    shape = SHAPES.get(scene.water.phase.type)
+    nodes = () if shape is None else shape.nodes if g_nodes is None else tuple(sorted(g_nodes))
     open_top = scene.surface_reflects
     reflected = ReflectedLight(scene, *places) if applies(scene) else None
     known = NEVER_SCATTERED if reflected is not None else ()
@@ -213,7 +212,8 @@ def _light(
         beams = BeamTallies(list(stored["tallies"]), histories, beam_nodes, sent, z, images, walls)
         return Traced(beams, stored["relative_stderr"] * images.error, rows)
 
-    between = BetweenG(nodes, sent_to / sent_to.sum(), ratios)
+    shape = SHAPES.get(scene.water.phase.type, SHAPES["henyey-greenstein"])
+    between = BetweenG(nodes, sent_to / sent_to.sum(), ratios, shape)
     return TracedLight(functools.cache(tell), tuple(needed), reference, between)
 
 
@@ -231,8 +231,9 @@ def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     values: dict[str, Any] = {}
     if scene.tank:
         values |= {"tank.surface_reflectance": float(surface)}
-    if scene.water.phase.type == "henyey-greenstein":
-        values["water.phase.g"] = 0.924
+    shape = SHAPES.get(scene.water.phase.type)
+    if shape is not None:
+        values[shape.path] = shape.usual
     plain = without(scene, Acts.LAYERS).model_copy(update={"lamp": lamp})
     return plain.with_values(values, validate=False)
 
@@ -253,7 +254,8 @@ def _trace(
 
     tallies, errors = [], []
     for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
-        one = scene if g is None else scene.with_values({"water.phase.g": g}, validate=False)
+        path = SHAPES[scene.water.phase.type].path if g is not None else ""
+        one = scene if g is None else scene.with_values({path: g}, validate=False)
         tally, stderr, histories, excess, density = trace_by_direction(
             one, grid, reference, beam_nodes, sent, seed, images
         )
