@@ -67,7 +67,8 @@ class SceneForward:
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
         air = np.asarray(readings.medium) == "air"
         spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
-        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time)
+        overlap = analytic.halves(spectrum, readings.wavelength_nm)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
