@@ -22,6 +22,7 @@ from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
+from lightfield.diagnosis.verdict.found.left import ranked
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
@@ -200,7 +201,9 @@ class Diagnosis:
                 temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
         if verdict.verdict == "unexplained":
             with atomic_path(target / HYPOTHESES) as temporary:
-                temporary.write_text(as_file(local_unknowns(self.readings)), encoding="utf-8")
+                temporary.write_text(
+                    as_file(ranked(local_unknowns(self.readings), verdict.left_over)), encoding="utf-8"
+                )
         with atomic_path(target / "verdict.json") as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)

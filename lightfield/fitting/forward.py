@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -22,6 +22,7 @@ from lightfield.scene.all_parameters import paths_on
 from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.listed import OWN
+from lightfield.scene.own.effect import OwnEffect
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
@@ -66,7 +67,8 @@ class SceneForward:
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
         air = np.asarray(readings.medium) == "air"
         spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
-        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time)
+        overlap = analytic.halves(spectrum, readings.wavelength_nm)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -129,6 +131,12 @@ class SceneForward:
         """A copy with other scattered and reflected light at the readings."""
         light = replace(self.light, followed=diffuse)
         return SceneForward(self.scene, self.readings, full=self._full, light=light)
+
+    def with_effects(self, more: Iterable[OwnEffect]) -> SceneForward:
+        """A copy whose scene has effects of the user's own more; scattered light does not follow them."""
+        scene = self.scene.model_copy(update={"effect": (*self.scene.effect, *more)})
+        light = replace(self.light, scene=scene)
+        return SceneForward(scene, self.readings, full=self._full, light=light)
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""

@@ -36,6 +36,32 @@ def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
+class Halves:
+    """Readings of half the wavelength in the same spectrum, by linear interpolation.
+
+    Parameters
+    ----------
+    rows : array of int, shape (m,)
+        Readings at twice the wavelength of others.
+    below, above : array of int, shape (m,)
+        Readings between which half their wavelength lies.
+    weight : array, shape (m,)
+        Of the one above.
+    """
+
+    rows: NDArray[np.int_]
+    below: NDArray[np.int_]
+    above: NDArray[np.int_]
+    weight: Array
+
+    def of(self, signal: Array) -> Array:
+        """The signal at half the wavelength; 0 where none is read, shape (n,)."""
+        out = np.zeros_like(signal)
+        out[self.rows] = (1 - self.weight) * signal[self.below] + self.weight * signal[self.above]
+        return out
+
+
+@dataclass(frozen=True)
 class Taken:
     """How readings were taken, beside where.
 
@@ -47,11 +73,14 @@ class Taken:
         Number of the spectrum that each reading is of, see `spectra`; absent, each is read by itself.
     time_s : array, s, optional
         NaN (unknown) counts as 0, as if absent.
+    halves : Halves, optional
+        Where readings of half the wavelength are; absent, or no overlap, there is no second order.
     """
 
     in_air: ArrayLike | None = None
     spectrum: NDArray[np.int_] | None = None
     time_s: ArrayLike | None = None
+    halves: Halves | None = None
 
 
 def ambient(scene: Scene, time_s: ArrayLike | None = None) -> Array | float:
@@ -97,12 +126,44 @@ def spectra(*columns: ArrayLike) -> NDArray[np.int_] | None:
     return number.ravel() if size.max(initial=0) > 1 else None
 
 
+def halves(spectrum: NDArray[np.int_] | None, wavelength_nm: ArrayLike | None) -> Halves | None:
+    """Where in each spectrum half the wavelength of a reading lies; None where no two overlap so.
+
+    Parameters
+    ----------
+    spectrum : array of int, shape (n,), optional
+        As `spectra` numbers them.
+    wavelength_nm : array, nm, shape (n,), optional
+    """
+    if spectrum is None or wavelength_nm is None:
+        return None
+    wave = np.asarray(wavelength_nm, dtype=float)
+    known = np.flatnonzero(np.isfinite(wave))
+    order = known[np.lexsort((wave[known], spectrum[known]))]
+    # One rising number for spectrum and wavelength: apart by more than any wavelength.
+    apart = 4.0 * float(wave[known].max(initial=1.0))
+    keys = spectrum[order] * apart + wave[order]
+    wanted = spectrum[order] * apart + 0.5 * wave[order]
+    at = np.searchsorted(keys, wanted)
+    exact = keys[np.minimum(at, len(keys) - 1)] == wanted
+    low = np.where(exact, at, at - 1)
+    there = (low >= 0) & (spectrum[order[np.maximum(low, 0)]] == spectrum[order])
+    if not there.any():
+        return None
+    rows, low, high = order[there], order[low[there]], order[at[there]]
+    gap = wave[high] - wave[low]
+    part = np.divide(0.5 * wave[rows] - wave[low], gap, out=np.zeros(len(rows)), where=gap > 0)
+    return Halves(rows, low, high, part)
+
+
 _AS_USUAL = Taken()
 
 
 def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: Taken = _AS_USUAL) -> Array:
-    """What the instrument shows: less of light in water, stray light, background added, then saturation.
+    """What an instrument shows: immersion, second order, stray light, background added, then saturation.
 
+    A grating sends half a wavelength, in its second order, to where it sends the wavelength in its first
+    (Palmer and Loewen 2005, Diffraction Grating Handbook, section 2.2): x(l) becomes x(l) + f x(l / 2).
     Stray light is light of other wavelengths inside a spectrometer: x_i becomes (1 - s) x_i + s mean(x), the
     same everywhere in the spectrum (Zong et al. 2006, Appl. Opt. 45, 1111, doi:10.1364/AO.45.001111, measure
     the whole matrix). With s = (signal + background) / full the reading is full s / (1 + k s) (saturation)
@@ -111,7 +172,8 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     Parameters
     ----------
     scene : Scene
-        detector.immersion_factor, stray_light, background and its drift, saturation, saturation_quadratic.
+        detector.immersion_factor, second_order, stray_light, background and its drift, saturation,
+        saturation_quadratic.
     signal : array
         Gain x light, in units of readings in air.
     full : float, optional
@@ -122,6 +184,8 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     reading = np.asarray(signal, dtype=float)
     if detector.immersion_factor != 1.0:
         reading = reading * immersed(scene, taken.in_air)
+    if detector.second_order and taken.halves is not None:
+        reading = reading + detector.second_order * taken.halves.of(reading)
     if detector.stray_light and taken.spectrum is not None:
         mean = np.bincount(taken.spectrum, reading) / np.bincount(taken.spectrum)
         reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)

@@ -87,6 +87,15 @@ class Detector(Part):
         high=50.0,
         neutral=0.0,
     )
+    second_order: float = number(
+        0.0,
+        "1",
+        "part of the signal at half the wavelength that is read with it, where both are in one spectrum",
+        Acts.READOUT,
+        low=0.0,
+        high=1.0,
+        neutral=0.0,
+    )
     stray_light: float = number(
         0.0,
         "1",

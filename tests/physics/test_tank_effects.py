@@ -199,6 +199,37 @@ def test_stray_light_is_a_part_of_the_mean_over_a_spectrum() -> None:
     assert read == pytest.approx(np.array([0.2490625, 0.0634375, 0.0625]) + 0.001, rel=1e-12)
 
 
+def test_second_order_is_a_part_of_what_half_the_wavelength_reads() -> None:
+    """2 % of 410 nm, half way between 400 and 420 nm, is read at 820 nm; nothing at 780 nm, whose half is not
+    read, nor in the spectrum at another place."""
+    scene = Scene.from_dict({"detector": {"second_order": 0.02, "background": 0.001}})
+    wavelength = np.array([820.0, 400.0, 420.0, 780.0, 820.0, 600.0])
+    where = {"z_m": np.array([2.0, 2.0, 2.0, 2.0, 4.0, 4.0]), "wavelength_nm": wavelength}
+    read = predict(scene, places(**where), gain=np.array([0.1, 1.0, 0.5, 0.2, 0.1, 1.0]))
+    more = np.array([0.02 * (1.0 + 0.5) / 2, 0, 0, 0, 0, 0])
+    clear = np.array([0.1, 1.0, 0.5, 0.2, 0.1, 1.0]) + more
+    assert read == pytest.approx(clear / where["z_m"] ** 2 + 0.001, rel=1e-12)
+
+
+def test_second_order_is_found_where_wavelengths_overlap() -> None:
+    """Spectra into the infrared, which pure water takes within metres, while it lets violet light pass."""
+    colours = np.array([350.0, 365.0, 380.0, 500.0, 600.0, 650.0, 700.0, 730.0, 760.0])
+    bands = [[w - 5, w + 5] for w in colours.tolist()]
+    known = {"water": {"base": "pure"}, "lamp": {"hwhm_deg": 6.0}, "detector": {"bands_nm": bands}}
+    scene = Scene.from_dict(known)
+    truth = scene.with_values({"detector.second_order": 0.01})
+    grid = np.meshgrid(np.linspace(0.5, 2.5, 9), [-0.1, 0.0, 0.1], colours, indexing="ij")
+    z, x, colour = (v.ravel() for v in grid)
+    columns = {"x_m": x, "y_m": np.zeros_like(x), "z_m": z, "wavelength_nm": colour}
+    value = predict(truth, SimpleNamespace(**columns), gain=1.0)
+    stderr = np.hypot(0.004 * value, 1e-5 * value.max())
+    noise = stderr * np.random.default_rng(2).standard_normal(x.size)
+    table = Readings.from_arrays(**columns, value=value + noise, stderr=stderr)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert verdict.effects == ["second_order"]
+    found(verdict, {"detector.second_order": 0.01})
+
+
 def test_a_shifted_scale_reads_the_water_of_another_wavelength() -> None:
     """Pure water takes 0.0058 per m and nm more at 575 to 600 nm (Pope & Fry 1997: 0.0772 and 0.2224 per m):
     5 % per nm over 8.5 m. The stated bands stay what they are."""

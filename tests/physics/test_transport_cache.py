@@ -100,7 +100,7 @@ REWEIGHED: list[dict[str, Any]] = [
     {"water.hardening_per_m": 0.02}, {"water.chlorophyll_mg_per_m3": 1.0}, {"lamp.power_w": 10.0},
     {"lamp.temperature_k": 2800.0}, {"lamp.window_index": 1.34}, {"detector.bands_nm": ((400.0, 410.0),)},
     {"detector.background": 0.1}, {"detector.saturation": 0.1}, {"detector.immersion_factor": 1.3},
-    {"detector.stray_light": 0.1}, {"detector.wavelength_shift_nm": 2.0},
+    {"detector.stray_light": 0.1}, {"detector.second_order": 0.1}, {"detector.wavelength_shift_nm": 2.0},
     {"water.settling_per_m": 0.05}, {"water.drift_per_m_per_hour": 0.1},
 ]  # fmt: skip
 

@@ -43,6 +43,7 @@ REASONS: Mapping[str, str] = {
     "water": "no reading was taken in water",
     "air_and_water": "needs readings in air and in water",
     "spectral": "needs readings at three wavelengths or more",
+    "overlap": "no wavelength is twice another, or more",
     "absolute": "the readings are on a relative scale",
     "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
 }
@@ -89,6 +90,7 @@ class Setting:
             "water": bool((~layout.air).any()),
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
             "spectral": int(layout.channel.max()) >= 2,
+            "overlap": _overlaps(layout.wavelength_nm),
             # In fewer than three bands it is the bands that are missing, not the spectrum.
             "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
         }[need]
@@ -111,6 +113,12 @@ class Setting:
             "band": (self.band_nm, 0.0),
             "attenuation": (self.attenuation_per_m, 0.0),
         }[per]
+
+
+def _overlaps(wavelength_nm: Array) -> bool:
+    """Does half of some wavelength lie among the others?"""
+    known = wavelength_nm[np.isfinite(wavelength_nm)]
+    return bool(known.size and known.max() >= 2 * known.min())
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
+from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.records import found_effects
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
 from lightfield.diagnosis.verdict.parts import (
@@ -25,6 +26,7 @@ from lightfield.diagnosis.verdict.parts import (
     DetectionLimit,
     Estimate,
     Kind,
+    LeftOver,
     Misfit,
     NearestRival,
     NextMeasurement,
@@ -320,6 +322,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     rival: NearestRival | None = None
     advice: NextMeasurement | None = None
     misfit: Misfit | None = None
+    left: list[LeftOver] = []
     if best is not None:
         # Of more effects the gap to the best set without each says more, and takes no fits.
         many = finding.beyond_two
@@ -331,6 +334,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
             advice = _advice(found, best, other)
     elif kind == "unexplained" and not finding.withheld:
         misfit, advice = _unexplained(prepared, finding)
+        left = left_over(prepared, finding, found.readings, estimates) if advise else []
     aside = _set_aside(found)
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
@@ -359,6 +363,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         untestable=untestable,
         unexplained_coordinate=coordinate,
         misfit=misfit,
+        left_over=left,
         reason_to_doubt=doubt,
         ladder=_rungs(found, units),
         noise_floor_percent=float(100 * np.sqrt(np.mean(sigma**2))) if counted.any() else 0.0,

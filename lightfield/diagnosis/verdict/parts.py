@@ -201,6 +201,23 @@ class Misfit(Part):
     period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
 
 
+class LeftOver(Part):
+    """A local unknown beside what is known: where and how large the rest is that nothing explains."""
+
+    name: str
+    formula: str = Field(description="with its parameters by name")
+    stage: str = Field(description="where it acts, as for effects of the user's own")
+    coordinate: str = Field(description="along which its curve is told: x, y, time or angle")
+    beside: list[str] = Field(description="effects that are left beside it")
+    parameters: dict[str, Estimate]
+    removed_percent: float = Field(description="share of the misfit left by the best set that it removes")
+    error_percent: float = Field(description="error of the readings with it")
+    adequate: bool = Field(description="nothing is missing beside it")
+    at: list[float] = Field(description="along the coordinate, in m, degrees or minutes")
+    factor: list[float] = Field(description="what it makes of the light there, one where nothing")
+    stderr: list[float]
+
+
 class DoubtReason(_Word):
     """Why no effect can be named, and none ruled out."""
 

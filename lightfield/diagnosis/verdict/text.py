@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.diagnosis.verdict import aside_words, stated, words
+from lightfield.diagnosis.verdict.found import rest
 from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
 
@@ -20,6 +21,8 @@ def words_of(verdict: Verdict) -> words.Said:
     """Headline and what supports it."""
     why = verdict.reason_to_doubt
     told = _found(verdict) if why is None else words.Said.of(f"Unexplained: {words.doubt(why)}.")
+    if why is None and verdict.verdict == "unexplained":
+        told = told.then(rest.sentences(verdict.left_over, verdict.misfit))
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, verdict.several_wavelengths)
     return told.then(aside)
 

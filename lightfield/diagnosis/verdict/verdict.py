@@ -12,6 +12,7 @@ from lightfield.diagnosis.verdict.parts import (
     Doubt,
     FoundEffect,
     Kind,
+    LeftOver,
     Misfit,
     NearestRival,
     NextMeasurement,
@@ -38,6 +39,9 @@ class Verdict(Part):
     untestable: dict[str, str]
     unexplained_coordinate: str | None
     misfit: Misfit | None = Field(None, description="what is unexplained, and depends on one coordinate")
+    left_over: list[LeftOver] = Field(
+        default_factory=list, description="of an unexplained rest: local unknowns, the best first"
+    )
     reason_to_doubt: Doubt | None = Field(
         None, description="why nothing is named or ruled out whatever was found"
     )

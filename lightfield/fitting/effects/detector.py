@@ -103,6 +103,17 @@ EFFECTS = (
         needs=("spectral", "vary_z", "water"),
     ),
     Effect(
+        "second_order",
+        "additive signal",
+        (Form("of half the wavelength", (Free("detector.second_order", 0.0, 0.5, 0.005),)),),
+        "A grating sends light of half the wavelength to where it sends a wavelength: without a filter that "
+        "blocks it, part of the blue is read in the near infrared.",
+        "Where the water takes a wavelength most and half of it least, the decay flattens far away, towards "
+        "that of half the wavelength. At few overlapping wavelengths background and stray light do the same.",
+        "Hold a long-pass filter in the light: what it takes of wavelengths that it passes is second order.",
+        needs=("overlap", "vary_z", "water"),
+    ),
+    Effect(
         "wavelength_shift",
         "wavelength",
         (Form("shift", (Free("detector.wavelength_shift_nm", -5.0, 5.0, 0.2),)),),

@@ -31,6 +31,7 @@ Need = Literal[
     "water",
     "air_and_water",
     "spectral",
+    "overlap",
     "known_base",
     "off_axis",
     "absolute",

@@ -1,4 +1,4 @@
-"""Local unknowns: a dip across the beam, a step in time, a ripple over the angle, with three numbers each.
+"""Local unknowns: a dip across the beam, a plume, a step in time, a ripple over the angle; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better.
@@ -20,6 +20,8 @@ FAMILY = "local unknown"
 #: to the whole range of angles. Chosen.
 _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
 _SIZE, _TYPICAL = 0.9, 0.05
+#: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
+_EDGE_M = 0.1
 #: What takes so little of the time between two readings is sudden: shorter times are all alike.
 _SUDDEN = 0.02
 
@@ -62,6 +64,24 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             physics="All light changes from one level to another while the scan runs.",
             laboratory="Repeat a reference position every few minutes; ask what was switched then.",
         )
+    if (planes := np.unique(np.round(readings.z_m, 3))).size > 2:
+        near, far = float(planes[0]), float(planes[-2])
+        x = np.asarray(readings.x_m, float)
+        if (span := float(np.ptp(x))) > 2 * _NARROWEST_M / _WIDEST_PART:
+            yield OwnEffect(
+                name="plume",
+                family=FAMILY,
+                stage="path",
+                formula=f"1 - depth*exp(-((x*z0/z - x0)/width)**2)*(1 + tanh((z - z0)/{_EDGE_M:g}))/2",
+                parameters={
+                    "depth": _size(),
+                    "x0": _within("m", 0.5 * x, "its middle, where it rises"),
+                    "z0": OwnParameter(unit="m", range=(near, far), meaning="its distance from the lamp"),
+                    "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
+                },
+                physics="Something rises at one distance and dims what passes through it: the rays beyond.",
+                laboratory="Look down into the tank at that distance; read again when it is gone.",
+            )
     theta = np.degrees(np.arctan2(np.hypot(readings.x_m, readings.y_m), readings.z_m))
     if (widest := float(theta.max())) > 0:
         yield OwnEffect(
@@ -77,6 +97,10 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
             laboratory="Measure the lamp in air at one range with a fine angular step.",
         )
+
+
+#: Along what each of them is drawn.
+ALONG = {"dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time", "ripple_over_angle": "angle"}
 
 
 def _size(most: float = _SIZE) -> OwnParameter:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from lightfield.diagnosis.verdict.parts import LeftOver
+from lightfield.diagnosis.verdict.words import UNITS
 from lightfield.fitting.fitted_curves import FittedCurve
-from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure
+from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label, percent_axis
 
 DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
 BAND = 2.0
+#: Local unknowns that are drawn beside each other.
+SHOWN = 2
 
 
 def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
@@ -43,4 +48,25 @@ def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
         lines, names = axes[0, 0].get_legend_handles_labels()
         bands, errors = axes[1, 0].get_legend_handles_labels()
         fig.legend([*lines, *bands], [*names, *errors], loc="outside lower center", ncols=3)
+    return fig
+
+
+def left_figure(left: Sequence[LeftOver]) -> Figure:
+    """What nothing explains: what a local unknown makes of the light along its coordinate, the best first.
+
+    Parameters
+    ----------
+    left : sequence of LeftOver
+        At least one.
+    """
+    shown = left[:SHOWN]
+    with figure(WIDTH if len(shown) > 1 else 6.0, 3.4) as fig:
+        for axes, one in zip(fig.subplots(1, len(shown), squeeze=False, sharey=True)[0], shown, strict=True):
+            factor, wide = np.array(one.factor), BAND * np.array(one.stderr)
+            axes.fill_between(one.at, factor - wide, factor + wide, color=RENDER, alpha=0.25, linewidth=0)
+            axes.plot(one.at, factor, color=RENDER)
+            axes.axhline(1, color=MUTED, linewidth=0.8)
+            percent_axis(axes.yaxis)
+            what = f"{one.name.replace('_', ' ')}: {one.removed_percent:.0f} % of what is left"
+            label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
     return fig

@@ -17,7 +17,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.stated import lines
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.report.diagnosis.curves import curve_figure
+from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
     data_figure,
@@ -86,6 +86,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             ),
         ),
         "curves": None,
+        "left": None,
         "signatures": None,
         "separation": None,
     }
@@ -98,6 +99,14 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "What the explanation says of lamp, water or time as a curve: above against the model without "
             "it, below the band of its two standard errors.",
             "Fitted curves with their errors",
+        )
+    if verdict.left_over:
+        figures["left"] = page_figure(
+            left_figure(verdict.left_over),
+            "left",
+            "Where the rest lies that nothing explains: factors on the light that would make it good, "
+            "with two standard errors. They are no explanations.",
+            "Local unknowns along their coordinates",
         )
     if view.signatures:
         figures["signatures"] = page_figure(

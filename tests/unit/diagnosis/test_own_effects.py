@@ -123,9 +123,13 @@ def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[s
         assert abs(values[path] - value) < 4 * errors[path], key
 
 
+#: Of readings along x at several distances, with times.
+NAMES = ["dip_in_x", "step_in_time", "plume", "ripple_over_angle"]
+
+
 def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
     table, _ = readings(layout="fine")
-    assert [e.name for e in local_unknowns(table)] == ["dip_in_x", "step_in_time", "ripple_over_angle"]
+    assert [e.name for e in local_unknowns(table)] == NAMES
     still = replace(table, x_m=0 * table.x_m, time_s=np.full(len(table.value), np.nan))
     assert local_unknowns(still) == ()
 
@@ -145,3 +149,29 @@ def test_unexplained_readings_leave_hypotheses_that_explain_them(
     assert f"for --effects-file: {out / 'hypotheses.toml'}" in said
     assert main([*command, "--effects-file", str(out / "hypotheses.toml")]) == 0
     assert "Ripple over angle is missing in the model" in capsys.readouterr().out
+
+
+def test_an_unexplained_rest_comes_with_its_curve(tmp_path: Path) -> None:
+    """A plume shades the rays that pass x = -0.2 m at 6 m: the verdict stays open, and says where."""
+
+    def plume(table: Readings) -> np.ndarray:
+        there = np.exp(-(((table.x_m * 6 / table.z_m + 0.2) / 0.1) ** 2))
+        return np.asarray(1 - 0.25 * there * (table.z_m > 6))
+
+    table, believed = readings({"detector.background": 0.01}, factor=plume, seed=3, noise=0.004)
+    found = diagnose(table, believed, diffuse=None, only=["background", "beam_tilt", "beam_skirt"])
+    verdict = found.verdict
+    assert verdict.verdict == "unexplained"
+    best = verdict.left_over[0]
+    assert (best.name, best.coordinate, best.beside) == ("plume", "x", ["background"])
+    for name, true in (("depth", 0.25), ("x0", -0.2), ("width", 0.1)):
+        estimate = best.parameters[name]
+        assert estimate.stderr is not None and abs(estimate.value - true) < 4 * estimate.stderr, name
+    # Drawn at the farthest plane, 8.5 m: the shadow lies at x = -0.2 * 8.5 / 6 m.
+    far = float(table.z_m.max())
+    at, factor = np.array(best.at), np.array(best.factor)
+    assert at[factor.argmin()] == pytest.approx(-0.2 * far / 6, abs=0.03)
+    assert factor.min() == pytest.approx(0.75, abs=0.04)
+    assert "A plume describes" in verdict.sentence and f"such as {best.formula}" in verdict.sentence
+    found.save(tmp_path)
+    assert 'name = "plume"' in (tmp_path / "hypotheses.toml").read_text().partition("[[effect]]")[2][:60]

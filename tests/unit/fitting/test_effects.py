@@ -45,6 +45,7 @@ REQUIRED = set(
         "lamp_size",
         "cosine_error",
         "stray_light",
+        "second_order",
         "wavelength_shift",
     ]
 )

@@ -15,7 +15,7 @@ import pytest
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import receiver, source, window_points
 from lightfield.formula.path import Ray, optical_depth, rays
-from lightfield.formula.readout import Taken, readout, time_factor
+from lightfield.formula.readout import Halves, Taken, readout, time_factor
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
 from lightfield.render.response.grid import detector_grid, scene_grid
@@ -83,7 +83,12 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
     return [everything, other]
 
 
-TAKEN = Taken(spectrum=np.zeros(3, int), time_s=np.array([0.0, 900.0, 1800.0]))
+#: Readings of one spectrum, the last at twice a wavelength between the others.
+TAKEN = Taken(
+    spectrum=np.zeros(3, int),
+    time_s=np.array([0.0, 900.0, 1800.0]),
+    halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
+)
 WORDS: dict[str, Any] = {
     "lamp.profile": "isotropic",
     "lamp.spectrum": "cie-a",

@@ -1,0 +1,181 @@
+"""What nothing explains, as far as a local unknown describes it: a dip, a plume, a step or a ripple.
+
+They say where the rest is, how wide and how large; not what it is. So none of them is an explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import MANY, Explanation
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.preparation import Prepared, whitened_test
+from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
+from lightfield.diagnosis.verdict.trust import error_scale
+from lightfield.fitting.effects.local import ALONG, local_unknowns
+from lightfield.fitting.effects.own import effects_of
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit
+from lightfield.readings import Readings
+from lightfield.scene.own.effect import OwnEffect, Places
+
+#: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
+_TOLD = 20.0
+#: Points of a curve, and the step of a parameter, in its standard error, by which its error is found.
+_POINTS, _STEP = 121, 0.1
+#: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
+_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 4, 1e-6
+#: Times are told in minutes.
+_UNIT = {"time": 1 / 60}
+
+Estimates = Callable[[Fit, float, dict[str, str]], dict[str, Estimate]]
+
+
+def left_over(
+    prepared: Prepared, finding: Finding, readings: Readings, estimates: Estimates
+) -> list[LeftOver]:
+    """Local unknowns beside the best set or what is certain of it, the best first; none of many readings.
+
+    Parameters
+    ----------
+    estimates : callable
+        Values and errors of a fit, from the scale of its variance and the units of its parameters.
+    """
+    if prepared.problem.layout.size > MANY:
+        return []
+    pool, node, local = _pool(prepared, finding, readings)
+    noise, forward = pool.ground.phi, pool.problem.forward
+    spare = max(int(pool.problem.keep.sum()) - len(node.fit.u), 1)
+    rest = max(node.fit.chi2 - noise * spare, 0.0)
+    known = [node, *_certain(pool, finding, node)]
+    best: dict[str, Node] = {}
+    for start in known:
+        for promise in pool.promises(start):
+            if promise.candidate in local and pool.affordable((*start.explanation, promise.candidate)):
+                made = _fitting(pool, pool.settled(pool.add(promise)), promise.candidate, local)
+                name = promise.candidate.name
+                best[name] = min(made, best.get(name, made), key=pool.cost)
+    out = []
+    for name, made in sorted(best.items(), key=lambda item: pool.cost(item[1])):
+        share = 100 * (node.fit.chi2 - made.fit.chi2) / rest if rest > 0 else 0.0
+        if share > _TOLD:
+            out.append(_record(pool, forward, made, name, share, estimates))
+    return out
+
+
+def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Pool, Node, Explanation]:
+    """Sets on the ground on which the finding was judged, the best of them, and the local unknowns."""
+    problem, level = prepared.problem, finding.level
+    forward = problem.forward.with_effects(local_unknowns(readings))
+    mine = [e for e in effects_of(forward.scene) if e.name in ALONG]
+    low, high = forward.scene.detector.bands_nm[0]
+    signal = float(np.max(np.abs(problem.value[problem.keep > 0])))
+    setting = Setting(forward.scene, problem.layout, signal, float(high - low), forward.is_absolute)
+    possible, _ = candidates(setting, mine, [p.path for p in problem.base])
+    local = tuple(map(_finely, possible))
+    closest = finding.closest
+    explanation = closest.explanation if closest else ()
+    fit = closest.fit if closest else level.base
+    # What was set aside as slips may be the very place where something stands.
+    keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
+    wider = replace(problem, forward=forward, keep=keep, candidates=(*explanation, *local), curves=())
+    # A misfit without any smoothness was taken for noise: what is noise is here for the quoted errors to say.
+    test = whitened_test(wider, Whitener(prepared.noise, 0.0, 1.0, 0.0), np.random.default_rng(0))
+    pool = Pool(Ground(test, error_scale(prepared, finding), level.adequacy.nu))
+    begin = Begin(dict(zip(fit.paths, fit.u.tolist(), strict=True)))
+    return pool, pool.settled(pool.fit(explanation, [begin])), local
+
+
+def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
+    """The base model, and with what is certain all the same: the rest of the best set may only imitate."""
+    begin = Begin(dict(zip(node.fit.paths, node.fit.u.tolist(), strict=True)))
+    partial = [e.candidate.key for e in finding.many.evidence if e.level == "partial"] if finding.many else []
+    sure = tuple(c for c in node.explanation if c.key in partial)
+    return [pool.settled(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
+
+
+def _fitting(pool: Pool, node: Node, kept: Candidate, local: Explanation) -> Node:
+    """The set with those effects of the best one that are worth their price beside the unknown."""
+    while True:
+        less = [pool.drop(node, c) for c in node.explanation if c is not kept]
+        more = [pool.add(p) for p in pool.promises(node) if p.candidate not in local]
+        best = min(map(pool.settled, [*less, *more]), key=pool.cost, default=node)
+        if pool.cost(best) >= pool.cost(node):
+            return node
+        node = best
+
+
+def _finely(candidate: Candidate) -> Candidate:
+    """With starts as near to each other as a narrow structure needs."""
+    along = {"width": _WIDTHS, "duration": _WIDTHS, "z0": _DISTANCES}
+    points = [
+        np.geomspace(max(p.low, _LEAST), p.high, along.get(p.path.rpartition(".")[2], _PLACES) + 2)[1:-1]
+        if p.path.endswith(("width", "duration", "period"))
+        else np.linspace(p.low, p.high, along.get(p.path.rpartition(".")[2], _PLACES))
+        for p in candidate.shapes
+    ]
+    return replace(candidate, grid=tuple(tuple(map(float, at)) for at in product(*points)))
+
+
+def _record(
+    pool: Pool, forward: SceneForward, node: Node, name: str, share: float, estimates: Estimates
+) -> LeftOver:
+    problem, fit, phi = pool.problem, node.fit, pool.ground.phi
+    own = next(e for e in forward.scene.effect if e.name == name)
+    units = {path: p.unit for path, p in forward.scene.parameters().items()}
+    told = estimates(fit, max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1)), units)
+    prefix = f"effect.{name}."
+    mine = {path.removeprefix(prefix): e for path, e in told.items() if path.startswith(prefix)}
+    at, places = _along(ALONG[name], forward.readings)
+    factor, stderr = _curve(own, {k: (e.value, e.stderr or 0.0) for k, e in mine.items()}, places)
+    return LeftOver(
+        name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
+        beside=sorted(n for n in node.names if n != name), parameters=mine, removed_percent=min(share, 100.0),
+        error_percent=percent(problem, fit.prediction, bright(problem)),
+        adequate=bool(pool.ground.test(fit).passes(ALPHA)),
+        at=(at * _UNIT.get(ALONG[name], 1.0)).tolist(), factor=factor.tolist(), stderr=stderr.tolist(),
+    )  # fmt: skip
+
+
+def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:
+    """Points along a coordinate within the readings, on the axis of the farthest plane otherwise."""
+    x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
+    theta = np.degrees(np.arctan2(np.hypot(x, y), z))
+    whole = {"x": x, "y": y, "time": t, "angle": theta}[coordinate]
+    at = np.linspace(whole.min(), whole.max(), _POINTS)
+    zero, far = np.zeros(_POINTS), np.full(_POINTS, z.max())
+    places = Places(zero, zero, far, far, zero, zero, zero)
+    return at, places._replace(**{"theta" if coordinate == "angle" else coordinate: at})
+
+
+def _curve(own: OwnEffect, values: Mapping[str, tuple[float, float]], places: Places) -> tuple[Array, Array]:
+    """The factor along the coordinate, and its error as far as that of each parameter by itself makes it."""
+
+    def factor(at: Mapping[str, float]) -> Array:
+        parameters = {k: p.model_copy(update={"value": at[k]}) for k, p in own.parameters.items()}
+        return own.model_copy(update={"parameters": parameters}).at(places)
+
+    here = {k: value for k, (value, _) in values.items()}
+    middle = factor(here)
+    square = np.zeros_like(middle)
+    for name, (value, error) in values.items():
+        if error > 0:
+            square += ((factor(here | {name: value + _STEP * error}) - middle) / _STEP) ** 2
+    return middle, np.sqrt(square)
+
+
+def ranked(unknowns: Sequence[OwnEffect], left: Sequence[LeftOver]) -> list[OwnEffect]:
+    """Local unknowns for a file, those that describe the rest best first."""
+    place = {one.name: k for k, one in enumerate(left)}
+    return sorted(unknowns, key=lambda own: place.get(own.name, len(place)))
