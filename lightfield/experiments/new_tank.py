@@ -276,7 +276,7 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
 
 
 def table(scene: Scene, places: Array, *, blank: bool = False) -> str:
-    """Places to read as a table; `blank`: with empty cells for what is read, and words on how to fill them."""
+    """Places to read as a table; `blank`: with empty cells for what is read, and how to fill them."""
     head = [
         f'# quantity = "{scene.detector.quantity}"',
         '# scale = "relative"    # or "absolute", with units',
