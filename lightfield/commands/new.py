@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import LightfieldError
-from lightfield.experiments.new_tank import QUESTIONS, NewTank, Question, new_tank
+from lightfield.experiments.new_tank import LAYOUT, QUESTIONS, READINGS, SCENE, NewTank, Question, new_tank
 from lightfield.storage.files import output_folder
 
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DIR",
-        help="folder for scene.toml, readings.csv",
+        help="folder: scene.toml, layout.csv, readings.csv",
     )
 
 
@@ -37,14 +37,15 @@ def run(args: argparse.Namespace) -> int:
     asking = not answers and sys.stdin.isatty()
     name = args.output.resolve().name
     made = asked(name) if asking else new_tank(answers, name)
-    scene, readings = made.save(output_folder(args.output))
+    files = made.save(output_folder(args.output))
+    scene, readings = files[SCENE], files[READINGS]
     if not asking:
         assumed = [f"{q.name} {q.default}" for q in QUESTIONS if q.name not in answers and q.default]
         if assumed:
             print(f"assumed: {', '.join(assumed)}")
     print(f"scene: {scene}\nreadings: {readings}, {made.rows} places to read")
     print("next, what this layout could tell, and then, with its values filled in, what they tell:")
-    print(f"  lightfield plan {readings} --scene {scene}")
+    print(f"  lightfield plan {files[LAYOUT]} --scene {scene}")
     print(f"  lightfield diagnose {readings} --scene {scene} --report {readings.with_name('report.html')}")
     return 0
 

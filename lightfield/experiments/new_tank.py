@@ -18,7 +18,7 @@ from lightfield.scene.tank import Tank
 from lightfield.scene.water.library import list_presets
 from lightfield.storage.files import atomic_path
 
-SCENE, READINGS = "scene.toml", "readings.csv"
+SCENE, LAYOUT, READINGS = "scene.toml", "layout.csv", "readings.csv"
 #: Planes that are proposed, and between which parts of the water before the lamp.
 _PLANES, _FROM, _TO = 5, 0.25, 0.8
 #: Distances that are proposed in open water, m.
@@ -76,27 +76,36 @@ class NewTank:
         What the scene file says.
     scene_text : str
         The scene file, with comments.
+    layout_text : str
+        The places to read, for a plan.
     table_text : str
-        The reading table: places, and no values yet.
+        The same places with empty cells for what is read.
     rows : int
         Readings to be taken.
     """
 
     scene: Scene
     scene_text: str
+    layout_text: str
     table_text: str
     rows: int
 
-    def save(self, folder: Path) -> tuple[Path, Path]:
-        """Write both files, neither over another.
+    def save(self, folder: Path) -> dict[str, Path]:
+        """Write all files, none over another.
+
+        Returns
+        -------
+        dict of Path
+            By name: `SCENE`, `LAYOUT`, `READINGS`.
 
         Raises
         ------
         OutputError
             One of them is there already.
         """
-        targets = folder / SCENE, folder / READINGS
-        if there := [str(path) for path in targets if path.exists()]:
+        texts = {SCENE: self.scene_text, LAYOUT: self.layout_text, READINGS: self.table_text}
+        targets = {name: folder / name for name in texts}
+        if there := [str(path) for path in targets.values() if path.exists()]:
             raise OutputError(
                 "files of an experiment are here already",
                 where=str(folder),
@@ -104,8 +113,8 @@ class NewTank:
                 rule="nothing that was filled in is overwritten",
                 remedy="choose another folder",
             )
-        for path, text in zip(targets, (self.scene_text, self.table_text), strict=True):
-            with atomic_path(path) as temporary:
+        for name, text in texts.items():
+            with atomic_path(targets[name]) as temporary:
                 temporary.write_text(text, encoding="utf-8")
         return targets
 
@@ -164,7 +173,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     text = "\n".join(lines)
     scene = Scene.from_toml(text, where="the new scene")
     places = _places(scene, planes, points)
-    return NewTank(scene, text, table(scene, places), len(places))
+    return NewTank(scene, text, table(scene, places), table(scene, places, blank=True), len(places))
 
 
 def tank_lines(given: Mapping[str, str]) -> list[str]:
@@ -266,23 +275,27 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
     return np.array([*(place for plane in rows for place in plane), again])
 
 
-def table(scene: Scene, places: Array) -> str:
-    """The reading table: what is known of its errors, and a row per place, its value to be filled in."""
+def table(scene: Scene, places: Array, *, blank: bool = False) -> str:
+    """Places to read as a table; `blank`: with empty cells for what is read, and how to fill them."""
     head = [
         f'# quantity = "{scene.detector.quantity}"',
         '# scale = "relative"    # or "absolute", with units',
-        "# position_mm = 2.0    # how well the places are known",
-        "# plane_gain_percent = 0.5    # how well a stay at a plane repeats",
-        "## Fill in value (any unit), and stderr and time_s (seconds since the start) where known;",
-        "## drop rows that were not read. One place comes again and again: it tells how steady all is.",
-        "medium,x_m,y_m,z_m,repeat,value,stderr,time_s",
     ]
+    if blank:
+        head += [
+            "## What is known of the errors; take one # away and write yours. What is not said is assumed.",
+            "## position_mm = 2.0    # how well the places are known",
+            "## plane_gain_percent = 0.5    # how well a stay at a plane repeats",
+            "## Fill in value (any unit), and stderr and time_s (seconds since the start) where known;",
+            "## drop rows that were not read. One place comes again and again: it tells how steady all is.",
+        ]
+    names, cells = (",value,stderr,time_s", ",,,") if blank else ("", "")
     seen: Counter[tuple[float, ...]] = Counter()
     rows = []
     for place in places.tolist():
-        rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]},,,")
+        rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}{cells}")
         seen[tuple(place)] += 1
-    return "\n".join([*head, *rows]) + "\n"
+    return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat{names}", *rows]) + "\n"
 
 
 def number(text: str, where: str) -> str:

@@ -22,7 +22,7 @@ def test_options_make_a_tank_and_what_was_assumed_is_said(tmp_path, monkeypatch,
     assert "tank 2x1x6" not in printed
     scene = Scene.load("pool/scene.toml")
     assert scene.name == "pool" and scene.tank.width_m == 1.2 and scene.lamp.spectrum == "led-blue"
-    assert main(["plan", "pool/readings.csv", "--scene", "pool/scene.toml", "--no-trace"]) == 0
+    assert main(["plan", "pool/layout.csv", "--scene", "pool/scene.toml", "--no-trace"]) == 0
     assert main(["new", "tank", "-o", "pool"]) == 2
     assert "choose another folder" in capsys.readouterr().err
 

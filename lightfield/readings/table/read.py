@@ -48,7 +48,7 @@ def read_table(
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
     required : sequence of str
-        Columns that must be there: `LAYOUT` lets the values be absent or blank, they are then 1.
+        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def read_table(
     sheet = read_sheet(text.read_text(where, READINGS), problems, COLUMNS, required, NUMBER_COLUMNS)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
-    columns, extra, lines = _read_columns(sheet, problems, required)
+    columns, extra, lines = _read_columns(sheet, problems)
     budget = ErrorBudget(**{name: head.pop(name) for name in TERMS if name in head})
     words = {name: head.pop(name) for name in WORDS if name in head}
     readings = Readings(
@@ -147,9 +147,7 @@ def _settle_words(sheet: Sheet, head: dict[str, Any], problems: Problems) -> Non
                 )
 
 
-def _read_columns(
-    sheet: Sheet, problems: Problems, required: Sequence[str]
-) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
+def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
     place = {name: c for c, name in reversed(list(enumerate(sheet.names)))}
     good: list[tuple[int, list[str], dict[str, Any]]] = []
     for line, cells in sheet.rows:
@@ -160,7 +158,7 @@ def _read_columns(
                 continue
             cell = cells[place[name]].strip()
             try:
-                row[name] = _value(name, cell, sheet.mark, required)
+                row[name] = _value(name, cell, sheet.mark)
             except ValueError as error:
                 problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name), column=name)
                 row[name] = DEFAULTS[name] if name in TEXT_COLUMNS else np.nan  # the others are still checked
@@ -176,13 +174,13 @@ def _read_columns(
     return columns, {name: extra[name] for name in sheet.names if name in extra}, [line for line, *_ in good]
 
 
-def _value(name: str, cell: str, mark: str, required: Sequence[str]) -> Any:
+def _value(name: str, cell: str, mark: str) -> Any:
     if name in TEXT_COLUMNS:
         return cell or DEFAULTS[name]
     if cell == "":
-        if name in required:
+        if name in REQUIRED:
             raise ValueError("is missing")
-        return 1.0 if name == "value" else DEFAULTS.get(name, np.nan)
+        return DEFAULTS.get(name, np.nan)
     if name == "saturated":
         if cell.lower() not in (*_TRUE, *_FALSE):
             raise ValueError("is neither 0 nor 1")

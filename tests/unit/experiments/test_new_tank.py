@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 
 import lightfield as lf
 from lightfield.errors import LightfieldError, MeasurementError, OutputError
-from lightfield.experiments.new_tank import QUESTIONS, new_tank
+from lightfield.experiments.new_tank import LAYOUT, QUESTIONS, READINGS, SCENE, new_tank
 from lightfield.readings import read_table
-from lightfield.readings.columns import LAYOUT
+from lightfield.readings.columns import LAYOUT as COLUMNS
 from lightfield.scene import Scene
 
 
 def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Path) -> None:
     made = new_tank({})
-    scene_file, readings_file = made.save(tmp_path)
-    scene = Scene.load(scene_file)
+    files = made.save(tmp_path)
+    scene = Scene.load(files[SCENE])
     assert scene == made.scene and scene.tank is not None
-    layout = read_table(readings_file, scene, LAYOUT)
+    layout = read_table(files[LAYOUT], scene, COLUMNS)
     assert len(layout) == made.rows == len(scene.detector.planes_m) * 12 + 1
     repeated = (layout.x_m == 0) & (layout.z_m == scene.detector.planes_m[0])
     assert repeated.sum() == len(scene.detector.planes_m) + 2
@@ -31,7 +31,7 @@ def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Pa
 
 def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
     made = new_tank({"points": "3"})
-    _, readings = made.save(tmp_path)
+    readings = made.save(tmp_path)[READINGS]
     with pytest.raises(MeasurementError, match="value is missing"):
         read_table(readings, made.scene)
     filled = re.sub(r",,,$", ",1.5,,", readings.read_text(encoding="utf-8"), flags=re.MULTILINE)
