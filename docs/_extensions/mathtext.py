@@ -1,4 +1,4 @@
-"""Formulas as drawings made by Matplotlib while the site is built: readers need neither a network nor scripts."""
+"""Formulas as drawings made by Matplotlib while the site is built: no network and no scripts to read them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def drawn(formula: str) -> str:
     svg = re.sub(r'(<g id="patch_1">.*?</g>)', "", svg, flags=re.DOTALL)  # the paper behind it
     key = f"m{abs(hash(formula)) % 10**10}-"
     svg = re.sub(r'(id="|href="#)', rf"\1{key}", svg)
-    style = f"vertical-align:{-depth:.2f}pt;fill:currentColor;max-width:100%"
+    style = f"vertical-align:{-depth:.2f}pt;fill:currentColor;max-width:none"
     return svg.replace("<svg ", f'<svg role="img" aria-label="formula" style="{style}" ', 1)
 
 
@@ -48,9 +48,8 @@ def display(self: HTML5Translator, node: nodes.math_block) -> None:
     """On a line of its own, that scrolls where it is too long for the page."""
     from docutils.nodes import SkipNode
 
-    self.body.append(
-        f'<div class="math" style="overflow-x:auto;text-align:center">{drawn(node.astext())}</div>'
-    )
+    large = node.astext().replace(r"\frac", r"\dfrac")
+    self.body.append(f'<div class="math" style="overflow-x:auto;text-align:center">{drawn(large)}</div>')
     raise SkipNode
 
 

@@ -189,6 +189,7 @@ def progress_bar(plan: Plan) -> Iterator[Report]:
                     now / todo,
                 )
 
+            note(f"0 of {plan.cases.count} cases", 0.0)
             yield line
         return
     columns = (

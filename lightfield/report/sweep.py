@@ -65,7 +65,11 @@ def profiles_figure(data: xr.Dataset) -> Figure:
             if _is_log(held[along].values):
                 axis.set_xscale("log")
             _text_ticks(axis, held, along)
-        fig.axes[0].legend(title=_axis_name(held, hue), fontsize=8.5, title_fontsize=8.5)
+        handles, names = fig.axes[0].get_legend_handles_labels()
+        fig.legend(
+            handles, names, title=_axis_name(held, hue), fontsize=8.5, title_fontsize=8.5,
+            loc="outside right upper",
+        )  # fmt: skip
         where = "" if hue == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
         cut = _cut(held, hue, chosen)
         _note(fig, [where, *rest, *cut, f"bands: {SIGMAS:g} standard errors"])
@@ -146,7 +150,7 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
     width = min(WIDTH, 2.2 + 1.75 * len(columns))
     shape = _extent(held, column, row)
     tall = float(np.clip((shape[3] - shape[2]) / (shape[1] - shape[0]), 0.2, 1.6)) if shape else 1.0
-    with figure(width, 1.2 + (0.3 + 1.45 * tall) * len(lines)) as fig:
+    with figure(width, 1.2 + (0.16 + 1.45 * tall) * len(lines)) as fig:
         axes = fig.subplots(len(lines), len(columns), squeeze=False, sharex=True, sharey=True)
         for (j, i), axis in np.ndenumerate(axes):
             shown = axis.imshow(

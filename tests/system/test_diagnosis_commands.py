@@ -8,6 +8,7 @@ the published schema, every rung can be climbed again by hand, and wrong input e
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import jsonschema
@@ -84,10 +85,15 @@ def test_every_stored_rung_gives_its_error_again(folder: Path, capsys) -> None:
 
 def test_climbing_by_hand_appends_to_the_ledger(folder: Path, capsys) -> None:
     errors = []
+    rungs = []
     for names in ("beam_offset", "beam_offset,beam_tilt"):
         more = ["--scene", f"{folder}/scene.toml", "--with", names, "-o", f"{folder}/byhand"]
         errors.append(_fit(folder, capsys, *more)["error_percent"])
+        page = (folder / "byhand" / "index.html").read_text(encoding="utf-8")
+        rungs.append(re.findall(r'<th scope="row">(\+ [^<]+)</th>', page))
+        assert f"error {errors[-1]:.3g} %" in page
     assert errors[1] < errors[0]
+    assert rungs == [["+ beam_offset"], ["+ beam_offset", "+ beam_offset + beam_tilt"]]
     text = next(p for p in (folder / "byhand").iterdir() if "ledger" in p.name).read_text()
     assert text.index("+ beam_offset") < text.index("beam_offset + beam_tilt")
     assert sorted(p.name for p in (folder / "byhand").glob("rung*.toml")) == ["rung0.toml", "rung1.toml"]

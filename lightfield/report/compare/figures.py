@@ -26,6 +26,7 @@ from lightfield.studies.compare.maps import LEVELS, SIGMAS, PlaneComparison
 
 MOST_PLANES, MOST_NARROW = 5, 3
 NARROW = 4.3  # inches of a figure on a telephone
+FLAT = 0.6  # height over width under which a panel has no room beside it for words
 ERROR_SCALE = 0.50  # the colours of error maps end here
 CONTOURS = dict(zip(LEVELS, ((0, (2, 2)), "solid"), strict=True))
 SHORT_UNITS = {"W m-2 nm-1": "W/(m² nm)", "W m-2 sr-1 nm-1": "W/(m² sr nm)"}
@@ -39,7 +40,11 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
     there = len(planes)
     planes = _at_most(planes, MOST_NARROW if narrow else MOST_PLANES)
     n, tall = len(planes), _height_of(planes)
-    size = (NARROW, 2.3 + n * (1.2 * tall + 0.5)) if narrow else (max(4.4, 1.3 + 1.74 * n), 1.2 + 4.5 * tall)
+    flat = tall < FLAT
+    if narrow:
+        size = NARROW, 2.3 + n * (1.2 * tall + 0.5)
+    else:
+        size = max(4.4, 1.3 + 1.74 * n), (2.7 + 5.4 * tall if flat else 1.2 + 4.5 * tall)
     with figure(*size) as fig:
         if narrow:
             axes = fig.subplots(n, 3, squeeze=False, sharex=True, sharey=True).T
@@ -59,9 +64,9 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
             axes[0, column].set_title(f"z = {plane.z_m:g} m", loc="center", pad=16)
             axes[0, column].annotate(
                 f"100 % = {peak:.2g}",
-                (0.5, 1.04),
+                (1.0 if flat and not narrow else 0.5, 1.04),
                 xycoords="axes fraction",
-                ha="center",
+                ha="right" if flat and not narrow else "center",
                 fontsize=8.5,
                 color=MUTED,
             )
@@ -79,9 +84,11 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
         for row, name in enumerate(("render", "formula", "formula / render \N{MINUS SIGN} 1")):
             if narrow:
                 axes[row, -1].set_xlabel(f"x (m)\n{name.replace(' / render', '/render')}", fontsize=8.5)
+            elif flat:  # no room for words beside a low panel
+                axes[row, 0].annotate(name, (0, 1.06), xycoords="axes fraction", fontsize=8.5, color=MUTED)
             else:
                 axes[row, 0].set_ylabel(f"{name}\n\ny (m)")
-        for axis in axes[0, :] if narrow else ():
+        for axis in axes[0, :] if narrow else axes[:, 0] if flat else ():
             axis.set_ylabel("y (m)")
         for axis in axes.ravel():
             axis.grid(False)
@@ -89,8 +96,8 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
             axis.tick_params(labelsize=8.5)
         unit = f"{quantity.replace('_', ' ')}, 100 % in {SHORT_UNITS.get(units, units)}"
         scales: list[Axis]
-        if narrow:
-            below: dict[str, Any] = {"location": "bottom", "aspect": 30, "shrink": 0.9}
+        if narrow or flat:
+            below: dict[str, Any] = {"location": "bottom", "aspect": 30 if narrow else 50, "shrink": 0.9}
             bar = fig.colorbar(light, ax=axes.ravel().tolist(), pad=0.02, **below)
             other = fig.colorbar(error, ax=axes.ravel().tolist(), extend="both", pad=0.02, **below)
             scales = [bar.ax.xaxis, other.ax.xaxis]

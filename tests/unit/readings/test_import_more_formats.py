@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.importer import import_index
-from lightfield.readings.instruments.formats import read_spectra
+from lightfield.readings.instruments.formats import BINARY, READERS, read_spectra
 from lightfield.readings.instruments.hyperocr import read as read_frames
 from lightfield.readings.instruments.oceanoptics.procspec import read as read_procspec
 
@@ -374,6 +374,12 @@ def test_what_cannot_be_read_is_refused_with_what_it_seems_to_be(tmp_path, name)
     assert word in str(caught.value)
     if name != "raw.dat":
         assert all(format in str(caught.value) for format in ("SeaBASS", "OceanView", "plain columns"))
+
+
+def test_the_page_of_formats_names_every_reader():
+    page = (Path(__file__).parents[3] / "docs" / "formats.md").read_text(encoding="utf-8")
+    for reader in (*READERS, *BINARY):
+        assert f"`{reader.__name__.split('instruments.')[1].replace('.', '/')}`" in page, reader.__name__
 
 
 # --- damaged files: an error of ours, or a spectrum that can be
