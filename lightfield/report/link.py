@@ -58,8 +58,14 @@ def reach_figure(found: Link) -> Figure:
                 right.plot([straight] * 2, [y + above - 0.16, y + above + 0.16], color=INK, linewidth=2)
                 shown = f"{words}: > {most:g} m" if np.isinf(at) else f"{words}: {length:.1f} m"
                 right.annotate(
-                    shown, (0, y + above), (5, 0), textcoords="offset points", va="center", fontsize=8.5
+                    shown,
+                    (max(length, straight), y + above),
+                    (5, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=8.5,
                 )
+        right.set_xlim(0, 1.45 * far)
         right.set_yticks(range(len(names), 0, -1), names)
         right.grid(False, axis="y")
         label(right, "farthest distance (m)", "", "With scattered light; black: by exp(−cz)")
@@ -87,7 +93,13 @@ def light_figure(found: Link) -> Figure:
             left.plot(z, data.power_formula_w.values[k], color=shade, linestyle=DASH)
             width = data.bandwidth_hz.values[k] / 1e6
             if np.isfinite(width).any():
-                right.plot(z, np.where(np.isfinite(width), width, np.nan), color=shade, label=name)
+                known = np.isfinite(width)
+                spread = SIGMAS * data.bandwidth_stderr_hz.values[k] / 1e6
+                right.fill_between(
+                    z[known], np.maximum(width - spread, 1e-2 * width)[known], (width + spread)[known],
+                    color=shade, alpha=0.25, linewidth=0,
+                )  # fmt: skip
+                right.plot(z[known], width[known], color=shade, label=name)
         left.set_yscale("log")
         top = float(data.power_w.max())
         left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)
@@ -109,15 +121,14 @@ def link_page(found: Link) -> str:
         "Received power and bandwidth against distance",
     )  # fmt: skip
     table = Table(
-        ASKED,
-        HEAD, rows(found),
+        "± is one standard error of the render.", HEAD, rows(found),
     )  # fmt: skip
     others = Table(
         "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
         reported_rows(),
     )  # fmt: skip
     sections = [
-        Section("How far", (reach,), (), (table, others)),
+        Section("How far", (reach,), (ASKED,), (table, others)),
         Section("What arrives", (light,), (bandwidth_sentence(found),)),
     ]
     title = f"{found.scene.name or 'Lamp'}: optical link"

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from lightfield.studies.link.reported import REPORTED
-from lightfield.studies.link.study import SEEN_HZ, SEEN_SNR, Link
+from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
 
 
 def headline(found: Link) -> str:
     """One sentence: range for data in the scene's water."""
     r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
+    far = float(found.dataset.z_m[-1])
     return (
-        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m)} in the scene's water; exp(−cz) "
-        f"says {metres(r.data_formula_m)}."
+        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m, most=far)} in the scene's water; "
+        f"exp(−cz) says {metres(r.data_formula_m, most=far)}."
     )
 
 
@@ -44,13 +45,15 @@ REPORTED_HEAD = ("reported", "water", "source")
 def rows(found: Link) -> list[list[str]]:
     """A row per water, in the order of `HEAD`."""
     table = []
+    far = float(found.dataset.z_m[-1])
     for k, (name, r) in enumerate(found.reaches.items()):
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
+        docking, near = r.docking, DOCKING_TO_M
         table.append([
-            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m), metres(r.data_with_echoes_m),
-            metres(r.data_formula_m),
-            metres(r.docking.z_m, r.docking.stderr_m, r.docking.from_m), metres(r.docking.formula_m),
-            metres(r.seen_m, r.seen_stderr_m), metres(r.seen_formula_m),
+            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m, most=far),
+            metres(r.data_with_echoes_m, most=far), metres(r.data_formula_m, most=far),
+            metres(docking.z_m, docking.stderr_m, docking.from_m, near), metres(docking.formula_m, most=near),
+            metres(r.seen_m, r.seen_stderr_m, most=far), metres(r.seen_formula_m, most=far),
         ])  # fmt: skip
     return table
 
@@ -98,14 +101,16 @@ def reported_rows() -> list[list[str]]:
     return [[r.as_text(), r.water, r.source] for r in REPORTED]
 
 
-def metres(value: float, stderr: float = float("nan"), from_m: float = float("nan")) -> str:
+def metres(
+    value: float, stderr: float = float("nan"), from_m: float = float("nan"), most: float = 0.0
+) -> str:
     """A distance with its error, or that it lies beyond what was asked; and where it begins to hold."""
     if np.isfinite(from_m):
-        return f"{from_m:.1f} m to {metres(value, stderr)}"
+        return f"{from_m:.1f} m to {metres(value, stderr, most=most)}"
     if np.isnan(value):
         return "nowhere"
     if np.isinf(value):
-        return "farther than asked"
+        return f"> {most:g} m" if most else "farther than asked"
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
 
 
