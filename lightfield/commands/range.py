@@ -7,9 +7,13 @@ from pathlib import Path
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
+from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
+
+#: Receivers on a side of an array at most, as many as a scene may have.
+MOST_ON_A_SIDE = 50
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,6 +84,10 @@ def _with_array(scene: Scene, args: argparse.Namespace) -> Scene:
     changed = {path: value for path, value in asked.items() if value is not None}
     if not changed:
         return scene
+    if args.array is not None and not 2 <= args.array <= MOST_ON_A_SIDE:
+        raise UsageError(
+            "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
+        )
     if scene.array is None:
         from lightfield.studies.working_range.poses import ARRAY
 

@@ -18,10 +18,10 @@ from lightfield.report.style import (
     WIDTH,
     figure,
     label,
-    legend_below,
+    legend_under,
     percent_axis,
 )
-from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows
+from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows, water_sentence
 
 
 def band_figure(found: Bands) -> Figure:
@@ -57,7 +57,8 @@ def band_figure(found: Bands) -> Figure:
         percent_axis(right.yaxis)
         title = f"What a band of {found.width_nm:g} nm is worth at {z[-1]:g} m"
         label(right, "middle of the band (nm)", "of the best", title)
-        legend_below(fig, left, right, columns=3)
+        for axes in (left, right):
+            legend_under(axes)
     return fig
 
 
@@ -71,6 +72,7 @@ def band_page(found: Bands) -> str:
     paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())
     wrong = found.bands.range_error_m.values[-1, paper]
     text = (
+        water_sentence(found),
         f"Attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm.",
         f"With an attenuation {100 * WRONG:.0f} % wrong, a distance of {found.bands.z_m.values[-1]:g} m "
         f"read from the size of a signal near 500 nm is {wrong:.2f} m off.",

@@ -10,9 +10,17 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import BAD, MUTED, SERIES, WIDTH, figure, label, legend_below
-from lightfield.studies.link.study import REPORTED_DOCKING_M, Link
-from lightfield.studies.link.text import HEAD, bandwidth_sentence, headline, rows
+from lightfield.report.style import BAD, INK, SERIES, WIDTH, figure, label, legend_below
+from lightfield.studies.link.study import DOCKING_TO_M, Link
+from lightfield.studies.link.text import (
+    ASKED,
+    HEAD,
+    REPORTED_HEAD,
+    bandwidth_sentence,
+    headline,
+    reported_rows,
+    rows,
+)
 
 DASH = (0, (5, 2))
 #: Below this many errors per bit a figure shows none.
@@ -40,22 +48,28 @@ def reach_figure(found: Link) -> Figure:
         far = float(z[-1])
         for k, name in enumerate(names):
             reach, y = found.reaches[name], len(names) - k
-            for at, above, alpha, words in (
-                (reach.data_m, 0.16, 0.9, "with scattered light"),
-                (reach.data_formula_m, -0.16, 0.4, "exp(−cz)"),
+            for at, formula, most, above, words in (
+                (reach.data_m, reach.data_formula_m, far, 0.18, "data"),
+                (reach.docking.z_m, reach.docking.formula_m, DOCKING_TO_M, -0.18, "docking"),
             ):
-                length = far if np.isinf(at) else 0.0 if np.isnan(at) else at
-                right.barh(y + above, length, height=0.3, color=SERIES[k % len(SERIES)], alpha=alpha)
-                shown = f"{words}, > {far:g} m" if np.isinf(at) else f"{words}, {length:.1f} m"
+                length = most if np.isinf(at) else 0.0 if np.isnan(at) else at
+                right.barh(y + above, length, height=0.32, color=SERIES[k % len(SERIES)], alpha=0.45)
+                straight = most if np.isinf(formula) else 0.0 if np.isnan(formula) else formula
+                right.plot([straight] * 2, [y + above - 0.16, y + above + 0.16], color=INK, linewidth=2)
+                shown = f"{words}: > {most:g} m" if np.isinf(at) else f"{words}: {length:.1f} m"
                 right.annotate(
-                    shown, (0, y + above), (5, 0), textcoords="offset points", va="center", fontsize=8.5
+                    shown,
+                    (max(length, straight), y + above),
+                    (5, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=8.5,
                 )
-        for low, high in REPORTED_DOCKING_M:
-            right.axvspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
+        right.set_xlim(0, 1.45 * far)
         right.set_yticks(range(len(names), 0, -1), names)
         right.grid(False, axis="y")
-        label(right, "range for data (m)", "", "Grey: docking by light, as reported")
-        legend_below(fig, left)
+        label(right, "farthest distance (m)", "", "With scattered light; black: by exp(−cz)")
+        legend_below(fig, left, title="left, dashed: exp(−cz)")
     return fig
 
 
@@ -79,14 +93,20 @@ def light_figure(found: Link) -> Figure:
             left.plot(z, data.power_formula_w.values[k], color=shade, linestyle=DASH)
             width = data.bandwidth_hz.values[k] / 1e6
             if np.isfinite(width).any():
-                right.plot(z, np.where(np.isfinite(width), width, np.nan), color=shade, label=name)
+                known = np.isfinite(width)
+                spread = SIGMAS * data.bandwidth_stderr_hz.values[k] / 1e6
+                right.fill_between(
+                    z[known], np.maximum(width - spread, 1e-2 * width)[known], (width + spread)[known],
+                    color=shade, alpha=0.25, linewidth=0,
+                )  # fmt: skip
+                right.plot(z[known], width[known], color=shade, label=name)
         left.set_yscale("log")
         top = float(data.power_w.max())
         left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)
         label(left, "z (m)", "W", "Received power")
         right.set_yscale("log")
         label(right, "z (m)", "MHz", "Bandwidth by the traced paths")
-        legend_below(fig, left)
+        legend_below(fig, left, title="left, dashed: exp(−cz)")
     return fig
 
 
@@ -94,18 +114,21 @@ def link_page(found: Link) -> str:
     """The page."""
     reach = page_figure(
         reach_figure(found), "reach", "Red: the errors that are accepted. Scattered light carries data too.",
-        "Errors per bit against distance, and ranges for data",
+        "Errors per bit against distance, and ranges for data and docking",
     )  # fmt: skip
     light = page_figure(
         light_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
         "Received power and bandwidth against distance",
     )  # fmt: skip
     table = Table(
-        "Echoes: scattered light that comes late falls into the next bits. Seen: ten slow readings a second.",
-        HEAD, rows(found),
+        "± is one standard error of the render.", HEAD, rows(found),
+    )  # fmt: skip
+    others = Table(
+        "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
+        reported_rows(),
     )  # fmt: skip
     sections = [
-        Section("How far", (reach,), (), (table,)),
+        Section("How far", (reach,), (ASKED,), (table, others)),
         Section("What arrives", (light,), (bandwidth_sentence(found),)),
     ]
     title = f"{found.scene.name or 'Lamp'}: optical link"

@@ -24,7 +24,8 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.working_range.study import POSE_RULES, WorkingRange
+from lightfield.studies.working_range.reaches import POSE_RULES
+from lightfield.studies.working_range.study import WorkingRange
 from lightfield.studies.working_range.text import array_sentence, distance, headline, metres, rows
 
 #: Errors are drawn this many times as wide as one standard error.

@@ -24,7 +24,7 @@ from lightfield.render.at_readings import render_positions
 from lightfield.scene import Detector, Scene
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.spectral.response import SILICON, response_at
-from lightfield.scene.water.coefficients import scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.tables import read_columns
 
 #: The paper's band, nm.
@@ -285,6 +285,7 @@ def as_text(found: Bands) -> str:
     lines = [headline(found), ""]
     for row in rows(found):
         lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} the paper's band: {row[3]}")
+    lines.append(water_sentence(found))
     lines.append(f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm")
     return "\n".join(lines)
 
@@ -294,9 +295,26 @@ def headline(found: Bands) -> str:
     far = [b for b in found.best if b.z_m == found.best[-1].z_m]
     signal = next(b for b in far if b.criterion == "signal")
     return (
-        f"500 to 550 nm has {100 * signal.paper_share:.0f} % of the best signal of any band "
-        f"{found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
+        f"In the scene's water 500 to 550 nm has {100 * signal.paper_share:.0f} % of the best signal of any "
+        f"band {found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
         f"{signal.high_nm:g} nm."
+    )
+
+
+def water_sentence(found: Bands) -> str:
+    """Whose water this is: that of the scene file, whatever readings may say."""
+    water, at = found.scene.water, [np.mean(PAPER_BAND)]
+    a, b = (float(f(water, np.array(at))[0]) for f in (absorption_per_m, scattering_per_m))
+    inside = {
+        "chlorophyll": water.chlorophyll_mg_per_m3,
+        "CDOM": water.cdom_440_per_m,
+        "sediment": water.sediment_g_per_m3,
+    }
+    held = ", ".join(f"{name} {value:g}" for name, value in inside.items() if value) or "nothing in it"
+    return (
+        f"The water is the one that the scene states ({water.base}, {held}; at {at[0]:g} nm a = {a:.3g} and "
+        f"b = {b:.3g} per m), not the one that readings show: where `attenuation` finds another, write that "
+        "into the scene and ask again."
     )
 
 

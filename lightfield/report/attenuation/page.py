@@ -18,6 +18,7 @@ from lightfield.studies.attenuation.text import (
     headline,
     published_sentences,
     scattered_sentences,
+    scene_sentences,
     table_head,
     table_rows,
 )
@@ -42,7 +43,11 @@ def attenuation_page(found: Attenuation) -> str:
             "and beam attenuation. Right: the waters that the layout allows, with one standard error."
         )
         hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told")
-        sections.append(Section("What K hides", (hidden,), scattered_sentences(found.scattered)))
+        sections.append(
+            Section(
+                "What K hides", (hidden,), (*scattered_sentences(found.scattered), *scene_sentences(found))
+            )
+        )
     if found.content is not None:
         sections.append(_content(found.content))
     if found.notes:

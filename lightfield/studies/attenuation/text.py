@@ -17,6 +17,8 @@ from lightfield.studies.attenuation.study import Attenuation, Content, beer_lamb
 SHOWN = 12
 #: Straight lines with a smaller probability than this do not fit.
 POOR_FIT = 0.01
+#: Readings that part from the scene's water by more of their errors show another.
+OTHER_WATER_SIGMA = 4.0
 #: An amount that is off by more of its stated errors than this is named.
 NOTEWORTHY_SIGMA = 2.0
 
@@ -28,6 +30,7 @@ def as_text(found: Attenuation) -> str:
         lines += _apparent_lines(one)
     if found.scattered is not None:
         lines += ["", "What K hides:", *scattered_sentences(found.scattered)]
+        lines += scene_sentences(found)
     if found.content is not None:
         lines += ["", "Constituents:", *content_lines(found.content), *content_sentences(found.content)]
     lines += [f"note: {note}" for note in found.notes]
@@ -127,6 +130,24 @@ def scattered_sentences(found: Scattered) -> list[str]:
         others = " and ".join(f"{value:.2f} for g = {g:g}" for g, value in found.other_kappa.items())
         lines.append(f"The factor of b hangs on the phase function: {found.kappa.mean():.2f} here, {others}.")
     return lines
+
+
+def scene_sentences(found: Attenuation) -> list[str]:
+    """Where the readings show another water than the scene states, which other studies believe."""
+    if found.scattered is None:
+        return []
+    one, expected = found.apparent[0], found.scattered.expected
+    off = (one.K_per_m - expected) / one.K_stderr
+    if np.abs(off).max() < OTHER_WATER_SIGMA:
+        return []
+    k, least, stated = int(np.argmax(np.abs(off))), int(np.argmin(one.K_per_m)), int(np.argmin(expected))
+    nm = one.ratios.wavelength_nm
+    return [
+        f"The scene states another water than the readings show: at {nm[k]:g} nm its K would be "
+        f"{expected[k]:.4f} per m, not {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}; attenuation would be "
+        f"least at {nm[stated]:g} nm, and is at {nm[least]:g} nm. `band`, `range` and `link` believe the "
+        "scene: write into it what was found here before asking them."
+    ]
 
 
 def content_rows(found: Content) -> list[list[str]]:

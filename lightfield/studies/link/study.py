@@ -35,15 +35,17 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.link.bandwidth import LIGHT_M_PER_S, PATH_NODES, WATER_INDEX, along, bandwidth_of
+from lightfield.studies.working_range.reaches import Reach as PoseReach
+from lightfield.studies.working_range.reaches import docking_reach
 
 #: Charge of the electron, C (exact in the SI).
 ELECTRON_C = 1.602176634e-19
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
-#: Distances in m at which vehicles are reported to have docked or homed by light.
-REPORTED_DOCKING_M = ((10.0, 15.0), (20.0, 28.0))
+#: Farthest distance at which the accuracy of poses is asked about, m, and photons for it.
+DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
-DOCKING_SNR, DOCKING_HZ = 10.0, 10.0
+SEEN_SNR, SEEN_HZ = 10.0, 10.0
 #: Width of the cells on the axis, m: their bending is known from those beside them.
 _CELL_M = 0.3
 #: Distances asked at, and on which ranges are looked for.
@@ -101,10 +103,10 @@ class Receiver:
         """Q that the accepted error rate asks for."""
         return float(np.sqrt(2) * erfcinv(2 * self.ber))
 
-    def docking_snr(self, power_w: Array) -> Array:
+    def seen_snr(self, power_w: Array) -> Array:
         """Signal over noise of a slow reading."""
         current = self.responsivity_a_per_w * power_w
-        return np.asarray(current / np.sqrt(self._variance(current, DOCKING_HZ)))
+        return np.asarray(current / np.sqrt(self._variance(current, SEEN_HZ)))
 
     def _variance(self, current: Array, bandwidth: float) -> Array:
         shot = 2 * ELECTRON_C * (current + self.background_a)
@@ -123,17 +125,20 @@ class Reach:
         By exp(-cz).
     data_with_echoes_m : float
         With scattered light that comes late into the next bits.
-    docking_m, docking_stderr_m, docking_formula_m : float
-        For seeing the lamp.
+    seen_m, seen_stderr_m, seen_formula_m : float
+        For seeing the lamp at all.
+    docking : Reach of a pose
+        Up to where an array knows its pose as well as docking asks, see `working_range.reaches`.
     """
 
     data_m: float
     data_stderr_m: float
     data_formula_m: float
     data_with_echoes_m: float
-    docking_m: float
-    docking_stderr_m: float
-    docking_formula_m: float
+    seen_m: float
+    seen_stderr_m: float
+    seen_formula_m: float
+    docking: PoseReach
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +208,11 @@ def link(
     parts, reaches = [], {}
     for name, (a, b) in every.items():
         parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
-        reaches[name] = _reach(parts[-1], receiver)
+        docking = docking_reach(
+            grey(scene.model_copy(update={"tank": None}), a, b), from_m, max(DOCKING_TO_M, 1.5 * from_m),
+            photons=DOCKING_PHOTONS if b > 0 else 0.0,
+        )  # fmt: skip
+        reaches[name] = _reach(parts[-1], receiver, docking)
     pairs = list(every.values())
     waters_read = xr.Dataset(
         {name: ("water", [pair[k] for pair in pairs]) for k, name in enumerate(("absorption", "scattering"))}
@@ -298,7 +307,7 @@ def _late_light(
     return _Late(diffuse, relative, bandwidth, error, eye)
 
 
-def _reach(data: xr.Dataset, receiver: Receiver) -> Reach:
+def _reach(data: xr.Dataset, receiver: Receiver, docking: PoseReach) -> Reach:
     """Farthest distances at which the receiver does with its light."""
     z, power, formula = data.z_m.values, data.power_w.values, data.power_formula_w.values
     need, relative = receiver.needed_q, data.power_stderr_w.values / power
@@ -306,16 +315,16 @@ def _reach(data: xr.Dataset, receiver: Receiver) -> Reach:
     def last(ratio: Array) -> float:
         return _last(z, ratio)
 
-    data_m, docking_m = last(receiver.q(power) / need), last(receiver.docking_snr(power) / DOCKING_SNR)
+    data_m, seen_m = last(receiver.q(power) / need), last(receiver.seen_snr(power) / SEEN_SNR)
     slope = np.abs(np.gradient(np.log(power), z))
     errors = [
         float(np.interp(at, z, relative / slope)) if np.isfinite(at) else float("nan")
-        for at in (data_m, docking_m)
+        for at in (data_m, seen_m)
     ]
     return Reach(
         data_m, errors[0], last(receiver.q(formula) / need),
         last(receiver.q(power, data.eye.values) / need),
-        docking_m, errors[1], last(receiver.docking_snr(formula) / DOCKING_SNR),
+        seen_m, errors[1], last(receiver.seen_snr(formula) / SEEN_SNR), docking,
     )  # fmt: skip
 
 

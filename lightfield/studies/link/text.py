@@ -7,29 +7,53 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.studies.link.study import DOCKING_HZ, DOCKING_SNR, REPORTED_DOCKING_M, Link
+from lightfield.studies.link.reported import REPORTED
+from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
 
 
 def headline(found: Link) -> str:
     """One sentence: range for data in the scene's water."""
     r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
+    far = float(found.dataset.z_m[-1])
     return (
-        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m)} in the scene's water; exp(−cz) "
-        f"says {metres(r.data_formula_m)}."
+        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m, most=far)} in the scene's water; "
+        f"exp(−cz) says {metres(r.data_formula_m, most=far)}."
     )
 
 
-HEAD = ("water", "a, b (1/m)", "data", "data, with echoes", "data, exp(−cz)", "seen", "seen, exp(−cz)")
+HEAD = (
+    "water",
+    "a, b (1/m)",
+    "data",
+    "data, with echoes",
+    "data, exp(−cz)",
+    "docking",
+    "docking, exp(−cz)",
+    "seen",
+    "seen, exp(−cz)",
+)
+#: What is asked of each column.
+ASKED = (
+    "Docking: where an array of receivers on the axis knows its pose to 0.1 m across, 0.3 m along and "
+    "5 degrees (Cramer-Rao bound of one reading; gain and water known as the scene says, or to 5 % and 20 %; "
+    f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
+    "scattered light that comes late into the next bits."
+)
+REPORTED_HEAD = ("reported", "water", "source")
 
 
 def rows(found: Link) -> list[list[str]]:
     """A row per water, in the order of `HEAD`."""
     table = []
+    far = float(found.dataset.z_m[-1])
     for k, (name, r) in enumerate(found.reaches.items()):
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
+        docking, near = r.docking, DOCKING_TO_M
         table.append([
-            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m), metres(r.data_with_echoes_m),
-            metres(r.data_formula_m), metres(r.docking_m, r.docking_stderr_m), metres(r.docking_formula_m),
+            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m, most=far),
+            metres(r.data_with_echoes_m, most=far), metres(r.data_formula_m, most=far),
+            metres(docking.z_m, docking.stderr_m, docking.from_m, near), metres(docking.formula_m, most=near),
+            metres(r.seen_m, r.seen_stderr_m, most=far), metres(r.seen_formula_m, most=far),
         ])  # fmt: skip
     return table
 
@@ -60,24 +84,33 @@ def as_text(found: Link) -> str:
     receiver = found.receiver
     lines = [headline(found), ""]
     for row in [list(HEAD), *rows(found)]:
-        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>19}" for cell in row[2:]))
-    docking = " and ".join(f"{low:g} to {high:g} m" for low, high in REPORTED_DOCKING_M)
+        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>23}" for cell in row[2:]))
+    reported = "; ".join(f"{r.as_text()} ({r.water}; {r.source})" for r in REPORTED)
     return "\n".join([
-        *lines, bandwidth_sentence(found),
+        *lines, bandwidth_sentence(found), ASKED,
         f"{found.scene.lamp.power_w:g} W lamp, {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
         f"background {receiver.background_a:g} A, on-off keying at {receiver.bit_rate_per_s:g} bit/s, error "
-        f"rate {receiver.ber:g}; seen: signal {DOCKING_SNR:g} times the noise in {DOCKING_HZ:g} Hz.",
-        f"Docking by light is reported from {docking}.",
+        f"rate {receiver.ber:g}.",
+        f"Others report, with lamps and receivers of their own: {reported}.",
     ])  # fmt: skip
 
 
-def metres(value: float, stderr: float = float("nan")) -> str:
-    """A distance with its error, or that it lies beyond what was asked."""
+def reported_rows() -> list[list[str]]:
+    """A row per report, in the order of `REPORTED_HEAD`."""
+    return [[r.as_text(), r.water, r.source] for r in REPORTED]
+
+
+def metres(
+    value: float, stderr: float = float("nan"), from_m: float = float("nan"), most: float = 0.0
+) -> str:
+    """A distance with its error, or that it lies beyond what was asked; and where it begins to hold."""
+    if np.isfinite(from_m):
+        return f"{from_m:.1f} m to {metres(value, stderr, most=most)}"
     if np.isnan(value):
         return "nowhere"
     if np.isinf(value):
-        return "farther than asked"
+        return f"> {most:g} m" if most else "farther than asked"
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
 
 
@@ -87,11 +120,17 @@ def as_data(found: Link) -> dict[str, Any]:
     def plain(values: Any) -> Any:
         if isinstance(values, list):
             return [plain(v) for v in values]
+        if isinstance(values, dict):
+            return {k: plain(v) for k, v in values.items()}
         return values if isinstance(values, str) or np.isfinite(values) else None
 
     data = found.dataset
     return {
-        "reaches": {name: {k: plain(v) for k, v in vars(r).items()} for name, r in found.reaches.items()},
+        "reaches": {
+            name: {k: plain(v) for k, v in {**vars(r), "docking": vars(r.docking)}.items()}
+            for name, r in found.reaches.items()
+        },
+        "reported_by_others": [r._asdict() for r in REPORTED],
         "receiver": vars(found.receiver),
         **{str(k): plain(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
     }

@@ -11,7 +11,7 @@ fitted to the traced flux vector F about the axis; D is the direct light in clos
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,9 +19,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
-from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
-from lightfield.render.flux.field import Region, TracedField, traced_field
-from lightfield.render.response.response import Reference
+from lightfield.formula.path import rays
+from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.response.grid import COMPONENTS, Grid
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import DetectorArray, Follower, Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import beam_axes
@@ -36,8 +38,6 @@ from lightfield.studies.follower.noise import Noise
 ARRAY = DetectorArray(count=(5, 5), size_m=0.4, radius_m=0.32)
 #: Terms in distance and in squared tangent, of the excess and of the direction.
 _TERMS, _TURNING = (5, 3), (3, 2)
-#: Places that are fitted to: distances, radii, directions.
-_ALONG, _RADII, _AROUND = 16, 7, 8
 #: Cells of the trace across the beam, m; along it they are four times as long.
 _STEP_M = 0.16
 #: Light is followed to so many half widths of the beam at least, and beyond the array.
@@ -46,8 +46,10 @@ _HALF_WIDTHS = 1.2
 _ROOM_M = 0.05
 #: Least scattering to trace in, 1/m, as of the follower's light.
 _LEAST_TRACED_PER_M = 0.1
-#: Ratios of light are at least this, relative errors no smaller: logarithms and weights stay finite.
-_DARK, _LEAST_ERROR = 1e-12, 1e-3
+#: Step of derivatives, m, as of the follower's light.
+_DIFFERENCE_M = 1e-4
+#: Light and its ratios are at least this, and squared distances, m2: logarithms and quotients stay finite.
+_DARK, _NEAR_M2 = 1e-12, 1e-12
 
 
 class Frame(NamedTuple):
@@ -59,100 +61,142 @@ class Frame(NamedTuple):
     radius_m: float
 
 
+class Cells(NamedTuple):
+    """Cells of a trace that are fitted to, and their solutions for the polynomials' coefficients.
+
+    Parameters
+    ----------
+    place_m : array, shape (n, 3)
+    pitch_m : float
+    tally : array, shape (n_batches, n_rows, 3, n)
+        Flux vector by history.
+    excess, turning : array, shape (n_terms, n)
+    """
+
+    place_m: Array
+    pitch_m: float
+    tally: Array
+    excess: Array
+    turning: Array
+
+
 @dataclass(frozen=True, eq=False)
 class SmoothLight:
     """Light about the axis without the grain of its trace; a `Light` of the follower.
 
     Parameters
     ----------
-    traced : TracedField
+    scene : Scene
+        Lamp and tank are those of the trace; the water is free.
+    response : TransportResponse
+        Of the trace: its histories and reference water.
     frame : Frame
+    cells : Cells
+    left_out : int, optional
+        A batch of the trace that does not count.
     """
 
-    traced: TracedField
+    scene: Scene
+    response: TransportResponse
     frame: Frame
-
-    @property
-    def scene(self) -> Scene:
-        return self.traced.scene
+    cells: Cells
+    left_out: int | None = None
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """Readings of cosine receivers, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
+        return on_receivers(self._flux(np.asarray(place_m, float)), np.asarray(normal, float))
+
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
+        """Flux vector of all light, 1/m^2, (n, 3), and its slopes by the place, (n, 3, 3)."""
         place = np.asarray(place_m, float)
-        return on_receivers(direct_flux(self.scene, place) + self._diffuse(place), np.asarray(normal, float))
+        steps = _DIFFERENCE_M * np.eye(3)
+        slopes = [(self._flux(place + s) - self._flux(place - s)) / (2 * _DIFFERENCE_M) for s in steps]
+        return [(self._flux(place), np.stack(slopes, axis=2))]
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """`reading` and its standard errors, by a jackknife over the batches of the trace."""
-        parts = np.stack([one.reading(place_m, normal) for one in self.leave_one_out()])
-        count = len(parts)
-        return self.reading(place_m, normal), np.sqrt((count - 1) / count) * np.sqrt(
-            ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)
-        )
+        parts = self._left_out(place_m, normal)
+        away = ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)
+        return self.reading(place_m, normal), np.sqrt((len(parts) - 1) / len(parts) * away)
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """Readings by independent parts of the trace, as the jackknife makes them of it."""
-        parts = np.stack([one.reading(place_m, normal) for one in self.leave_one_out()])
+        parts = self._left_out(place_m, normal)
         return len(parts) * self.reading(place_m, normal) - (len(parts) - 1) * parts
 
     def leave_one_out(self) -> list[SmoothLight]:
         """Without one of the batches of the trace, each in turn."""
-        return self._parts
+        found = [replace(self, left_out=k) for k in range(len(self.cells.tally))]
+        for one in found:
+            one.__dict__["_in_water"] = self._in_water
+        return found
 
     def in_water_of(self, scene: Scene) -> SmoothLight:
-        return SmoothLight(self.traced.in_water_of(scene), self.frame)
+        """The same trace in the water of another scene."""
+        return replace(self, scene=scene)
+
+    def _left_out(self, place_m: Array, normal: Array) -> Array:
+        place, normal = np.asarray(place_m, float), np.asarray(normal, float)
+        return np.stack([on_receivers(self._flux(place, fit), normal) for fit in self._fits[1:]])
 
     @cached_property
-    def _parts(self) -> list[SmoothLight]:
-        return [SmoothLight(one, self.frame) for one in self.traced.leave_one_out()]
+    def _in_water(self) -> tuple[Array, Array]:
+        """Diffuse flux in every cell by batch, (n_batches, 3, n), and the direct light's mean there, (n,)."""
+        place, scene, before = self.cells.place_m, self.scene, self.response.reference
+        at = middles_nm(scene)[0].mean(keepdims=True)
+        a, b = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+        rho, surface = (np.array([v]) for v in scene.reflectances)
+        weights = np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
+        straight = rays(scene.lamp, *place.T).water_m
+        change = float(a[0] + b[0]) - before.absorption_per_m - before.scattering_per_m
+        depth = change * straight - 0.5 * (scene.water.hardening_per_m * straight) ** 2
+        diffuse = np.tensordot(self.cells.tally, weights, axes=([1], [0])) * np.exp(-depth)
+        aside = self.cells.pitch_m / np.sqrt(12) * np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)])
+        direct = np.mean([direct_flux(scene, place + step)[:, 2] for step in aside], axis=0)
+        return diffuse, np.maximum(direct, _DARK)
 
     @cached_property
-    def _whole(self) -> tuple[Array, Array]:
-        """Coefficients of P and of S."""
-        frame, lamp = self.frame, self.scene.lamp
-        z = np.linspace(frame.near_m, frame.far_m, _ALONG)
-        turn = 2 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND
-        share = np.sqrt(np.linspace(0, 1, _RADII))
-        z, share, turn = (v.ravel() for v in np.meshgrid(z, share, turn, indexing="ij"))
-        radius = np.minimum(frame.tangent * z, frame.radius_m) * share
-        x0, y0 = self._axis(z)
-        place = np.stack([x0 + radius * np.cos(turn), y0 + radius * np.sin(turn), z], axis=1)
-        direct, diffuse = direct_flux(self.scene, place), self.traced.diffuse_flux(place)[:, :3]
-        excess = np.log1p(np.maximum(diffuse[:, 2] / np.maximum(direct[:, 2], _DARK), _DARK))
-        P = np.linalg.lstsq(self._terms(place, _TERMS), excess, rcond=None)[0]
-        aside = place[:, :2] - [lamp.offset_x_m, lamp.offset_y_m]
-        squared = (aside**2).sum(axis=1)
-        # Weighed by the light and by what the direction is worth there.
-        weight = np.sqrt(squared) * np.maximum(diffuse[:, 2], 0) * z
-        away = (diffuse[:, :2] * aside).sum(axis=1) * z / np.maximum(squared * diffuse[:, 2], _DARK)
-        terms = self._terms(place, _TURNING)
-        S = np.linalg.lstsq(weight[:, None] * terms, weight * np.where(squared > 0, away, 0.0), rcond=None)[0]
-        return P, S
+    def _fits(self) -> list[tuple[Array, Array]]:
+        """Coefficients of P and of S: of all batches that count, and without one of them, each in turn."""
+        diffuse, direct = self._in_water
+        used = np.delete(diffuse, self.left_out, axis=0) if self.left_out is not None else diffuse
+        n, whole = len(used), used.mean(axis=0)
+        lamp, (x, y, z) = self.scene.lamp, self.cells.place_m.T
+        dx, dy = x - lamp.offset_x_m, y - lamp.offset_y_m
+        found = []
+        for flux in [whole, *((n * whole - one) / (n - 1) for one in used)]:
+            excess = np.log1p(np.maximum(flux[2] / direct, _DARK))
+            away = (flux[0] * dx + flux[1] * dy) * z / np.maximum(dx * dx + dy * dy, _NEAR_M2)
+            found.append((self.cells.excess @ excess, self._turned(flux[2], away)))
+        return found
 
-    def _axis(self, z_m: Array) -> tuple[Array, Array]:
-        lamp, (ux, uy, uz) = self.scene.lamp, beam_axes(self.scene.lamp)[2]
-        return lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m
+    def _turned(self, along: Array, away: Array) -> Array:
+        """S where F_rho = S F_z rho / z: the two are fitted apart, for photons are few in a single cell."""
+        return np.stack([self.cells.turning @ away, self.cells.turning @ along])
 
-    def _terms(self, place_m: Array, count: tuple[int, int]) -> Array:
-        """Chebyshev polynomials at places, shape (n, n_terms)."""
-        x, y, z = place_m.T
-        x0, y0 = self._axis(z)
-        near, far, tangent, _ = self.frame
-        along = 2 * (z - near) / (far - near) - 1
-        aside = 2 * ((x - x0) ** 2 + (y - y0) ** 2) / (tangent * z) ** 2 - 1
-        return np.asarray(chebyshev.chebvander2d(along, aside, [n - 1 for n in count]))
+    def _flux(self, place: Array, fit: tuple[Array, Array] | None = None) -> Array:
+        P, (away, along) = self._fits[0] if fit is None else fit
+        lamp, direct = self.scene.lamp, direct_flux(self.scene, place)
+        diffuse = direct[:, 2] * np.expm1(terms(self.scene, self.frame, place, _TERMS) @ P)
+        turning = terms(self.scene, self.frame, place, _TURNING)
+        slope = (turning @ away / np.maximum(turning @ along, _DARK) / place[:, 2])[:, None]
+        aside = slope * (place[:, :2] - [lamp.offset_x_m, lamp.offset_y_m])
+        return np.asarray(direct + diffuse[:, None] * np.column_stack([aside, np.ones(len(place))]))
 
-    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
-        """Flux vectors of direct and of diffuse light, (n, 3), and their slopes by the place, (n, 3, 3)."""
-        place = np.asarray(place_m, float)
-        return [flux_and_slopes(self.scene, place), (self._diffuse(place), by_place(self._diffuse, place))]
 
-    def _diffuse(self, place_m: Array) -> Array:
-        """Flux vector of the diffuse light, 1/m^2, shape (n, 3)."""
-        (P, S), lamp = self._whole, self.scene.lamp
-        along = direct_flux(self.scene, place_m)[:, 2] * np.expm1(self._terms(place_m, _TERMS) @ P)
-        slope = (self._terms(place_m, _TURNING) @ S / place_m[:, 2])[:, None]
-        aside = slope * (place_m[:, :2] - [lamp.offset_x_m, lamp.offset_y_m])
-        return np.asarray(along[:, None] * np.column_stack([aside, np.ones(len(place_m))]))
+def terms(scene: Scene, frame: Frame, place_m: Array, count: tuple[int, int]) -> Array:
+    """Chebyshev polynomials at places, shape (n, n_terms)."""
+    x, y, z = place_m.T
+    x0, y0 = _axis(scene, z)
+    near, far, tangent, _ = frame
+    along = 2 * (z - near) / (far - near) - 1
+    aside = 2 * ((x - x0) ** 2 + (y - y0) ** 2) / (tangent * z) ** 2 - 1
+    return np.asarray(chebyshev.chebvander2d(along, aside, [n - 1 for n in count]))
+
+
+def _axis(scene: Scene, z_m: Array) -> tuple[Array, Array]:
+    lamp, (ux, uy, uz) = scene.lamp, beam_axes(scene.lamp)[2]
+    return lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m
 
 
 def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, photons: float) -> SmoothLight:
@@ -182,7 +226,25 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
     reference = Reference(float(a), max(float(b), _LEAST_TRACED_PER_M), max(scene.reflectances))
     field = traced_field(scene, region, photons=photons, reference=reference)
-    return SmoothLight(field, Frame(near, end, tangent, region.half_width_m - aside))
+    frame = Frame(near, end, tangent, region.half_width_m - aside)
+    return SmoothLight(scene, field.response, frame, _cells(scene, field.grid, field.response, frame))
+
+
+def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> Cells:
+    """The cells within the frame, and the least squares of the polynomials over them."""
+    x, y, z = (v.ravel() for v in grid.centres())
+    x0, y0 = _axis(scene, z)
+    radius = np.hypot(x - x0, y - y0)
+    inside = radius <= np.minimum(frame.tangent * z, frame.radius_m)
+    place, lamp = np.stack([x, y, z], axis=1)[inside], scene.lamp
+    tally = response.tally.reshape(*response.tally.shape[:2], len(COMPONENTS), -1)[:, :, :3, inside]
+    # Noise of a cell's light over its light, roughly: few photons are far away, and aside.
+    weight = 1 / place[:, 2]
+    excess = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TERMS)) * weight
+    squared = (place[:, 0] - lamp.offset_x_m) ** 2 + (place[:, 1] - lamp.offset_y_m) ** 2
+    weight = np.sqrt(squared) * place[:, 2]
+    turning = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TURNING)) * weight
+    return Cells(place, grid.pitch_x_m, tally, excess, turning)
 
 
 def _aside(scene: Scene, z_m: float) -> float:

@@ -15,30 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.polynomial import chebyshev
-from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.optimize import brentq
+from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
 from lightfield.scene import DetectorArray, Scene
-from lightfield.studies.follower.information import Bound
-from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.light_at import LightAt, light_at
 from lightfield.studies.working_range.field import RADII, Field
-from lightfield.studies.working_range.poses import Known, known_poses
+from lightfield.studies.working_range.poses import known_poses
+from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, sigmas
 
 #: The paper's rule.
 PAPER_SHARE = 0.20
 #: Photons of the flux vector whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
 PHOTONS = 2e6
-#: Directions of a pose that are asked about: coordinates, unit, and what docking asks of them (`DOCKING`).
-POSE_RULES = {
-    "across": (("x", "y"), "m", DOCKING["x"]),
-    "along": (("z",), "m", DOCKING["z"]),
-    "turned": (("yaw", "pitch"), "deg", float(np.degrees(DOCKING["yaw"]))),
-}
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: Readings so close to the axis, as a part of the distance, are on it.
@@ -50,41 +42,14 @@ _DEGREES, _LEAST_ERROR = (4, 3), 1e-3
 _SHOWN = 61
 #: Step of derivatives, m.
 _STEP_M = 1e-3
-_WORDS = {
-    "across": "position across the beam",
-    "along": "position along the beam",
-    "turned": "yaw and pitch",
-}
 #: Distances at which poses are asked about.
 _POSES = 13
-#: What cannot be known at all, in m and rad, for logarithms.
-_UNKNOWN = 1e6
 #: No light, for logarithms.
 _DARK = 1e-300
 #: Kept free before the end of a tank, m.
 _BEFORE_WALL_M = 0.05
 #: Ranges are looked for on so many steps.
 _SCAN = 600
-
-
-@dataclass(frozen=True)
-class Reach:
-    """A distance up to which something holds.
-
-    Parameters
-    ----------
-    name, rule : str
-    z_m, stderr_m : float
-        With scattered and reflected light; infinite where it still holds at the farthest distance asked.
-    formula_m : float
-        By direct light alone.
-    """
-
-    name: str
-    rule: str
-    z_m: float
-    stderr_m: float
-    formula_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +157,7 @@ def working_range(
             "half_radius_m": ("z_m", half[0], {"units": "m", "long_name": "radius of half intensity"}),
             "half_radius_stderr_m": ("z_m", half_error, {"units": "m"}),
             "half_radius_formula_m": ("z_m", half[1], {"units": "m"}),
-            **_sigmas(known, at, z),
+            **sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
         attrs={"reference_m": first, "noise": noise},
@@ -202,29 +167,6 @@ def working_range(
         dataset, reaches, _measured(readings, first), scene, share, noise, snr, known[0].array,
         known[0].nuisances,
     )  # fmt: skip
-
-
-def _sigmas(known: list[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:
-    """Standard errors of poses at distances, from those that were asked about; smooth in between."""
-    found = {}
-    for which, one in zip(("", "_formula"), known, strict=True):
-        for gain, bounds in (("", one.as_stated), ("_relative", one.relative)):
-            for axis, (names, unit, _) in POSE_RULES.items():
-                sigma, doubt = np.array([_worst(bound, names) for bound in bounds]).T
-                scale = 1.0 if unit == "m" else 180 / np.pi
-                curve = np.exp(PchipInterpolator(at, np.log(scale * sigma))(z))
-                name = f"sigma_{axis}{gain}{which}"
-                found[f"{name}_{unit}"] = ("z_m", curve, {"units": unit})
-                if not which:
-                    error = curve * np.interp(z, at, doubt)
-                    found[f"{name}_stderr_{unit}"] = ("z_m", error, {"units": unit})
-    return found
-
-
-def _worst(bound: Bound, names: tuple[str, ...]) -> tuple[float, float]:
-    """Largest standard error of some coordinates, and its relative doubt by the trace."""
-    name = max(names, key=bound.sigma.__getitem__)
-    return min(bound.sigma[name], _UNKNOWN), bound.doubt.get(name, 0.0)
 
 
 def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: float) -> tuple[Reach, ...]:
@@ -241,45 +183,10 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
         ("light", share, f"at least {100 * share:g} % of the light at {z[0]:g} m"),
         ("signal", snr * noise, f"signal at least {snr:g} times a noise of {100 * noise:g} %"),
     ):
-        at = _last(light, np.log(level), fine, falling=True)
-        stderr = _error(error, light, at)
-        rules.append(Reach(name, words, at, stderr, _last(formula, np.log(level), fine, falling=True)))
-    for suffix, known in (("", ""), ("_relative", ", relative readings only")):
-        met = []
-        for axis, (_, unit, limit) in POSE_RULES.items():
-            name = f"sigma_{axis}{suffix}"
-            curves = [curve(f"{name}{which}_{unit}") for which in ("", "_formula")]
-            at, by_formula = (_last(c, np.log(limit), fine, falling=False) for c in curves)
-            doubt = CubicSpline(z, data[f"{name}_stderr_{unit}"].values / data[f"{name}_{unit}"].values)
-            words = f"{_WORDS[axis]} to {limit:g} {unit}{known}"
-            met.append(Reach(f"pose_{axis}{suffix}", words, at, _error(doubt, curves[0], at), by_formula))
-        shortest = min(met, key=lambda reach: -1.0 if np.isnan(reach.z_m) else reach.z_m)
-        by_formula = min((r.formula_m for r in met), key=lambda at: -1.0 if np.isnan(at) else at)
-        whole = Reach(
-            f"pose{suffix}",
-            f"all that docking asks of a pose{known}",
-            shortest.z_m,
-            shortest.stderr_m,
-            by_formula,
-        )
-        rules += [*met, whole]
-    return tuple(rules)
-
-
-def _error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:
-    """Error of the distance where a curve meets a level: that of ln(light) by the slope."""
-    return float(error(z_m)) / abs(float(curve(z_m, 1))) if np.isfinite(z_m) else float("nan")
-
-
-def _last(curve: CubicSpline, level: float, fine: Array, falling: bool) -> float:
-    """Where a curve first leaves the good side of a level; infinite if never, NaN if it never was there."""
-    beyond = curve(fine) < level if falling else curve(fine) > level
-    if not beyond.any():
-        return float("inf")
-    k = int(np.argmax(beyond))
-    if k == 0:
-        return float("nan")
-    return float(brentq(lambda z: float(curve(np.array(z))) - level, fine[k - 1], fine[k]))
+        at = last_place(light, np.log(level), fine, falling=True)
+        stderr = place_error(error, light, at)
+        rules.append(Reach(name, words, at, stderr, last_place(formula, np.log(level), fine, falling=True)))
+    return (*rules, *pose_reaches(data, fine))
 
 
 def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[Field, LightAt]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lightfield.studies.working_range.study import Reach, WorkingRange
+from lightfield.studies.working_range.reaches import Reach
+from lightfield.studies.working_range.study import WorkingRange
 
 
 def as_text(found: WorkingRange) -> str:
@@ -58,6 +60,8 @@ def rows(found: WorkingRange) -> list[list[str]]:
 
 def distance(reach: Reach) -> str:
     """A distance with its error."""
+    if np.isfinite(reach.from_m):
+        return f"{reach.from_m:.2f} m to {distance(replace(reach, from_m=float('nan')))}"
     error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
     return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
 
@@ -84,6 +88,7 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
                 "z_m": plain(r.z_m),
                 "stderr_m": plain(r.stderr_m),
                 "formula_m": plain(r.formula_m),
+                "from_m": plain(r.from_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),
             }
             for r in found.reaches

@@ -14,6 +14,7 @@ from lightfield.report.link import link_page
 from lightfield.scene import Scene
 from lightfield.studies.link.study import ELECTRON_C, Link, Receiver, link
 from lightfield.studies.link.text import as_data, as_text
+from lightfield.studies.working_range.study import working_range
 
 HALF = np.radians(3.81)
 
@@ -103,9 +104,25 @@ def test_late_light_narrows_the_band_and_closes_the_eye(murky) -> None:
     assert murky.reaches["scene"].data_with_echoes_m <= murky.reaches["scene"].data_m
 
 
+def test_docking_reaches_as_far_as_the_pose_is_known(clear) -> None:
+    """One definition: where `range` has it in that water.
+
+    By size of the light alone it would end at (0.05^2 + (0.2 c z)^2)^(1/2) / (2 / z + c) = 0.3 m; the width
+    of the beam tells some of the distance, too. Its own closed forms: test_working_range.
+    """
+    for name, c in (("c = 0.1", 0.1), ("c = 0.35", 0.35)):
+        by_size = brentq(lambda z, c=c: np.hypot(0.05, 0.2 * c * z) / (2 / z + c) - 0.3, 2, 20)
+        docking = clear.reaches[name].docking
+        assert docking.z_m == docking.formula_m and docking.stderr_m == 0
+        there = scene(c, 0.0).with_values({"detector.planes_m": [4.0, 8.0]})
+        asked = working_range(there, None, to_m=20.0).reaches
+        assert docking.z_m == pytest.approx(next(r for r in asked if r.name == "pose").z_m, rel=0.01)
+        assert docking.z_m > by_size
+
+
 def test_a_lamp_is_seen_farther_than_it_talks(clear) -> None:
     for reach in clear.reaches.values():
-        assert reach.docking_formula_m > reach.data_formula_m
+        assert reach.seen_formula_m > reach.data_formula_m
 
 
 @pytest.mark.parametrize(
@@ -128,5 +145,6 @@ def test_distances_waters_and_lamps_that_make_no_sense() -> None:
 def test_words_data_and_page(clear) -> None:
     data = json.loads(json.dumps(as_data(clear)))
     assert data["reaches"]["c = 0.1"]["data_m"] == pytest.approx(40.6, abs=0.15)
-    assert "10 to 15 m" in as_text(clear)
+    assert "10 to 15 m (turbid bay; Cowen" in as_text(clear)
+    assert "first source" in link_page(clear)
     assert link_page(clear).count("<svg") == 2

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
+from lightfield.render.flux.field import Region, traced_field
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
 from lightfield.studies.working_range.poses import smooth_light
@@ -151,7 +152,7 @@ def test_smooth_light_is_the_traced_field_with_less_noise() -> None:
     place = np.array([[0.0, 0.0, 4.5], [0.2, 0.1, 5.5], [0.0, -0.3, 6.5], [0.2, 0.0, 8.5]])
     normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866], [0.0, 0.0, -1.0]])
     smooth, error = light.irradiance(place, normal)
-    traced, noise = light.traced.irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 4.2, 9.0), photons=4e5, seed=1).irradiance(place, normal)
     assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.003)
     assert np.all(error < noise) and np.all(error > 0)
 
@@ -217,3 +218,13 @@ def test_where_an_array_sees_nothing_of_a_direction_its_bound_is_infinite() -> N
     assert (sigma > 0).all() and not np.isnan(sigma).any()
     assert as_text(found) and "</html>" in range_page(found)
     json.dumps(as_data(found), allow_nan=False)
+
+
+def test_a_stretch_that_begins_away_from_the_lamp_is_told_from_its_beginning() -> None:
+    """Near the lamp the light falls so fast beside the axis that a step aside looks like yaw."""
+    found = working_range(scene(detector={"planes_m": [2.5, 8.5]}), None)
+    yaw = next(r for r in found.reaches if r.name == "pose_turned")
+    assert 2.6 < yaw.from_m < 6 and yaw.z_m > 8.5
+    sigma = found.dataset.sigma_turned_deg
+    assert float(sigma.interp(z_m=yaw.from_m - 0.2)) > 5 > float(sigma.interp(z_m=yaw.from_m + 0.2))
+    assert f"{yaw.from_m:.2f} m to" in as_text(found)

@@ -1,0 +1,162 @@
+"""Distances up to which something holds, and those up to which a pose is known as well as docking asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.optimize import brentq
+
+from lightfield.arrays import Array
+from lightfield.scene import Scene
+from lightfield.studies.follower.information import Bound
+from lightfield.studies.follower.survey import DOCKING
+from lightfield.studies.working_range.poses import Known, known_poses
+
+#: Directions of a pose that are asked about: coordinates, unit, and what docking asks of them (`DOCKING`).
+POSE_RULES = {
+    "across": (("x", "y"), "m", DOCKING["x"]),
+    "along": (("z",), "m", DOCKING["z"]),
+    "turned": (("yaw", "pitch"), "deg", float(np.degrees(DOCKING["yaw"]))),
+}
+_WORDS = {
+    "across": "position across the beam",
+    "along": "position along the beam",
+    "turned": "yaw and pitch",
+}
+#: What cannot be known at all, in m and rad, for logarithms.
+_UNKNOWN = 1e6
+#: Steps on which distances are looked for, and distances at which poses are asked about.
+_SCAN, _POSES = 600, 13
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A distance up to which something holds.
+
+    Parameters
+    ----------
+    name, rule : str
+    z_m, stderr_m : float
+        With scattered and reflected light; infinite where it still holds at the farthest distance asked.
+    formula_m : float
+        By direct light alone.
+    from_m : float
+        Where it begins to hold, if not at the nearest distance asked; else NaN.
+    """
+
+    name: str
+    rule: str
+    z_m: float
+    stderr_m: float
+    formula_m: float
+    from_m: float = float("nan")
+
+
+def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -> Reach:
+    """Farthest distance on the axis at which an array knows its pose as well as docking asks.
+
+    Parameters
+    ----------
+    scene : Scene
+        See `known_poses`.
+    from_m, to_m : float, m
+    photons : float
+        Zero: the formula alone.
+    """
+    z = np.linspace(from_m, to_m, _POSES)
+    data = xr.Dataset(sigmas(known_poses(scene, z, photons=photons), z, z), coords={"z_m": z})
+    return next(r for r in pose_reaches(data, np.linspace(from_m, to_m, _SCAN)) if r.name == "pose")
+
+
+def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
+    """By the standard errors of `sigmas`, one rule after the other and all together."""
+    z, rules = data.z_m.values, list[Reach]()
+
+    def curve(name: str) -> CubicSpline:
+        return CubicSpline(z, np.log(data[name].values))
+
+    for suffix, known in (("", ""), ("_relative", ", relative readings only")):
+        over, doubts, straight = [], [], []
+        for axis, (_, unit, limit) in POSE_RULES.items():
+            name = f"sigma_{axis}{suffix}"
+            own, formula = (
+                curve(f"{name}{which}_{unit}")(fine) - np.log(limit) for which in ("", "_formula")
+            )
+            relative = data[f"{name}_stderr_{unit}"].values / data[f"{name}_{unit}"].values
+            over.append(own)
+            straight.append(formula)
+            doubts.append(np.interp(fine, z, relative))
+            words = f"{_WORDS[axis]} to {limit:g} {unit}{known}"
+            rules.append(_within(f"pose_{axis}{suffix}", words, fine, own, doubts[-1], formula))
+        worst = np.argmax(over, axis=0), np.arange(len(fine))
+        whole = np.array(over)[worst], np.array(doubts)[worst], np.max(straight, axis=0)
+        rules.append(_within(f"pose{suffix}", f"all that docking asks of a pose{known}", fine, *whole))
+    return rules
+
+
+def _within(name: str, rule: str, z: Array, over: Array, doubt: Array, formula: Array) -> Reach:
+    """The last stretch of distances on which a logarithm is below 0; `doubt` is its error."""
+    near, far = _stretch(z, over)
+    stderr = float("nan")
+    if np.isfinite(far):
+        stderr = float(np.interp(far, z, doubt) / np.abs(np.interp(far, z, np.gradient(over, z))))
+    return Reach(name, rule, far, stderr, _stretch(z, formula)[1], near if near > z[0] else float("nan"))
+
+
+def _stretch(z: Array, over: Array) -> tuple[float, float]:
+    """Ends of the farthest stretch on which `over` is not above 0; NaN if there is none."""
+    good = np.flatnonzero(over <= 0)
+    if not good.size:
+        return float("nan"), float("nan")
+    last = int(good[-1])
+    before = np.flatnonzero(over[:last] > 0)
+    first = int(before[-1]) if before.size else -1
+
+    def crossing(k: int) -> float:
+        return float(z[k] + (z[k + 1] - z[k]) * over[k] / (over[k] - over[k + 1]))
+
+    near = crossing(first) if first >= 0 else float(z[0])
+    return near, float("inf") if last == len(z) - 1 else crossing(last)
+
+
+def sigmas(known: Sequence[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:
+    """Standard errors of poses at distances, from those that were asked about; smooth in between."""
+    found = {}
+    for which, one in zip(("", "_formula"), known, strict=True):
+        for gain, bounds in (("", one.as_stated), ("_relative", one.relative)):
+            for axis, (names, unit, _) in POSE_RULES.items():
+                sigma, doubt = np.array([_worst(bound, names) for bound in bounds]).T
+                scale = 1.0 if unit == "m" else 180 / np.pi
+                curve = np.exp(PchipInterpolator(at, np.log(scale * sigma))(z))
+                name = f"sigma_{axis}{gain}{which}"
+                found[f"{name}_{unit}"] = ("z_m", curve, {"units": unit})
+                if not which:
+                    error = curve * np.interp(z, at, doubt)
+                    found[f"{name}_stderr_{unit}"] = ("z_m", error, {"units": unit})
+    return found
+
+
+def _worst(bound: Bound, names: tuple[str, ...]) -> tuple[float, float]:
+    """Largest standard error of some coordinates, and its relative doubt by the trace."""
+    name = max(names, key=bound.sigma.__getitem__)
+    return min(bound.sigma[name], _UNKNOWN), bound.doubt.get(name, 0.0)
+
+
+def place_error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:
+    """Error of the distance where a curve meets a level: that of ln(light) by the slope."""
+    return float(error(z_m)) / abs(float(curve(z_m, 1))) if np.isfinite(z_m) else float("nan")
+
+
+def last_place(curve: CubicSpline, level: float, fine: Array, falling: bool) -> float:
+    """Where a curve first leaves the good side of a level; infinite if never, NaN if it never was there."""
+    beyond = curve(fine) < level if falling else curve(fine) > level
+    if not beyond.any():
+        return float("inf")
+    k = int(np.argmax(beyond))
+    if k == 0:
+        return float("nan")
+    return float(brentq(lambda z: float(curve(np.array(z))) - level, fine[k - 1], fine[k]))
