@@ -15,6 +15,7 @@ from lightfield.commands import demo
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHORTER = {"render": " --max-photons 1e5", "compare": " --max-photons 1e5", "diagnose": " --no-trace"}
+SHORTER["follow"] = " --no-trace --duration 2"
 SHORTER |= dict.fromkeys(("attenuation", "range"), " --no-trace")
 
 

@@ -11,15 +11,13 @@ from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import Model, Space
 from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.pose import LOST_SIGMA, Estimator
+from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.search import box_of, descend
 from lightfield.studies.follower.tracking import Filter
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
 #: second before are as good as six (scatter of the estimates the same to 1 %).
 STEPS, STEPS_FROM_AFAR = 3, 60
-#: Readings whose chi2 is less probable than this, so many in a row, are not of the light that is believed in.
-DOUBTFUL, IN_A_ROW = 1e-3, 3
 
 
 class Observer:
