@@ -24,6 +24,10 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
         "compare {scene}/data.csv --scene {scene}/scene.toml -o {out}",
         "diagnose {scene}/data.csv --scene {scene}/scene.toml -o {out} --report {out}/index.html",
     ),
+    "leader_follower": (
+        "follow {scene}/clear.toml --with {scene}/turbid.toml --believe field,clear --runs 3 --duration 60 "
+        "--max-photons 2e6 --report {out}/index.html",
+    ),
     "dive_lamp": ("diagnose {scene}/data.csv --scene {scene}/scene.toml -o {out} --report {out}/index.html",),
 }
 

@@ -31,6 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--runs", type=int, default=4, metavar="N", help="with noise, gain and water of their own (default 4)"
     )
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="of a run (default: as the scene says, 120 s)"
+    )
     parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
     parser.add_argument(
@@ -48,11 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, write."""
-    from lightfield.studies.following.study import BELIEFS, follow
+    from lightfield.studies.following.study import BELIEFS, follow, with_belief
 
     scenes = {}
     for path in [args.scene, *args.others]:
-        scene = Scene.load(path)
+        scene = with_belief(Scene.load(path), "")
+        if args.duration is not None:
+            scene = scene.with_values({"follower.mission.duration_s": args.duration})
         scenes[scene.name or path.stem] = scene
     inputs = [args.scene, *args.others]
     outputs_of(args, *inputs)

@@ -15,7 +15,7 @@ from lightfield.commands import demo
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHORTER = dict.fromkeys(("render", "compare"), " --max-photons 1e5")
-SHORTER["diagnose"] = " --no-trace --effects background"
+SHORTER |= {"diagnose": " --no-trace --effects background", "follow": " --no-trace --duration 2"}
 SHORTER |= dict.fromkeys(("attenuation", "range"), " --no-trace")
 
 

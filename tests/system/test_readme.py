@@ -31,6 +31,7 @@ SHORT = {
     "link": "--max-photons 1e4 --to 20",
     "array": "--no-trace",
     "pose": "--no-trace",
+    "follow": "--no-trace --duration 1 --runs 1",
     "picture": "--samples 2 --size 64x36",
 }
 

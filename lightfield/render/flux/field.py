@@ -185,14 +185,17 @@ class TracedField:
         """
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        diffuse = on_receivers(self._at(self._mean[:3], place), normal)
+        diffuse = on_receivers(self._quick.at(self._cells(place)) * self._factor(place)[:, None], normal)
         spread = self.batches(place, normal)
         return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """`reading` of every independent part of the trace, shape (n_batches, n)."""
-        direct = on_receivers(direct_flux(self.scene, place_m), normal)
-        return direct + np.stack([on_receivers(self._at(one[:3], place_m), normal) for one in self._batches])
+        place = np.asarray(place_m, float)
+        direct = on_receivers(direct_flux(self.scene, place), normal)
+        found = self._quick_batches.at(self._cells(place)) * self._factor(place)[:, None]
+        flux = found.reshape(len(place), -1, 3).swapaxes(0, 1)
+        return direct + np.stack([on_receivers(one, normal) for one in flux])
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
@@ -272,6 +275,11 @@ class TracedField:
     @cached_property
     def _quick(self) -> Splines:
         return Splines.of(self._mean[:3])
+
+    @cached_property
+    def _quick_batches(self) -> Splines:
+        each = self._batches[:, :3]
+        return Splines.of(each.reshape(-1, *each.shape[2:]))
 
     @cached_property
     def _batches(self) -> Array:

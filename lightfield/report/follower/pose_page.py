@@ -121,4 +121,7 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
             rows,
         )
     ]  # fmt: skip
-    return write(path, "Pose", verdict, [], sections, poses.scene, [("light", light_in_words(poses.traced))])
+    lead = [f"{one.as_text().capitalize()}." for one in poses.losses]
+    return write(
+        path, "Pose", verdict, lead, sections, poses.scene, [("light", light_in_words(poses.traced))]
+    )

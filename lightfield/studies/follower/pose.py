@@ -29,6 +29,8 @@ from lightfield.studies.follower.survey import array_of
 FIRST_STARTS = 8
 #: Readings that are this unlikely do not come from the light that is believed in (as of a diagnosis: 1 %).
 UNLIKELY = 0.01
+#: Readings so much less probable, so many in a row, are no accident: the light is another than is believed.
+DOUBTFUL, IN_A_ROW = 1e-3, 3
 #: Light is lost where the brightest element is less than this many sigma of darkness (Rose 1948: 5).
 LOST_SIGMA = 5.0
 #: A start from the last pose that ends this far up, in chi2 over its degrees of freedom, begins anew

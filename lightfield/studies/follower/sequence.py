@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.light import Space, light_of
-from lightfield.studies.follower.pose import Estimate, Estimator
+from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimate, Estimator
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracked, Tracker
@@ -22,6 +22,37 @@ from lightfield.studies.follower.tracking import Tracked, Tracker
 RIVAL_STARTS = 32
 #: Samples that a text shows.
 SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A stretch without light, or with light that is not the one believed in.
+
+    Parameters
+    ----------
+    from_s, to_s : float, s
+        Its first and last reading.
+    why : str
+    sigma_m : (float, float) or None
+        Error along the beam that the filter states before and at its end; None without a filter.
+    found_s : float or None
+        First good reading after it; None: never.
+    """
+
+    from_s: float
+    to_s: float
+    why: str
+    sigma_m: tuple[float, float] | None
+    found_s: float | None
+
+    def as_text(self) -> str:
+        found = "it does not come back" if self.found_s is None else f"found again at {self.found_s:.2f} s"
+        grown = ""
+        if self.sigma_m is not None:
+            grown = "; meanwhile the filter's error along the beam goes from {:.3f} to {:.3f} m".format(
+                *self.sigma_m
+            )
+        return f"{self.why} from {self.from_s:.2f} to {self.to_s:.2f} s{grown}; {found}"
 
 
 @dataclass(frozen=True)
@@ -55,6 +86,35 @@ class Poses:
     def misfits(self) -> int:
         return sum(not one.lost and not one.fits for one in self.estimates)
 
+    @property
+    def losses(self) -> list[Loss]:
+        """Every darkness, and every three or more readings in a row that do not fit."""
+        dark = [one.lost for one in self.estimates]
+        strange = [not one.lost and one.probability < DOUBTFUL for one in self.estimates]
+        found = []
+        for flags, least, why in ((dark, 1, "light lost"), (strange, IN_A_ROW, "another light")):
+            edges = np.flatnonzero(np.diff([False, *flags, False]))
+            for first, after in zip(edges[::2], edges[1::2], strict=True):
+                if after - first >= least:
+                    found.append(self._loss(int(first), int(after), why))
+        return sorted(found, key=lambda one: one.from_s)
+
+    def _loss(self, first: int, after: int, why: str) -> Loss:
+        good = (k for k in range(after, len(self.estimates)) if self.estimates[k].fits)
+        again, sigma = next(good, None), None
+        if self.tracked is not None and first > 0:
+            z = self.names.index("z")
+            before, then = (float(np.sqrt(self.tracked[k].covariance[z, z])) for k in (first - 1, after - 1))
+            sigma = (before, then) if np.isfinite(before + then) else None
+        time = self.time_s
+        return Loss(
+            float(time[first]),
+            float(time[after - 1]),
+            why,
+            sigma,
+            None if again is None else float(time[again]),
+        )
+
     def as_data(self) -> dict[str, Any]:
         found: list[dict[str, Any]] = []
         for k, one in enumerate(self.estimates):
@@ -68,7 +128,8 @@ class Poses:
                     "used": state.used,
                 }
             found.append(row)
-        return {"light": "traced field" if self.traced else "formula", "samples": found}
+        light = "traced field" if self.traced else "formula"
+        return {"light": light, "losses": [asdict(one) for one in self.losses], "samples": found}
 
     def as_text(self) -> str:
         """One line per sample, and what did not go well."""
@@ -83,6 +144,7 @@ class Poses:
                 f"filtered, at the end: x {x:.3f}, y {y:.3f}, z {z:.3f} m, yaw {yaw:.2f}, pitch "
                 f"{pitch:.2f} deg"
             )
+        lines += [one.as_text() for one in self.losses]
         lines.append(
             f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit"
         )

@@ -114,8 +114,15 @@ class Filter:
         self.state = self.state @ move.T
         self.covariance = move @ self.covariance @ move.T + grown
 
-    def correct(self, measured: Array, noise: Array, found: Mask) -> tuple[Array, Mask]:
+    def correct(
+        self, measured: Array, noise: Array, found: Mask, leeway: Array | float = 1.0
+    ) -> tuple[Array, Mask]:
         """Take up one pose each, shape (count, n), with covariances (count, n, n), where one was `found`.
+
+        Parameters
+        ----------
+        leeway : array, shape (count,)
+            Factor of the squared distance at which a pose is refused.
 
         Returns
         -------
@@ -137,7 +144,7 @@ class Filter:
             before, scatter = self.covariance[tried], noise[tried]
             spread = before[:, :n, :n] + scatter
             innovation[tried] = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
-            likely = chi2.sf(innovation[tried], n) >= GATE
+            likely = chi2.sf(innovation[tried] / np.broadcast_to(leeway, len(found))[tried], n) >= GATE
             gain = np.swapaxes(np.linalg.solve(spread, before[:, :n]), 1, 2)
             # Joseph's form keeps it positive.
             rest = np.tile(np.eye(2 * n), (len(tried), 1, 1))

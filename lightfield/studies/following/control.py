@@ -16,8 +16,8 @@ from lightfield.arrays import Array, Mask
 from lightfield.studies.following.vehicle import STEERED, Vehicle
 
 #: Undamped frequencies of PID, rad/s, and their damping (chosen: the vehicle answers within two seconds, well
-#: below 10 Hz).
-FREQUENCY, DAMPING = np.array([0.8, 0.8, 0.8, 1.2]), 0.9
+#: below 10 Hz; yaw has to hold the Munk moment too).
+FREQUENCY, DAMPING = np.array([0.8, 0.8, 0.8, 1.6]), 0.9
 #: Part of the proportional gain that is integrated in a second (chosen: a current is out in half a minute).
 INTEGRATED_PER_S = 0.06
 #: Largest integral of an error, m s and rad s: what a long absence of light must not wind up (chosen).
@@ -25,10 +25,11 @@ MOST_INTEGRATED = 3.0
 #: Slope of the sliding surface, 1/s, its reaching acceleration, m/s^2 and rad/s^2, and the boundary layer,
 #: m/s and rad/s, within which it does not chatter (Slotine & Li 1991, Applied Nonlinear Control, section 7.2;
 #: numbers chosen).
-SLOPE, REACHING, LAYER = 0.5, 0.5, 0.2
+SLOPE, REACHING, LAYER = 0.5, np.array([0.5, 0.5, 0.5, 3.0]), 0.2
 #: Errors, velocities, integrals and accelerations that LQR weighs alike (Bryson & Ho 1975, section 5.2;
 #: numbers chosen).
-ALIKE, ALIKE_RATE, ALIKE_INTEGRAL, ALIKE_PUSH = 0.1, 0.2, 1.0, 0.1
+ALIKE, ALIKE_RATE, ALIKE_INTEGRAL = 0.1, 0.2, 1.0
+ALIKE_PUSH = np.array([0.1, 0.1, 0.1, 1.0])
 #: Speed, m/s and rad/s, at which drag is taken as linear (chosen: typical of station keeping).
 LINEAR_AT = 0.1
 
@@ -94,17 +95,17 @@ def axis_model(inertia: float, drag: float) -> tuple[Array, Array]:
     return a, np.array([[0.0], [0.0], [1.0 / inertia]])
 
 
-def lqr_weights(inertia: float) -> tuple[Array, Array]:
-    """Q and R of one axis."""
+def lqr_weights(inertia: float, push: float) -> tuple[Array, Array]:
+    """Q and R of one axis, whose `push` is an acceleration, m/s^2 or rad/s^2."""
     alike = np.array([ALIKE_INTEGRAL, ALIKE, ALIKE_RATE])
-    return np.diag(alike**-2.0), np.array([[(inertia * ALIKE_PUSH) ** -2.0]])
+    return np.diag(alike**-2.0), np.array([[(inertia * push) ** -2.0]])
 
 
-def _lqr_gains(inertia: float, drag: float) -> Array:
+def _lqr_gains(inertia: float, drag: float, push: float) -> Array:
     """Of integral, error and velocity, positive towards the goal."""
     from scipy.linalg import solve_continuous_are
 
-    (a, b), (q, r) = axis_model(inertia, drag), lqr_weights(inertia)
+    (a, b), (q, r) = axis_model(inertia, drag), lqr_weights(inertia, push)
     gains = np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r))[0]
     return gains * np.array([-1.0, -1.0, 1.0])
 
@@ -118,4 +119,4 @@ def law_of(name: str, vehicle: Vehicle) -> Law:
     if name == "sliding":
         return SlidingMode(inertia, linear, quadratic)
     drag = linear + quadratic * LINEAR_AT
-    return Lqr(np.array([_lqr_gains(m, d) for m, d in zip(inertia, drag, strict=True)]))
+    return Lqr(np.array([_lqr_gains(m, d, p) for m, d, p in zip(inertia, drag, ALIKE_PUSH, strict=True)]))

@@ -36,6 +36,8 @@ READY_M, READY_RAD = 0.05, np.radians(2.5)
 #: A dock takes a vehicle within 0.1 m of its axis, 5 degrees, 0.1 m/s (Eren 2015, thesis, University of New
 #: Hampshire).
 CONE = (0.1, np.radians(5.0), 0.1)
+#: Largest error, m, that a law is shown along an axis: none hurries (chosen: 0.2 m/s under PID).
+LONGEST_ERROR_M = 0.5
 #: How far behind the dock's mouth a follower aims, m: it has docked when it is stopped there (chosen).
 THROUGH_M = 0.15
 #: Axes of the pose in the order of `Vehicle`: places north, east, down; roll, pitch, yaw.
@@ -224,6 +226,7 @@ class _Pilot:
         # In the vehicle's axes: forward, starboard, down.
         turn = np.einsum("ij,skj->sik", NORTH, rotations(pose[:, 3:]))
         error = np.einsum("sij,sj->si", turn, goal - pose[:, :3])
+        error = np.clip(error, -LONGEST_ERROR_M, LONGEST_ERROR_M)
         speed = np.einsum("sij,sj->si", turn, rate[:, :3])
         error = np.concatenate([error, -pose[:, 3:4]], axis=1)
         velocity = np.concatenate([speed, rate[:, 3:4]], axis=1)

@@ -11,15 +11,14 @@ from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import Model, Space
 from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.pose import LOST_SIGMA, Estimator
+from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
+from lightfield.studies.follower.rivals import NEAR_SIGMA
 from lightfield.studies.follower.search import box_of, descend
 from lightfield.studies.follower.tracking import Filter
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
 #: second before are as good as six (scatter of the estimates the same to 1 %).
 STEPS, STEPS_FROM_AFAR = 3, 60
-#: Readings whose chi2 is less probable than this, so many in a row, are not of the light that is believed in.
-DOUBTFUL, IN_A_ROW = 1e-3, 3
 
 
 class Observer:
@@ -52,21 +51,31 @@ class Observer:
         poses, gains, misfit = self.filter.poses, np.ones(len(readings)), np.zeros(len(readings))
         familiar = np.flatnonzero(self.lit & ~self.filter.sees_nothing_familiar)
         strange = np.flatnonzero(self.lit & self.filter.sees_nothing_familiar)
-        for which, starts in ((familiar, poses[familiar, None]), (strange, self._starts[None])):
+        free = max(readings.shape[1] - len(self.names), 1)
+        expected = np.clip(poses, *self.box)
+        for which, more, steps in ((familiar, 0, STEPS), (strange, len(self._starts), STEPS_FROM_AFAR)):
             if not len(which):
                 continue
-            each = np.broadcast_to(starts, (len(which), starts.shape[1], len(POSE)))
-            of = np.repeat(which, each.shape[1])
+            others = np.broadcast_to(self._starts[:more], (len(which), more, len(POSE)))
+            each = np.concatenate([expected[which, None], others], axis=1)
+            of = np.repeat(which, 1 + more)
             found = descend(
                 self.model, readings[of], variance[of], self.names, each.reshape(-1, len(POSE)),
-                gain_sigma=self.gain_sigma, box=self.box,
-                most_steps=STEPS if which is familiar else STEPS_FROM_AFAR,
+                gain_sigma=self.gain_sigma, box=self.box, most_steps=steps,
             )  # fmt: skip
-            best = found.chi2.reshape(each.shape[:2]).argmin(axis=1) + each.shape[1] * np.arange(len(which))
+            far = found.chi2.reshape(len(which), 1 + more)
+            # What was expected is given up only for what explains the readings better by five sigma.
+            least = far.min(axis=1)
+            stays = self.filter.known[which] & (
+                far[:, 0] <= least + NEAR_SIGMA**2 * np.maximum(1.0, least / free)
+            )
+            best = np.where(stays, 0, far.argmin(axis=1)) + (1 + more) * np.arange(len(which))
             poses[which], gains[which], misfit[which] = found.poses[best], found.gains[best], found.chi2[best]
         scatter, certain = self._scatter(poses, gains, variance)
-        _, self.used = self.filter.correct(poses[:, self.filter.at], scatter, self.lit & certain)
-        free = max(readings.shape[1] - len(self.names), 1)
+        # Readings that fit badly are worse than their noise says, by the root of chi2 over its degrees of
+        # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
+        leeway = np.maximum(1.0, misfit / free)
+        _, self.used = self.filter.correct(poses[:, self.filter.at], scatter, self.lit & certain, leeway)
         unlikely = self.lit & (chi2.sf(misfit, free) < DOUBTFUL)
         self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
         self.doubtful = self._unlikely >= IN_A_ROW

@@ -30,6 +30,8 @@ BELIEFS = {
 }
 #: Distance, m, by which a follower may miss what was asked for: what docking allows along the beam.
 ALLOWED_M = DOCKING["z"]
+#: More readings of all runs together would take an hour and a gigabyte: an hour at 10 Hz in eight runs.
+MOST_READINGS = 300_000
 #: Samples of a run in JSON.
 SHOWN = 241
 
@@ -250,6 +252,7 @@ def follow(
         densest = max(map(densest_per_m, scenes.values()))
     for k, (name, scene) in enumerate(whole):
         elements = elements_of(array_of(scene))
+        _check_length(scene, runs)
         light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
 
         def told(part: float, done: int = k) -> None:
@@ -260,6 +263,16 @@ def follow(
         mission = (scene.follower or Follower()).mission
         cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
     return Following(cases)
+
+
+def _check_length(scene: Scene, runs: int) -> None:
+    mission, rate = (scene.follower or Follower()).mission, array_of(scene).sample_hz
+    if runs * mission.duration_s * rate > MOST_READINGS:
+        raise SceneError(
+            "too many readings", where="follower.mission.duration_s",
+            found=f"{mission.duration_s:g} s at {rate:g} Hz in {runs} runs", rule=f"at most {MOST_READINGS}",
+            remedy="a shorter mission, fewer runs, or a lower array.sample_hz",
+        )  # fmt: skip
 
 
 def with_belief(scene: Scene, believes: str) -> Scene:

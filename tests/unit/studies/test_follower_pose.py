@@ -153,6 +153,22 @@ def test_a_filter_outlives_darkness_and_refuses_what_cannot_be() -> None:
     assert abs(last.pose[0] - way(last.time_s)[0] - 0.4) < 0.1
 
 
+def test_what_light_loss_looks_like(tmp_path: Path) -> None:
+    """Darkness for 0.3 s, then another lamp for 0.4 s: both are told, with what the filter then knows."""
+    rng, times = np.random.default_rng(7), 0.1 * np.arange(22)
+    readings = np.array([noisy(way(t), rng) for t in times])
+    readings[8:11] = 0.0
+    readings[14:18, :13] *= 1.5  # half of the array sees a second lamp
+    found = poses_of(written(tmp_path / "way.csv", readings, times), SCENE, SPACE, filtered=True, photons=0)
+    dark, strange = found.losses
+    assert (dark.why, strange.why) == ("light lost", "another light")
+    np.testing.assert_allclose([dark.from_s, dark.to_s, dark.found_s], [0.8, 1.0, 1.1])
+    np.testing.assert_allclose([strange.from_s, strange.to_s, strange.found_s], [1.4, 1.7, 1.8])
+    assert dark.sigma_m is not None and dark.sigma_m[1] > 1.1 * dark.sigma_m[0]
+    assert "light lost from 0.80 to 1.00 s" in found.as_text() and "found again at 1.10 s" in found.as_text()
+    assert found.as_data()["losses"][0]["why"] == "light lost"
+
+
 def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -> Path:
     header = [*([] if times is None else ["time_s"]), *(f"e{k + 1}" for k in range(readings.shape[1]))]
     rows = readings if times is None else np.column_stack([times, readings])

@@ -96,7 +96,8 @@ def test_light_lost_and_found() -> None:
 
 
 def test_docking_by_its_rule() -> None:
-    home = {"follower.z_m": 2.6}
+    # So near the lamp one of three by three elements is lit, which tells no yaw: five by five.
+    home = {"follower.z_m": 2.6, "array.count": (5, 5)}
     found = run(task="dock", standoff_m=2.6, dock_m=1.5, approach_m_per_s=0.1, duration_s=30.0, **home)
     time, aside, _, speed = found.track.contact.T
     assert (found.runs["docked"] == 1).all() and "docks in 2 of 2 runs" in found.verdict

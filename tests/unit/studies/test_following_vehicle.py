@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lightfield.studies.following.control import (
+    ALIKE_PUSH,
     DAMPING,
     FREQUENCY,
     INTEGRATED_PER_S,
@@ -133,7 +134,7 @@ def test_lqr_gains_are_those_of_python_control(vehicle: Vehicle) -> None:
     for k, axis in enumerate(STEERED):
         inertia = vehicle.mass[axis, axis]
         drag = vehicle.linear[axis] + 0.1 * vehicle.quadratic[axis]
-        gains, _, poles = control.lqr(*axis_model(inertia, drag), *lqr_weights(inertia))
+        gains, _, poles = control.lqr(*axis_model(inertia, drag), *lqr_weights(inertia, ALIKE_PUSH[k]))
         np.testing.assert_allclose(law.gains[k], np.asarray(gains)[0] * [-1, -1, 1], rtol=1e-6)
         assert (np.real(poles) < 0).all()
 
