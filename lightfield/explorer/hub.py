@@ -194,7 +194,7 @@ class Hub:
             if isinstance(request, protocol.Plain) and request.do in ("diagnose", "trace", "cancel"):
                 self._on_job(request.do)
             elif isinstance(request, protocol.Drop):
-                await self._do(partial(session.drop, request.files, self._say))
+                await self._do(partial(session.drop, request.files, request.units, self._say))
                 self._new_experiment(retrace=True)
             elif not (isinstance(request, protocol.Plain) and request.do == "survey"):
                 await self._do(partial(session.act, request, self._say))
@@ -229,9 +229,9 @@ class Hub:
 
     async def _send_errors(self) -> None:
         session = self.session
-        state, plane = session.now, session.plane
-        found = await self._do(partial(session.evaluator.map_stderr, state, plane))
-        if session.now is state and session.plane == plane:
+        state, plane, channel = session.now, session.plane, session.channel
+        found = await self._do(partial(session.evaluator.map_stderr, state, plane, channel))
+        if (session.now, session.plane, session.channel) == (state, plane, channel):
             self._everyone(protocol.pack({"type": "errors", "plane": plane}, {"map_stderr": found}))
 
     async def make(self, document: Callable[[Session], Made]) -> Made:
