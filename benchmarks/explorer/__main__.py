@@ -148,8 +148,10 @@ def main() -> None:
     parser.add_argument("--moves", type=int, default=200)
     parser.add_argument("--many", type=int, default=2000)
     args = parser.parse_args()
-    results = {case: measured(case, args.moves, args.many) for case in CASES}
-    print(json.dumps(results, indent=1))
+    results = {}
+    for case in CASES:
+        results[case] = measured(case, args.moves, args.many)
+        print(case, json.dumps(results[case]), flush=True)
     with atomic_path(HERE / "README.md") as temporary:
         temporary.write_text(as_text(results, args.moves, args.many), encoding="utf-8")
 
