@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _session(args: argparse.Namespace) -> tuple[Session, History | None]:
+    diffuse = None if args.no_trace else "trace"
     if args.scene.suffix.lower() == ".json":
         if args.data is not None or args.effects_file is not None:
             raise UsageError(
@@ -62,7 +63,7 @@ def _session(args: argparse.Namespace) -> tuple[Session, History | None]:
                 rule="SESSION alone, or SCENE with DATA and --effects-file",
                 remedy="leave the others out",
             )
-        return open_session(args.scene)
+        return open_session(args.scene, diffuse)
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = None if args.data is None else read_table(args.data, scene)
-    return Session(scene, readings, None if args.no_trace else "trace"), None
+    return Session(scene, readings, diffuse), None

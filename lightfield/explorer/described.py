@@ -34,6 +34,8 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
         "z_m": r.z_m,
         "time_s": r.time_s,
         "wavelength_nm": r.wavelength_nm,
+        "channel": e.layout.channel,
+        "wavelengths_nm": e.forward.light.wavelengths_nm,
         "air": e.layout.air,
         "value": e.problem.value,
         "sigma": e.sigma,

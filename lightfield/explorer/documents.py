@@ -18,6 +18,7 @@ from lightfield.explorer.dropped import readings_of
 from lightfield.explorer.saved_page import page_html
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, State
+from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings.table.write import dumps
 from lightfield.scene import Scene
 from lightfield.storage.inputs import MEGABYTE, Kind, read_bytes
@@ -103,8 +104,13 @@ def session_json(session: Session) -> str:
     )
 
 
-def open_session(path: Path) -> tuple[Session, History]:
+def open_session(path: Path, diffuse: DiffuseSource | str | None = "trace") -> tuple[Session, History]:
     """The session of a file, not begun yet, and its history.
+
+    Parameters
+    ----------
+    diffuse : "trace", None or callable
+        As `Session` takes it.
 
     Raises
     ------
@@ -133,7 +139,7 @@ def open_session(path: Path) -> tuple[Session, History]:
     history = History(
         [state(s) for s in given.states], given.at, {n: state(s) for n, s in given.snapshots.items()}
     )
-    return Session(scene, readings, dense_per_m=given.dense_per_m), history
+    return Session(scene, readings, diffuse, given.dense_per_m), history
 
 
 #: What can be asked for, by file name: its kind, and what makes it.

@@ -9,24 +9,58 @@ from pathlib import Path
 from lightfield.errors import MeasurementError
 from lightfield.explorer.protocol import File
 from lightfield.readings import Readings, read_table
+from lightfield.readings.importing.importer import import_index
+from lightfield.readings.importing.index import read_index
+from lightfield.readings.problems import Problems
 from lightfield.scene import Scene
 
 
-def dropped(files: Sequence[File], scene: Scene) -> Readings:
-    """The readings of a dropped reading table.
+def dropped(files: Sequence[File], units: str, scene: Scene) -> Readings:
+    """The readings of a dropped reading table, or of an index and the spectrometer files that it names.
+
+    Parameters
+    ----------
+    units : str
+        Of the numbers in spectrometer files, see `lightfield.readings.units`; empty: not said.
 
     Raises
     ------
     MeasurementError
-        Not one table, or not one that belongs to the scene.
+        Not one table or one index with its files, or readings that do not belong to the scene.
     """
-    if len(files) != 1:
+    if len(files) == 1:
+        return readings_of(files[0].text, files[0].name, scene)
+    tables = [file for file in files if file.name.lower().endswith(".csv")]
+    if len(tables) != 1:
         raise MeasurementError(
-            "one reading table at a time",
+            "not one table of readings, and not one index",
             found=", ".join(file.name for file in files),
-            remedy="make one of instrument files first: `lightfield import`",
+            rule="one reading table (CSV), or one index (CSV) with the spectrometer files that it names",
+            remedy="drop them together",
         )
-    return readings_of(files[0].text, files[0].name, scene)
+    with tempfile.TemporaryDirectory(prefix="lightfield-") as folder:
+        for file in files:
+            _write(Path(folder) / file.name, file.text)
+        index = Path(folder) / tables[0].name
+        _check_names(index, {file.name for file in files})
+        quantity, bands = scene.detector.quantity, scene.detector.bands_nm
+        readings = import_index(index, quantity=quantity, units=units or None, bands_nm=bands)
+    return readings.check_against(scene)
+
+
+def _check_names(index: Path, known: set[str]) -> None:
+    """An index from a browser reads what came with it, and nothing else of this machine."""
+    problems = Problems(index.name)
+    others = [entry.file for entry in read_index(index, problems) if entry.file not in known]
+    problems.raise_any("not a usable index")
+    if others:
+        raise MeasurementError(
+            "the index names files that were not dropped",
+            where=index.name,
+            found=", ".join(others[:5]),
+            rule="names of files, without folders, that were dropped with it",
+            remedy="drop them together",
+        )
 
 
 def readings_of(text: str, name: str, scene: Scene) -> Readings:
@@ -39,5 +73,9 @@ def readings_of(text: str, name: str, scene: Scene) -> Readings:
     """
     with tempfile.TemporaryDirectory(prefix="lightfield-") as folder:
         path = Path(folder) / name
-        path.write_text(text, encoding="utf-8", newline="")
+        _write(path, text)
         return read_table(path, scene)
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="")

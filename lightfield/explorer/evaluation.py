@@ -13,6 +13,7 @@ from lightfield.explorer.fits import Fits
 from lightfield.explorer.places import SIDE
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import GAIN
 from lightfield.render.diffuse.dense_water import trace_for
 
 #: Planes whose evaluation is kept ready.
@@ -43,7 +44,7 @@ class Evaluator:
         self.fits, self.experiment = fits, fits.experiment
         self._plane = lru_cache(_KEPT_PLANES)(self._made)
 
-    def of(self, state: State, plane: int, with_maps: bool) -> Evaluation:
+    def of(self, state: State, plane: int, channel: int, with_maps: bool) -> Evaluation:
         """What the page paints of a state."""
         e = self.experiment
         values = self.values(state)
@@ -52,10 +53,10 @@ class Evaluator:
         score = self.fits.score(model, free)
         residual = np.where(e.problem.keep > 0, (e.problem.value - model) / e.sigma, np.nan)
         arrays = {"model": model, "formula": formula(e.forward, values), "residual": residual}
-        some = self._plane(plane)
-        arrays["map_formula"] = formula(some, values).reshape(SIDE, SIDE)
+        some, there = self._plane(plane, channel), self._at_maps(values, channel)
+        arrays["map_formula"] = formula(some, there).reshape(SIDE, SIDE)
         if with_maps:
-            arrays["map_render"] = some.predict(values).reshape(SIDE, SIDE)
+            arrays["map_render"] = some.predict(there).reshape(SIDE, SIDE)
         numbers: dict[str, float | bool | None] = {
             "error_percent": score.error_percent,
             "chi2": score.chi2,
@@ -64,9 +65,10 @@ class Evaluator:
         }
         return Evaluation(numbers, arrays)
 
-    def map_stderr(self, state: State, plane: int) -> Array:
+    def map_stderr(self, state: State, plane: int, channel: int) -> Array:
         """Standard error of the render at a plane, shape (SIDE, SIDE): photons, and what varies slowly."""
-        modes, smooth = self._plane(plane).errors(self.values(state))
+        values = self._at_maps(self.values(state), channel)
+        modes, smooth = self._plane(plane, channel).errors(values)
         return np.hypot(np.linalg.norm(modes, axis=1), smooth).reshape(SIDE, SIDE)
 
     def values(self, state: State) -> dict[str, float]:
@@ -78,9 +80,14 @@ class Evaluator:
         middle = {p.path: p.value(0.5 * (p.low + p.high)) for p in e.problem.base if p.path in held}
         return {path: state.values[path] for path in paths if path in state.values} | middle
 
-    def _made(self, plane: int) -> SceneForward:
+    def _at_maps(self, values: Mapping[str, float], channel: int) -> Mapping[str, float]:
+        """The same values, the gain of a wavelength as that of all: maps have one."""
+        names = self.experiment.forward.gain_names
+        return values if len(names) == 1 else {**values, GAIN: values[names[channel]]}
+
+    def _made(self, plane: int, channel: int) -> SceneForward:
         e = self.experiment
-        return e.maps.subset(e.places.rows(plane))
+        return e.maps[channel].subset(e.places.rows(plane))
 
 
 def missing_trace(forward: SceneForward, values: Mapping[str, float]) -> float | None:

@@ -55,8 +55,8 @@ class Experiment:
         Effects that cannot be switched here, with reasons.
     stated : mapping
         Values of the effects that the scene itself has, by path.
-    maps : SceneForward
-        The same model at the places of the maps.
+    maps : tuple of SceneForward
+        The same model at the places of the maps, at each wavelength that was read.
     places : MapPlaces
     gain : float, optional
         Of the render that takes the place of readings.
@@ -73,7 +73,7 @@ class Experiment:
     sigma: Array
     untestable: Mapping[str, str]
     stated: Mapping[str, float]
-    maps: SceneForward
+    maps: tuple[SceneForward, ...]
     places: MapPlaces
     gain: float | None = None
     assumed: tuple[str, ...] = ()
@@ -197,13 +197,17 @@ def _against_render(
     layout, zero = layout_of(seen), np.zeros(len(seen))
     whiten = Whitener(Noise(layout, sigma, value, Budget(0.0, 0.0, 0.0), zero))
     return Experiment(
-        scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, whole, places,
+        scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, (whole,), places,
         scale, (f"misfits count in {PERCENT:g} % of the render",),
     )  # fmt: skip
 
 
-def _at_maps(forward: SceneForward, places: MapPlaces) -> SceneForward:
-    return forward.at(MAP_SHARE, **places.columns)
+def _at_maps(forward: SceneForward, places: MapPlaces) -> tuple[SceneForward, ...]:
+    n = SIDE * SIDE * len(places.z_m)
+    return tuple(
+        forward.at(MAP_SHARE, **places.columns, wavelength_nm=np.full(n, w))
+        for w in forward.light.channels[0]
+    )
 
 
 def _stated(scene: Scene) -> dict[str, float]:

@@ -26,6 +26,8 @@ Made = TypeVar("Made")
 MOST_WAITING = 1000
 #: The survey of effects is sent after every so many.
 _SENT_EVERY = 4
+#: Seconds of rest after which the errors of the shown map are worked out: they take half a second.
+_REST_S = 0.5
 _DEFECT = "a defect of the program: see the terminal"
 
 
@@ -94,6 +96,7 @@ class Hub:
         self._waiting: deque[tuple[Browser, protocol.Request]] = deque()
         self._loop = asyncio.get_running_loop()
         self._unsure = True  # the errors of the shown map are not sent yet
+        self._errors: asyncio.Task[None] | None = None
 
     # -- browsers ------------------------------------------------------------------------------
 
@@ -170,13 +173,21 @@ class Hub:
                 if counted:
                     counted = 0
                     self._send_state()
-                if self._unsure and self.session.maps_ready:
-                    self._unsure = False
-                    await self._send_errors()
-                    continue
                 self._awake.clear()
                 if not self._waiting:
-                    await self._awake.wait()
+                    await self._rest()
+
+    async def _rest(self) -> None:
+        """Until something is asked; after a moment the errors of the map are worked out, beside all else."""
+        idle = self._errors is None or self._errors.done()
+        if self._unsure and idle and self.session.maps_ready:
+            try:
+                await asyncio.wait_for(self._awake.wait(), _REST_S)
+                return
+            except asyncio.TimeoutError:
+                self._unsure = False
+                self._errors = self._loop.create_task(self._send_errors())
+        await self._awake.wait()
 
     async def _do(self, what: Callable[[], Made]) -> Made:
         return await self._worker.do(what)
@@ -194,7 +205,7 @@ class Hub:
             if isinstance(request, protocol.Plain) and request.do in ("diagnose", "trace", "cancel"):
                 self._on_job(request.do)
             elif isinstance(request, protocol.Drop):
-                await self._do(partial(session.drop, request.files, self._say))
+                await self._do(partial(session.drop, request.files, request.units, self._say))
                 self._new_experiment(retrace=True)
             elif not (isinstance(request, protocol.Plain) and request.do == "survey"):
                 await self._do(partial(session.act, request, self._say))
@@ -229,9 +240,14 @@ class Hub:
 
     async def _send_errors(self) -> None:
         session = self.session
-        state, plane = session.now, session.plane
-        found = await self._do(partial(session.evaluator.map_stderr, state, plane))
-        if session.now is state and session.plane == plane:
+        state, plane, channel = session.now, session.plane, session.channel
+        try:
+            found = await self._beside.do(partial(session.evaluator.map_stderr, state, plane, channel))
+        except LightfieldError:
+            return
+        finally:
+            self._awake.set()  # what was painted meanwhile has errors too
+        if (session.now, session.plane, session.channel) == (state, plane, channel):
             self._everyone(protocol.pack({"type": "errors", "plane": plane}, {"map_stderr": found}))
 
     async def make(self, document: Callable[[Session], Made]) -> Made:

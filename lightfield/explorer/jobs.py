@@ -40,7 +40,7 @@ def trace_maps(scene: Scene, readings: Readings | None, dense_per_m: float | Non
     experiment = explored(scene, readings, dense_per_m=dense_per_m, progress=tell)
     tell("tracing scattered and reflected light for the maps")
     values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
-    experiment.maps.predict(values)
+    experiment.maps[0].predict(values)
 
 
 def diagnosed(scene: Scene, readings: Readings, traced: bool, tell: Tell) -> Diagnosed:

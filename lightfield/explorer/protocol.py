@@ -36,10 +36,11 @@ class _Request(BaseModel):
 
 
 class View(_Request):
-    """Show a plane of the maps."""
+    """Show a plane of the maps, at one of the wavelengths that were read."""
 
     do: Literal["view"]
     plane: Annotated[int, Field(ge=0, le=1000)]
+    channel: Annotated[int, Field(ge=0, le=10_000)] = 0
 
 
 class Set(_Request):
@@ -112,6 +113,7 @@ class Drop(_Request):
 
     do: Literal["drop"]
     files: Annotated[list[File], Field(min_length=1, max_length=_MOST_FILES)]
+    units: Annotated[str, Field(max_length=40)] = ""
 
 
 Request = View | Set | Switch | Plain | At | Named | Own | Drop

@@ -122,7 +122,7 @@ def _stops(session: Session) -> list[tuple[State, str]]:
 def some_places(e: Experiment) -> SceneForward:
     """The model at every other place of the maps."""
     kept = np.arange(SIDE) % EVERY == 0
-    return e.maps.subset(np.tile(np.outer(kept, kept).ravel(), len(e.places.z_m)))
+    return e.maps[0].subset(np.tile(np.outer(kept, kept).ravel(), len(e.places.z_m)))
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _stop(session: Session, state: State, label: str, maps: SceneForward, arrays
     e, values = session.experiment, session.evaluator.values(state)
     scene = e.forward.scene_at(values, validate=False)
     described = state_data(session.fits, state, {})
-    shown = session.evaluator.of(replace(state, values=values), 0, False)
+    shown = session.evaluator.of(replace(state, values=values), 0, 0, False)
     stop: dict[str, Any] = {
         "label": label,
         "effects": list(state.effects),
@@ -164,7 +164,8 @@ def _stop(session: Session, state: State, label: str, maps: SceneForward, arrays
         "moves": {},
         "sets": {},
     }
-    sets = {"readings": e.forward} | ({"maps": maps} if session.maps_ready else {})
+    one = session.maps_ready and len(e.maps) == 1
+    sets = {"readings": e.forward} | ({"maps": maps} if one else {})
     moves = _Moves(values, scene).ranges if _is_simple(e, scene) else {}
     try:
         stop["sets"] = {name: _set(forward, values, moves, arrays) for name, forward in sets.items()}

@@ -50,6 +50,7 @@ class Session:
     report: str | None = None
     maps_ready: bool = False
     plane: int = 0
+    channel: int = 0
     history: History = field(default_factory=lambda: History([State((), {})]))
     survey: dict[tuple[tuple[str, ...], str], float] = field(default_factory=dict)
     experiment: Experiment = field(init=False)
@@ -75,6 +76,7 @@ class Session:
         self.experiment, self.fits = experiment, Fits(experiment)
         self.evaluator = Evaluator(self.fits)
         self.survey = {}
+        self.channel = 0
         if not experiment.has_data or self._source is None:
             self.maps_ready = True
         first = self._first()
@@ -119,8 +121,9 @@ class Session:
             It cannot be done; nothing has changed then.
         """
         match request:
-            case protocol.View(plane=plane):
+            case protocol.View(plane=plane, channel=channel):
                 self.plane = min(plane, len(self.experiment.places.z_m) - 1)
+                self.channel = min(channel, len(self.experiment.maps) - 1)
             case protocol.Set(values=values, done=done):
                 self._set(values, done)
             case protocol.Switch(effect=effect, on=on):
@@ -248,7 +251,7 @@ class Session:
             self.scene = before[0]
             raise
 
-    def drop(self, files: Sequence[protocol.File], say: Say = lambda stage: None) -> None:
+    def drop(self, files: Sequence[protocol.File], units: str = "", say: Say = lambda stage: None) -> None:
         """Explore other readings: a reading table, or an index with the spectrometer files that it names.
 
         Raises
@@ -256,7 +259,7 @@ class Session:
         LightfieldError
             They cannot be read, or do not belong to the scene; nothing has changed then.
         """
-        readings = dropped(files, self.scene)
+        readings = dropped(files, units, self.scene)
         before = self.readings, self.verdict, self.report, self.maps_ready
         self.readings, self.verdict, self.report, self.maps_ready = readings, None, None, False
         self._settle()
@@ -276,13 +279,13 @@ class Session:
 
     def evaluation(self) -> Evaluation:
         """Numbers and arrays of the state that is shown."""
-        return self.evaluator.of(self.now, self.plane, self.maps_ready)
+        return self.evaluator.of(self.now, self.plane, self.channel, self.maps_ready)
 
     def ready_maps(self) -> None:
         """Fetch what the maps need, which takes seconds the first time; may be done beside all else."""
         experiment = self.experiment
         values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
-        experiment.maps.predict(values)
+        experiment.maps[0].predict(values)
 
     def experiment_data(self) -> dict[str, object]:
         """What does not change while one experiment is explored."""
@@ -299,6 +302,7 @@ class Session:
             "can_redo": history.at < len(history.states) - 1,
             "snapshots": list(history.snapshots),
             "plane": self.plane,
+            "channel": self.channel,
             "verdict": self.verdict,
         }
 

@@ -102,7 +102,7 @@
 
   const drop = async (files) => {
     const read = await Promise.all([...files].map(async (file) => ({ name: file.name, text: await file.text() })));
-    if (read.length) LF.ask({ do: "drop", files: read });
+    if (read.length) LF.ask({ do: "drop", files: read, units: LF.$("units").value });
   };
   LF.$("file").addEventListener("change", (event) => { drop(event.target.files); event.target.value = ""; LF.$("save-menu").open = false; });
   document.addEventListener("dragover", (event) => { event.preventDefault(); LF.$("drop").hidden = false; });

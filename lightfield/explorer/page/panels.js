@@ -15,11 +15,15 @@ LF.showExperiment = (experiment) => {
   document.title = `${experiment.title} – lightfield explorer`;
   LF.$("floor").textContent = LF.percent(experiment.floor_percent);
   const source = experiment.has_data ? `${experiment.value.length} readings${experiment.source ? `, ${experiment.source.split("/").pop()}` : ""}` : "no readings: the render of the scene takes their place";
-  LF.$("source").textContent = [source, ...experiment.assumed].join(" · ");
+  const assumed = experiment.assumed.length ? [`assumed: ${experiment.assumed.join(", ")}`] : [];
+  LF.$("source").textContent = [source, ...assumed, ...experiment.warnings].join(" · ");
   LF.$("error-words").textContent = experiment.has_data ? "error against the readings" : "error against the render";
   LF.$("diagnose").hidden = !experiment.has_data || !LF.can("diagnose");
-  const planes = experiment.planes_m.map((z, k) => LF.make("button", { type: "button", onclick: () => LF.ask({ do: "view", plane: k }) }, `${LF.number(z, 3)}`));
+  const planes = experiment.planes_m.map((z, k) => LF.make("button", { type: "button", onclick: () => LF.ask({ do: "view", plane: k, channel: Number(LF.$("channel").value) }) }, `${LF.number(z, 3)}`));
   LF.$("planes").replaceChildren("z = ", ...planes, " m");
+  LF.options("channel", experiment.wavelengths_nm.map((w, k) => [String(k), `${LF.number(w, 4)} nm`]));
+  LF.$("channel").value = "0";
+  LF.$("channel").hidden = experiment.wavelengths_nm.length < 2;
   const names = experiment.untestable;
   LF.$("untestable").replaceChildren(...Object.keys(names).flatMap((name) => [LF.make("dt", {}, name.replaceAll("_", " ")), LF.make("dd", {}, names[name])]));
   LF.$("untestable-details").hidden = Object.keys(names).length === 0;
@@ -232,7 +236,7 @@ LF.drawPlots = () => {
 
 LF.onPlane = () => {
   const e = LF.experiment, z = e.planes_m[LF.shown.plane];
-  return e.z_m.map((v, k) => k).filter((k) => Math.abs(e.z_m[k] - z) < 0.011 && !e.air[k]);
+  return e.z_m.map((v, k) => k).filter((k) => Math.abs(e.z_m[k] - z) < 0.011 && !e.air[k] && e.channel[k] === Number(LF.$("channel").value || 0));
 };
 
 LF.drawProfile = () => {
@@ -249,9 +253,8 @@ LF.drawProfile = () => {
   const pick = (array) => rows.map((k) => array[k]), x = pick(e[along]);
   const lines = [];
   const side = e.map_x_m.length, middle = (side - 1) / 2;
-  // Of several wavelengths the readings' own places are the curve; else the row of the map through the axis.
-  const colours = new Set(e.wavelength_nm).size > 1;
-  if (s.map_render && !colours && !e.has_data) {
+  // Without data the curve is the row of the map through the axis; else the model at the readings' own places.
+  if (s.map_render && !e.has_data) {
     const row = (map) => Array.from({ length: side }, (_, k) => (along === "x_m" ? map[middle * side + k] : map[k * side + middle]));
     const at = along === "x_m" ? e.map_x_m : e.map_y_m;
     lines.push({ class: "line-formula", x: at, y: row(s.map_formula) }, { class: "line-model", x: at, y: row(s.map_render) });
@@ -270,7 +273,7 @@ LF.drawProfile = () => {
 LF.drawAxis = () => {
   const e = LF.experiment, s = LF.shown, near = new Map();
   e.z_m.forEach((z, k) => {
-    if (e.air[k] || !e.kept[k]) return;
+    if (e.air[k] || !e.kept[k] || e.channel[k] !== Number(LF.$("channel").value || 0)) return;
     const key = `${z.toFixed(2)}`, off = Math.hypot(e.x_m[k], e.y_m[k]);
     if (!near.has(key) || off < near.get(key).off - 1e-9) near.set(key, { off, rows: [k] });
     else if (Math.abs(off - near.get(key).off) < 1e-9) near.get(key).rows.push(k);
@@ -348,6 +351,7 @@ LF.say = (text) => {
 };
 
 LF.$("log").addEventListener("change", () => { if (LF.shown) { LF.paintMaps(LF.shown.map_render || null, LF.shown.map_formula || null, LF.experiment.map_x_m.length, LF.$("log").checked); LF.drawPlots(); } });
+LF.$("channel").addEventListener("change", () => LF.ask({ do: "view", plane: LF.shown.plane, channel: Number(LF.$("channel").value) }));
 LF.$("profile-axis").addEventListener("change", LF.drawPlots);
 LF.$("residual-axis").addEventListener("change", LF.drawPlots);
 window.addEventListener("resize", () => requestAnimationFrame(LF.drawPlots));

@@ -116,17 +116,22 @@ class Shift:
     def some(self, rows: np.ndarray) -> Shift:
         """To some of the readings."""
         out = copy(self)
-        out.cell, out._which, out.shares = self.cell[rows], self._which[rows], self.shares[rows]
+        out.cell, out.shares = self.cell[rows], self.shares[rows]
+        kept = self._kept(self._which[rows])
+        out._cell, out.dx, out.dy, out._terms, out._which = kept
         return out
+
+    def _kept(
+        self, which: NDArray[np.int_]
+    ) -> tuple[NDArray[np.int_], np.ndarray, np.ndarray, sparse.csr_array, NDArray[np.int_]]:
+        """Cells, steps and terms of those places that readings are at, and the place of each reading."""
+        used, now = np.unique(which, return_inverse=True)
+        terms = self._terms[(np.arange(6)[:, None] * len(self._cell) + used).ravel()]
+        return self._cell[used], self.dx[used], self.dy[used], terms, now.ravel()
 
     def parts(self) -> ShiftParts:
         """Its arrays, for whoever applies it elsewhere."""
-        used, which = np.unique(self._which, return_inverse=True)
-        n = len(self._cell)
-        terms = self._terms[(np.arange(6)[:, None] * n + used).ravel()]
-        return ShiftParts(
-            self._cell[used], self.dx[used], self.dy[used], self._vx, self._vy, terms, which.ravel()
-        )
+        return ShiftParts(self._cell, self.dx, self.dy, self._vx, self._vy, self._terms, self._which)
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

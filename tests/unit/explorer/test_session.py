@@ -17,6 +17,7 @@ from lightfield.explorer.experiment import explored
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
 from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
 from lightfield.readings.table.write import dumps
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
@@ -186,9 +187,7 @@ def test_a_session_is_saved_and_goes_on(session: Session, tmp_path: Path) -> Non
     ask(session, "set", values={"water.absorption_per_m": 0.2}, done=True)
     file = tmp_path / "session.json"
     file.write_text(session_json(session), encoding="utf-8")
-    again, history = open_session(file)
-    again.diffuse = None
-    again.__post_init__()
+    again, history = open_session(file, diffuse=None)
     again.begin(history=history)
     assert again.now == session.now and again.history.snapshots.keys() == {"with it"}
     assert again.evaluation().numbers == session.evaluation().numbers
@@ -251,3 +250,29 @@ def test_the_effects_of_a_scene_are_on_at_first_and_can_be_switched_off() -> Non
     ask(session, "switch", effect="beam_tilt:tilt", on=False)
     assert error(session) > 2 * good
     assert explored(scene, readings, None).switched_on == ()
+
+
+def test_an_index_reads_what_was_dropped_with_it_and_nothing_else(session: Session, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.txt"
+    secret.write_text("1 2 3", encoding="utf-8")
+    spectrum = protocol.File(name="a.txt", text="no spectrum")
+    for name in (str(secret), f"../{tmp_path.name}/secret.txt", "b.txt"):
+        index = protocol.File(name="index.csv", text=f"file,z_m\na.txt,4.5\n{name},5.5\n")
+        with pytest.raises(LightfieldError, match="were not dropped"):
+            session.drop([index, spectrum], "counts")
+
+
+def test_each_wavelength_has_maps_with_its_own_gain() -> None:
+    """Readings at two wavelengths, one read three times as bright."""
+    one, scene = analytic_readings.readings(seed=6)
+    half = np.arange(len(one)) % 2
+    columns = {n: getattr(one, n) for n in ("x_m", "y_m", "z_m", "stderr", "time_s")}
+    both = Readings.from_arrays(
+        value=one.value * np.where(half, 3.0, 1.0), wavelength_nm=np.where(half, 540.0, 510.0), **columns
+    )
+    session = Session(scene, both, diffuse=None)
+    session.begin()
+    first = session.evaluation().arrays["map_render"]
+    ask(session, "view", plane=session.plane, channel=1)
+    second = session.evaluation().arrays["map_render"]
+    assert np.median(second / first) == pytest.approx(3.0, rel=0.02)
