@@ -51,6 +51,8 @@ _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
 _WORTHWHILE = 1.5
 #: Pieces of advice that the text shows.
 _SHOWN = 6
+#: Widths of columns in the table, and decimals in the data. Chosen.
+_NAMED, _COLUMN, _LAST_COLUMN, _DECIMALS = 22, 7, 10, 4
 
 
 @dataclass(frozen=True)
@@ -274,11 +276,10 @@ def as_text(made: LayoutPlan) -> str:
         f"true, column fitted): below {SAME_CLASS_SIGMA:g} they look alike. Last, the distance from the base "
         f"model: below {DETECTABLE_SIGMA:.1f} an effect is not sure to be seen.",
     ]
-    width = 7
-    lines.append(" " * 22 + "".join(f"{i + 1:>{width}}" for i in range(len(iso.names))))
+    lines.append(" " * _NAMED + "".join(f"{i + 1:>{_COLUMN}}" for i in range(len(iso.names))))
     for j, name in enumerate(iso.names):
-        row = "".join(f"{'-' if j == k else f'{iso.D[j, k]:.1f}':>{width}}" for k in range(len(iso.names)))
-        lines.append(f"{j + 1:>2} {name:<19}{row}{iso.delta[j]:>{width + 3}.1f}")
+        row = "".join(f"{'-' if j == k else f'{iso.D[j, k]:.1f}':>{_COLUMN}}" for k in range(len(iso.names)))
+        lines.append(f"{j + 1:>2} {name:<19}{row}{iso.delta[j]:>{_LAST_COLUMN}.1f}")
     classes = iso.classes()
     lines.append("")
     if classes:
@@ -317,7 +318,7 @@ def as_data(made: LayoutPlan) -> dict[str, Any]:
         "effects": list(iso.names),
         "sizes": [float(s) for s in iso.sizes],
         "delta_sigma": [float(d) for d in iso.delta],
-        "D_sigma": np.round(iso.D, 4).tolist(),
+        "D_sigma": np.round(iso.D, _DECIMALS).tolist(),
         "classes": [list(group) for group in iso.classes()],
         "add": [
             {

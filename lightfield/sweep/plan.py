@@ -19,7 +19,7 @@ from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, TRACED, Acts
 from lightfield.scene.all_parameters import acts_on, only, without
-from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
@@ -355,15 +355,9 @@ def _traces(
         while len(left):
             members, left = served_together(left, waters, far_m)
             trace_of_case[members] = len(traces)
-            molecules = _molecules(cases, int(members[waters[members, 1].argmax()]))
+            molecules = cases.molecular_share(int(members[waters[members, 1].argmax()]))
             traces.append(_trace(settings, key, members, waters[members], len(traces), molecules))
     return tuple(traces), trace_of_case
-
-
-def _molecules(cases: Cases, number: int) -> float:
-    """Molecular part of the scattering in the water of a case; most sweeps need no scene to tell it."""
-    pure = cases.scene.water.base == "pure" or any("water.base" in axis.values for axis in cases.axes)
-    return molecular_share(cases.build(number, validate=False)) if pure else 0.0
 
 
 def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
@@ -377,12 +371,7 @@ def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
 
 
 def _trace(
-    settings: SweepSettings,
-    key: str,
-    members: np.ndarray,
-    waters: np.ndarray,
-    number: int,
-    molecules: float,
+    settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int, molecules: float
 ) -> Trace:
     low, (_, b, rho, surface) = waters.min(axis=0).tolist(), waters.max(axis=0).tolist()
     reference = Reference(low[0], b, rho, surface, molecules)
