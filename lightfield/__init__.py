@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from lightfield.api import array, pose
     from lightfield.api.attenuation import Attenuation, attenuation
     from lightfield.api.band import Band, band
-    from lightfield.api.diagnosis import Diagnosis, Plan, diagnose, plan
+    from lightfield.api.diagnosis import Diagnosis, Plan, Together, diagnose, plan
+    from lightfield.api.following import Following, follow
     from lightfield.api.given import load
     from lightfield.api.link import Link, link
     from lightfield.api.maps import Comparison, Fit, Maps, compare, render
@@ -39,14 +40,14 @@ PUBLIC = {
     "render": "api.maps", "Maps": "api.maps",
     "compare": "api.maps", "Comparison": "api.maps", "Fit": "api.maps",
     "diagnose": "api.diagnosis", "Diagnosis": "api.diagnosis",
-    "plan": "api.diagnosis", "Plan": "api.diagnosis",
+    "plan": "api.diagnosis", "Plan": "api.diagnosis", "Together": "api.diagnosis",
     "sweep": "api.sweep", "Sweep": "api.sweep",
     "attenuation": "api.attenuation", "Attenuation": "api.attenuation",
     "band": "api.band", "Band": "api.band",
     "range": "api.working_range", "Range": "api.working_range",
     "link": "api.link", "Link": "api.link",
     "regime": "api.regime", "Regime": "api.regime",
-    "array": "api", "pose": "api",
+    "array": "api", "pose": "api", "follow": "api.following", "Following": "api.following",
     "Result": "api.result",
 }  # fmt: skip
 # Not `range`: `from lightfield import *` would hide Python's own.
@@ -56,6 +57,7 @@ __all__ = [
     "Comparison",
     "Diagnosis",
     "Fit",
+    "Following",
     "LightfieldError",
     "Link",
     "Maps",
@@ -66,11 +68,13 @@ __all__ = [
     "Result",
     "Scene",
     "Sweep",
+    "Together",
     "array",
     "attenuation",
     "band",
     "compare",
     "diagnose",
+    "follow",
     "link",
     "load",
     "plan",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +12,12 @@ from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
 from lightfield.api.result import Result
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import plan as planning
+from lightfield.diagnosis.expected import Together as Certainty
 from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA
+from lightfield.diagnosis.together import together
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.errors import UsageError
 from lightfield.readings import Readings
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.scene import Scene
@@ -212,13 +215,49 @@ class Plan(Result[planning.LayoutPlan]):
         return write_result(self, path, "What the layout can tell")
 
 
+class Together(Result[Certainty]):
+    """Which of several effects that act at once a layout would make certain."""
+
+    @property
+    def headline(self) -> str:
+        return self.details.sentence
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The chance of every effect to be certain."""
+        from lightfield.report.plots import plot_bars
+
+        found = self.details.expected
+        chances = np.array([one.certain for one in found])
+        return plot_bars(ax, [one.effect for one in found], chances, ("chance to be certain", ""))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per effect: sigma to remove, gap, chances, level."""
+        import pandas as pd
+
+        columns = ["effect", "sigma_to_remove", "gap", "chance_of_certain", "level"]
+        return pd.DataFrame(self.as_data()["effects"])[columns]
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.together import write_together
+
+        return write_together(self.details, path)
+
+
 def plan(
     layout: Readings | AnyPath,
     scene: Scene | AnyPath,
     *,
+    effects: Sequence[str] | None = None,
+    size: Mapping[str, float] | None = None,
     effects_file: AnyPath | None = None,
     trace: bool = True,
-) -> Plan:
+) -> Plan | Together:
     """What a measurement layout can detect and tell apart, before measuring.
 
     Parameters
@@ -227,6 +266,10 @@ def plan(
         Positions, times and, if known, standard errors; values are not used and may be absent.
     scene : Scene or path-like
         Its lamp, water and tank are taken to be true.
+    effects : sequence of str, optional
+        Which of these, all acting at once, would be certain? Default: every effect alone, and pairs.
+    size : mapping of str to float, optional
+        Values of parameters of these effects; default: twice the typical size.
     effects_file : path-like, optional
         Effects of your own, beside those of the table (TOML).
     trace : bool
@@ -236,8 +279,15 @@ def plan(
     ------
     FitError
         No light of the scene reaches the layout.
+    UsageError
+        An effect that is unknown or cannot act here; a size without effects.
     MeasurementError, SceneError
         A layout or a scene that cannot be read, or that do not belong together.
     """
     known = scene_of(scene, effects_file)
-    return Plan(planning.plan(readings_of(layout, known, layout=True), known, light_of(trace)))
+    table = readings_of(layout, known, layout=True)
+    if effects is not None:
+        return Together(together(table, known, effects, size, light_of(trace)))
+    if size:
+        raise UsageError("a size of no effect", where="size", rule="together with effects")
+    return Plan(planning.plan(table, known, light_of(trace)))

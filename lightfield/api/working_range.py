@@ -14,6 +14,7 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.working_range import study as ranging
 from lightfield.studies.working_range import text as range_text
+from lightfield.studies.working_range.poses import with_array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,6 +75,9 @@ def range(
     noise: float = 0.01,
     snr: float = 10.0,
     to: float | None = None,
+    array: int | None = None,
+    array_side: float | None = None,
+    array_radius: float | None = None,
     max_photons: float = ranging.PHOTONS,
     trace: bool = True,
 ) -> Range:
@@ -93,6 +97,10 @@ def range(
         Signal over noise.
     to : float, m, optional
         Farthest distance; default: twice the last plane.
+    array : int, optional
+        Receivers on a side; default: the scene's array.
+    array_side, array_radius : float, m, optional
+        Its side, and its radius of curvature (0: flat).
     max_photons : float
         Traced for the accuracy of poses.
     trace : bool
@@ -103,7 +111,7 @@ def range(
     UsageError, SceneError
         Numbers that make no sense; no room in the tank.
     """
-    known = scene_of(scene)
+    known = with_array(scene_of(scene), array, array_side, array_radius)
     table = None if readings is None else readings_of(readings, known)
     found = ranging.working_range(
         known, light_of(trace), table, share=share, noise=noise, snr=snr, to_m=to,

@@ -46,15 +46,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
-    scene = _with_array(Scene.load(args.scene), args)
+    scene = Scene.load(args.scene)
+    if args.array is not None and not 2 <= args.array <= MOST_ON_A_SIDE:
+        raise UsageError(
+            "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
+        )
     readings = read_table(args.readings, scene) if args.readings else None
     inputs = [path for path in (args.scene, args.readings) if path]
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, *inputs, *outputs[:k])
+    from lightfield.studies.working_range.poses import with_array
     from lightfield.studies.working_range.study import working_range
     from lightfield.studies.working_range.text import as_data, as_text
 
+    scene = with_array(scene, args.array, args.array_side, args.array_radius)
     trace = None
     if not args.no_trace:
         from lightfield.render.diffuse.source import response_for
@@ -72,24 +78,3 @@ def run(args: argparse.Namespace) -> int:
 
         print(f"report: {write_range(found, args.report).resolve()}")
     return 0
-
-
-def _with_array(scene: Scene, args: argparse.Namespace) -> Scene:
-    """The scene with what the options say of the array."""
-    asked = {
-        "array.count": None if args.array is None else [args.array, args.array],
-        "array.size_m": args.array_side,
-        "array.radius_m": args.array_radius,
-    }
-    changed = {path: value for path, value in asked.items() if value is not None}
-    if not changed:
-        return scene
-    if args.array is not None and not 2 <= args.array <= MOST_ON_A_SIDE:
-        raise UsageError(
-            "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
-        )
-    if scene.array is None:
-        from lightfield.studies.working_range.poses import ARRAY
-
-        scene = scene.model_copy(update={"array": ARRAY})
-    return scene.with_values(changed)

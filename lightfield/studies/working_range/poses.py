@@ -52,6 +52,27 @@ _DIFFERENCE_M = 1e-4
 _DARK, _NEAR_M2 = 1e-12, 1e-12
 
 
+def with_array(
+    scene: Scene, count: int | None = None, side_m: float | None = None, radius_m: float | None = None
+) -> Scene:
+    """The scene with another number of receivers on a side of its array, side or radius of curvature.
+
+    Raises
+    ------
+    SceneError
+        An impossible array.
+    """
+    asked = {
+        "array.count": None if count is None else [count, count],
+        "array.size_m": side_m,
+        "array.radius_m": radius_m,
+    }
+    changed = {path: value for path, value in asked.items() if value is not None}
+    if not changed:
+        return scene
+    return scene.model_copy(update={"array": scene.array or ARRAY}).with_values(changed)
+
+
 class Frame(NamedTuple):
     """Where the polynomials are fitted: distances, m, the largest tangent, and the largest radius, m."""
 

@@ -19,12 +19,13 @@ FUNCTIONS = {
     "render": "scene, wavelengths, rel_error, max_photons, seed, cache",
     "compare": "what, scene, with_, effects_file, solver, rel_error, max_photons, seed, cache",
     "diagnose": "readings, scene, effects, effects_file, alpha, seed, trace, render",
-    "plan": "layout, scene, effects_file, trace",
+    "plan": "layout, scene, effects, size, effects_file, trace",
     "sweep": "scene, vary, output, rel_error, max_photons, seed, maps, workers, scheduler, memory",
     "attenuation": "readings, scene, air, trace",
     "band": "scene, distances, width, between, response, electrons, read_noise, mismatch, trace, rel_error, "
     "max_photons, seed",
-    "range": "scene, readings, share, noise, snr, to, array, array_side, trace",
+    "range": "scene, readings, share, noise, snr, to, array, array_side, array_radius, max_photons, trace",
+    "follow": "scene, with_, believe, runs, duration, max_photons, seed, trace",
     "link": "scene, area, responsivity, amplifier_noise, background, bit_rate, ber, water, to, rel_error, "
     "max_photons, seed",
     "regime": "output, scene, rel_error, max_photons, seed, workers",
@@ -41,6 +42,8 @@ RESULTS = {
     "Fit": {"scene"},
     "Diagnosis": {"verdict", "effects", "scene", "save"},
     "Plan": set(),
+    "Together": set(),
+    "Following": set(),
     "Sweep": {"load"},
     "Attenuation": set(),
     "Band": set(),
@@ -56,9 +59,11 @@ EVERY_RESULT = {
     "as_data", "as_text", "headline", "plot", "report", "summary", "to_pandas", "to_xarray"
 }  # fmt: skip
 OTHERS = {"Scene", "Readings", "LightfieldError", "Result", "array", "pose"}
-#: Options by which a command is told what a Python program asks of the answer instead.
+#: Options by which a command is told what a Python program asks of the answer instead; and the store of runs
+#: of `follow` over parameters, which is the command's alone.
 WRITING = {"json", "report", "output", "fit_json", "exr", "figures", "table", "list", "schema", "plan",
-           "dry_run", "verify", "help"}  # fmt: skip
+           "dry_run", "verify", "help",
+           "track", "vary", "workers"}  # fmt: skip
 
 
 def public(name: str) -> object:

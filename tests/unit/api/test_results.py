@@ -49,6 +49,8 @@ def answers(table, diagnosis, maps):
         "comparison": (Comparison(compare(maps.details), maps), 3),
         "fit": (Fit(fit_readings(readings, scene)), len(readings)),
         "diagnosis": (diagnosis, len(readings)),
+        "together": (lf.plan(readings, scene, effects=["background", "beam_offset"], trace=False), 2),
+        "following": (lf.follow(follower, runs=1, duration=2.0, trace=False), None),
         "plan": (lf.plan(readings, scene, trace=False), None),
         "range": (ranged, ranged.to_xarray().sizes["z_m"]),
         "band": (banded, 2 * banded.to_xarray().sizes["low_nm"]),

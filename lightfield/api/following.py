@@ -1,0 +1,128 @@
+"""How a follower fares that finds its way by the light: `follow`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightfield.api.array import PHOTONS
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.errors import UsageError
+from lightfield.scene import Scene
+from lightfield.studies.following import study
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from lightfield.report.style import Axes
+
+
+class Following(Result[study.Following]):
+    """Runs of the closed loop, of one follower or of several."""
+
+    @property
+    def headline(self) -> str:
+        return self.details.verdict
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Distance from the lamp over time, of every follower's typical run."""
+        from lightfield.report.plots import plot_lines
+
+        cases = self.details.cases
+        lines = {
+            f"{one.name}, {one.mission.believes}": (one.track.pose[:, one.typical, 2], None) for one in cases
+        }
+        words = ("time (s)", "distance from the lamp (m)", "Typical runs")
+        return plot_lines(ax, cases[0].track.time_s, lines, words)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The first follower's runs over (time_s, run, coordinate)."""
+        return self.details.cases[0].dataset()
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per follower, run and metric; units beside it."""
+        import pandas as pd
+
+        rows = [
+            {
+                "scene": one.name,
+                "believes": one.mission.believes,
+                "run": run,
+                "metric": name,
+                "value": float(value) if np.isfinite(value) else None,
+                "unit": study.METRICS[name][0],
+            }
+            for one in self.details.cases
+            for name, values in one.runs.items()
+            for run, value in enumerate(values)
+        ]
+        return pd.DataFrame(rows)
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.follower.follow_page import write_following
+
+        return write_following(self.details, path)
+
+
+def follow(
+    scene: Scene | AnyPath,
+    *,
+    with_: Sequence[Scene | AnyPath] = (),
+    believe: Sequence[str] = (),
+    runs: int = 4,
+    duration: float | None = None,
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
+) -> Following:
+    """Let a follower run the mission of a scene in the closed loop.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        With an array; its `follower.mission` says what is to be done.
+    with_ : sequence of Scene or path-like
+        Other scenes to run beside it.
+    believe : sequence of str
+        Light it believes in: "field", "fitted", "exact", "clear", "relative"; default: as each scene says.
+    runs : int
+        With noise, gain and water of their own.
+    duration : float, s, optional
+        Of a run; default: as each scene says.
+    max_photons : float
+    seed : int
+    trace : bool
+        False: the formula's light alone.
+
+    Raises
+    ------
+    UsageError
+        A belief that does not exist, or no run.
+    SceneError, RenderError
+        No array; a follower or a way that is not in the water.
+    """
+    if runs < 1:
+        raise UsageError("impossible number", where="runs", found=runs, rule="at least 1")
+    unknown = [word for word in believe if word not in study.BELIEFS]
+    if unknown:
+        rule = ", ".join(study.BELIEFS)
+        raise UsageError("no such belief", where="believe", found=unknown[0], rule=rule)
+    scenes: dict[str, Scene] = {}
+    for number, given in enumerate([scene, *with_], 1):
+        one = study.with_belief(scene_of(given), "")
+        if duration is not None:
+            one = one.with_values({"follower.mission.duration_s": duration})
+        scenes[one.name or f"scene {number}"] = one
+    photons = max_photons if trace else 0.0
+    return Following(study.follow(scenes, believe, runs=runs, seed=seed, photons=photons))
