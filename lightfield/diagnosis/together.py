@@ -223,8 +223,8 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
     """Of an effect that is worth its price.
 
     A set that misses the noise-free readings by D sigma misses those with noise by a chi-square that is,
-    beside that of the true set, normal about D^2 with a deviation of 2 D, less what its parameters more
-    take from the noise. Sets are taken one by one: the worst decides.
+    beside that of the true set, about normal: about D^2 less the number d of its parameters more, which noise
+    feeds, with the variance 4 D^2 + 2 d. Sets are taken one by one: the worst decides.
     """
     best, name = weighing.best, one.candidate.name
     certain, named = _Worst(), _Worst()
@@ -232,7 +232,8 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
         if name in node.names:
             continue
         distance = np.sqrt(max(node.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi)
-        spread, noise = max(2 * distance, 1.0), best.parameters - node.parameters
+        noise = best.parameters - node.parameters
+        spread = max(np.sqrt(4 * distance**2 + 2 * abs(noise)), 1.0)
         contains = any(name in c.effect.contains for c in node.explanation)
         margin = weighing.above(node) + noise - (GAP if contains else NAMED_GAP)
         named.meet(margin / spread, node)

@@ -35,7 +35,7 @@ _TOLD = 20.0
 #: Points of a curve, and the step of a parameter, in its standard error, by which its error is found.
 _POINTS, _STEP = 121, 0.1
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
-_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 4, 1e-6
+_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: Times are told in minutes.
 _UNIT = {"time": 1 / 60}
 
@@ -63,7 +63,7 @@ def left_over(
     for start in known:
         for promise in pool.promises(start):
             if promise.candidate in local and pool.affordable((*start.explanation, promise.candidate)):
-                made = _fitting(pool, pool.settled(pool.add(promise)), promise.candidate, local)
+                made = _fitting(pool, pool.settled(pool.add(promise)), promise.candidate, node.explanation)
                 name = promise.candidate.name
                 best[name] = min(made, best.get(name, made), key=pool.cost)
     out = []
@@ -105,11 +105,14 @@ def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
     return [pool.settled(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
 
 
-def _fitting(pool: Pool, node: Node, kept: Candidate, local: Explanation) -> Node:
+def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> Node:
     """The set with those effects of the best one that are worth their price beside the unknown."""
+    problem = replace(whole.problem, candidates=(*known, kept))
+    ground = whole.ground
+    pool = Pool(Ground(ground.test.on(problem), ground.phi, ground.nu), {node.key: node})
     while True:
         less = [pool.drop(node, c) for c in node.explanation if c is not kept]
-        more = [pool.add(p) for p in pool.promises(node) if p.candidate not in local]
+        more = [pool.add(p) for p in pool.promises(node)]
         best = min(map(pool.settled, [*less, *more]), key=pool.cost, default=node)
         if pool.cost(best) >= pool.cost(node):
             return node
