@@ -45,8 +45,8 @@ MORE = (
     "[lamp]\nprofile_departure = [[0.0, 0.1], [5.0, -0.2]]\npower_departure = [[0.0, 0.0], [60.0, 0.1]]",
     "[water]\nabsorption_departure = [[4.0, 0.01], [7.0, 0.0]]",
     "[array]\nradius_m = 0.5\ncount = [3, 3]\nadc_bits = 8\n[follower]\nx_m = 0.1\nyaw_deg = 5.0",
-    '[array]\nradius_m = 0.5\n[follower.mission]\ntask = "dock"\nlaw = "lqr"\nduration_s = 0.5\n'
-    "dark_for_s = 0.1\nturbid_factor = 2.0\ncurrent_x_m_per_s = 0.1",
+    '[array]\nradius_m = 0.5\nsample_hz = 200.0\n[follower.mission]\ntask = "dock"\nlaw = "lqr"\n'
+    "duration_s = 0.5\ndark_for_s = 0.1\nturbid_factor = 2.0\ncurrent_x_m_per_s = 0.1",
     "[detector]\nbackground = 0.1\nsaturation = 0.1\nbands_nm = [[450.0, 500.0], [500.0, 550.0]]",
 )
 #: An effect of the user's own, in a file of its own.

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, RENDER, SERIES, WIDTH, figure, label
-from lightfield.studies.following.study import BELIEFS, Followed
+from lightfield.studies.following.study import BELIEFS, SHORT, Followed
 
 #: Frames of a strip, and rows of one figure.
 FRAMES, MOST_ROWS = 5, 6
@@ -110,7 +110,7 @@ def way_figure(cases: Sequence[Followed]) -> Figure:
                 axis.plot(track.time_s, values, color=colour, linewidth=0.6, alpha=0.35, linestyle=style)
             far.plot(
                 track.time_s, _mean(z), color=colour, linestyle=style, linewidth=2,
-                label=f"{one.name}: {one.mission.believes}",
+                label=f"{one.name}: {SHORT[one.mission.believes]}",
             )  # fmt: skip
             aside.plot(track.time_s, _mean(x), color=colour, linestyle=style, linewidth=2)
         first = cases[0]

@@ -14,6 +14,7 @@ from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Follower, Scene
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, Spread
+from lightfield.studies.following.study import SHORT as SHORT_BELIEFS
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
 
@@ -64,7 +65,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
             tables=[
                 Table(
                     "Mean of the runs ± scatter from run to run.",
-                    ["", *(f"{one.name}: {one.mission.believes}" for one in cases)],
+                    ["", *(f"{one.name}: {SHORT_BELIEFS[one.mission.believes]}" for one in cases)],
                     rows,
                 )
             ],

@@ -28,6 +28,11 @@ BELIEFS = {
     "clear": "the formula, K and gain from clear water",
     "relative": "the formula, relative readings only",
 }
+#: The same, for legends.
+SHORT = {
+    "field": "field", "fitted": "formula fitted here", "exact": "formula, exact c",
+    "clear": "formula from home", "relative": "formula, relative",
+}  # fmt: skip
 #: Distance, m, by which a follower may miss what was asked for: what docking allows along the beam.
 ALLOWED_M = DOCKING["z"]
 #: More readings of all runs together would take an hour and a gigabyte: an hour at 10 Hz in eight runs.
