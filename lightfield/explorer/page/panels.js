@@ -180,7 +180,7 @@ LF.showLadder = (state) => {
   LF.$("ladder").replaceChildren(...items);
 };
 
-LF.handMoved = (state) => Object.values(state.parameters).some((p) => p.fitted !== null && Math.abs(p.value - p.fitted) > 1e-6 * (Math.abs(p.fitted) + 1e-9));
+LF.handMoved = (state) => LF.dragging || Object.values(state.parameters).some((p) => p.fitted !== null && Math.abs(p.value - p.fitted) > 1e-6 * (Math.abs(p.fitted) + 1e-9));
 
 LF.rung = (label, error, chi2, top, floor, here, go) => {
   const bar = LF.make("div", { class: error <= 1.2 * floor ? "bar low" : "bar" });
