@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import threading
 import webbrowser
 from pathlib import Path
 
@@ -46,7 +47,11 @@ def run(args: argparse.Namespace) -> int:
 
     def opened(address: str) -> None:
         print(f"open in a browser of this machine: {address}\nCtrl-C ends it", flush=True)
-        if not args.no_browser and not webbrowser.open(address):
+        if not args.no_browser:  # beside: some browsers keep whoever opens them waiting
+            threading.Thread(target=show, args=(address,), daemon=True).start()
+
+    def show(address: str) -> None:
+        if not webbrowser.open(address):
             output.print("no browser was found here: open the address by hand")
 
     asyncio.run(serve(session, history, opened))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -189,8 +189,6 @@ async def serve(
     session: Session,
     history: History | None = None,
     opened: Callable[[str], None] = print,
-    stopped: Awaitable[object] | None = None,
-    port: int = 0,
 ) -> None:
     """Serve an exploration until Ctrl-C.
 
@@ -202,12 +200,8 @@ async def serve(
         To go on with.
     opened : callable
         Gets the address, once it can be opened.
-    stopped : awaitable, optional
-        Ends it as well.
-    port : int
-        Default: a free one.
     """
-    sockets = tornado.netutil.bind_sockets(port, ADDRESS)
+    sockets = tornado.netutil.bind_sockets(0, ADDRESS)
     gate, hub = Gate(sockets[0].getsockname()[1]), Hub(session, history)
     given = {"gate": gate, "hub": hub}
     app = tornado.web.Application(
@@ -225,12 +219,10 @@ async def serve(
     )
     server = tornado.httpserver.HTTPServer(app, max_body_size=_MOST_BODY)
     server.add_sockets(sockets)
-    opened(gate.address)
     loop, interrupted = asyncio.get_running_loop(), asyncio.Event()
     loop.add_signal_handler(signal.SIGINT, interrupted.set)
-    running = [
-        asyncio.ensure_future(x) for x in (hub.run(), interrupted.wait(), *([stopped] if stopped else []))
-    ]
+    opened(gate.address)
+    running = [asyncio.ensure_future(x) for x in (hub.run(), interrupted.wait())]
     try:
         done, _ = await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
         for one in done:

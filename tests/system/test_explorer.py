@@ -22,6 +22,7 @@ from urllib.error import HTTPError
 import analytic_readings
 import pytest
 
+from lightfield.explorer.documents import open_session
 from lightfield.readings import write_table
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -67,9 +68,9 @@ def start(folder: Path, *arguments: str) -> Served:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("explorer")
     readings, scene = analytic_readings.readings({"detector.background": 0.02}, seed=3)
-    write_table(readings, folder / "data.csv")
+    write_table(readings.subset(readings.z_m < 7), folder / "data.csv")
     other, _ = analytic_readings.readings({"lamp.tilt_x_deg": 0.8}, seed=4)
-    write_table(other, folder / "other.csv")
+    write_table(other.subset(other.z_m < 7), folder / "other.csv")
     scene.save(folder / "scene.toml")
     return folder
 
@@ -170,8 +171,8 @@ def test_an_effect_is_switched_on_and_the_error_falls(page) -> None:
     before = error(page)
     page.get_by_role("checkbox", name="background", exact=True).check()
     after = until_error(page, 0.5 * before)
+    page.locator("#ladder li[aria-current]", has_text=f"{after:.1f} %").wait_for()
     assert page.locator("#ladder li").count() == 2
-    assert f"{after:.1f} %" in page.locator("#ladder li[aria-current]").inner_text()
     page.get_by_role("button", name="Undo").click()
     until_error(page, 1.01 * before, 0.99 * before)
     page.keyboard.press("Control+y")
@@ -192,7 +193,7 @@ def test_a_slider_is_dragged_by_mouse_and_by_keyboard(page) -> None:
         page.mouse.move(box["x"] + (0.2 + 0.06 * k) * box["width"], box["y"] + box["height"] / 2)
     page.mouse.up()
     dragged = until_error(page, 1e6, 1.2 * before)
-    assert "by hand" in page.locator("#ladder li[aria-current]").inner_text()
+    page.locator("#ladder li[aria-current]", has_text="by hand").wait_for()
     slider.focus()
     page.keyboard.press("PageUp")
     page.keyboard.press("PageUp")
@@ -282,12 +283,12 @@ def test_what_is_saved_opens_again(page, folder: Path, tmp_path: Path) -> None:
         saved[name] = tmp_path / name
         download.value.save_as(saved[name])
     assert "background" in saved["scene.toml"].read_text()
-    assert len(saved["residuals.csv"].read_text().splitlines()) > 50
+    assert len(saved["residuals.csv"].read_text().splitlines()) == 64
     states = json.loads(saved["session.json"].read_text())
     assert states["states"][-1]["effects"] == ["background:constant"]
-    again = start(tmp_path, "session.json", "--no-trace")
-    again.process.send_signal(signal.SIGINT)
-    assert again.process.wait(60) == 0
+    again, history = open_session(saved["session.json"], diffuse=None)
+    again.begin(history=history)
+    assert again.now.effects == ("background:constant",)
 
 
 @needs_browser
@@ -335,10 +336,10 @@ def test_other_readings_are_opened_and_bad_ones_say_where(page, folder: Path) ->
 
 
 @needs_browser
-@pytest.mark.parametrize("width", [1300, 420])
-def test_everything_fits_the_window_and_has_a_name(page, width: int) -> None:
-    page.set_viewport_size({"width": width, "height": 800})
-    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+def test_everything_fits_the_window_and_has_a_name(page) -> None:
+    for width in (1300, 420):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
     nameless = page.evaluate(
         """() => [...document.querySelectorAll('input, select, textarea, button, canvas, a')].filter((e) =>
             e.offsetParent !== null && !e.getAttribute('aria-label') && !e.textContent.trim()

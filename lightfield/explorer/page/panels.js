@@ -16,7 +16,8 @@ LF.showExperiment = (experiment) => {
   LF.$("floor").textContent = LF.percent(experiment.floor_percent);
   const source = experiment.has_data ? `${experiment.value.length} readings${experiment.source ? `, ${experiment.source.split("/").pop()}` : ""}` : "no readings: the render of the scene takes their place";
   const assumed = experiment.assumed.length ? [`assumed: ${experiment.assumed.join(", ")}`] : [];
-  LF.$("source").textContent = [source, ...assumed, ...experiment.warnings].join(" · ");
+  LF.$("source").textContent = [source, ...assumed].join(" · ");
+  LF.$("source").title = experiment.warnings.join("\n");
   LF.$("error-words").textContent = experiment.has_data ? "error against the readings" : "error against the render";
   LF.$("diagnose").hidden = !experiment.has_data || !LF.can("diagnose");
   const planes = experiment.planes_m.map((z, k) => LF.make("button", { type: "button", onclick: () => LF.ask({ do: "view", plane: k, channel: Number(LF.$("channel").value) }) }, `${LF.number(z, 3)}`));
@@ -180,7 +181,7 @@ LF.showLadder = (state) => {
   LF.$("ladder").replaceChildren(...items);
 };
 
-LF.handMoved = (state) => Object.values(state.parameters).some((p) => p.fitted !== null && Math.abs(p.value - p.fitted) > 1e-6 * (Math.abs(p.fitted) + 1e-9));
+LF.handMoved = (state) => LF.dragging || Object.values(state.parameters).some((p) => p.fitted !== null && Math.abs(p.value - p.fitted) > 1e-6 * (Math.abs(p.fitted) + 1e-9));
 
 LF.rung = (label, error, chi2, top, floor, here, go) => {
   const bar = LF.make("div", { class: error <= 1.2 * floor ? "bar low" : "bar" });

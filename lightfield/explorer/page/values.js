@@ -1,6 +1,6 @@
 "use strict";
 // Numbers as people read them, elements, and how a slider's position becomes a value.
-const LF = {};
+const LF = { dragging: false };
 
 LF.$ = (id) => document.getElementById(id);
 
