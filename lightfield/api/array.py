@@ -12,6 +12,7 @@ from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.result import Result
 from lightfield.scene import Scene
 from lightfield.studies.follower import design, survey
+from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import Space
 from lightfield.studies.follower.survey import DOCKING
 
@@ -29,6 +30,16 @@ PHOTONS, HALF_WIDTH_M = 1e7, 0.4
 def space_and_photons(scene: Scene, half_width: float, max_photons: float, trace: bool) -> dict[str, Any]:
     """Where the follower may be, and how its light is traced, as the studies take it."""
     return {"space": Space.of_scene(scene, half_width), "photons": max_photons if trace else 0.0}
+
+
+def sigma_columns(sigma: Mapping[str, float]) -> dict[str, float]:
+    """Standard deviations of a pose, given in m and rad, as columns in m and degrees."""
+    return {
+        f"sigma_{name}_{'m' if name in POSE[:3] else 'deg'}": value
+        if name in POSE[:3]
+        else float(np.degrees(value))
+        for name, value in sigma.items()
+    }
 
 
 class Survey(Result[survey.Survey]):
@@ -94,7 +105,7 @@ class Arrays(Result[design.Comparison]):
         return plot_bars(ax, [one.name for one in arrays], parts, ("A over that of the worst", "Arrays"))
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row per array: A and the root mean square bounds over the poses of the task, m and rad."""
+        """A row per array: A and the root mean square bounds over the poses of the task."""
         import pandas as pd
 
         rows = [
@@ -104,7 +115,7 @@ class Arrays(Result[design.Comparison]):
                 "A": one.criterion,
                 "A_relative_error": one.doubt,
             }
-            | {f"sigma_{name}": value for name, value in one.sigma.items()}
+            | sigma_columns(one.sigma)
             for one in self.details.arrays
         ]
         return pd.DataFrame(rows)

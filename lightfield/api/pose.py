@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.array import HALF_WIDTH_M, PHOTONS, space_and_photons
+from lightfield.api.array import HALF_WIDTH_M, PHOTONS, sigma_columns, space_and_photons
 from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.result import Result
 from lightfield.scene import Scene
@@ -44,13 +44,13 @@ class Poses(Result[sequence.Poses]):
         from lightfield.report.plots import plot_lines
 
         table = self.to_pandas()
-        lines = {"z": (table.z_m.to_numpy(), table.sigma_z.to_numpy() if "sigma_z" in table else None)}
+        lines = {"z": (table.z_m.to_numpy(), table.sigma_z_m.to_numpy() if "sigma_z_m" in table else None)}
         return plot_lines(
             ax, table.time_s.to_numpy(), lines, ("time (s)", "z (m)", "Distance along the beam")
         )
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row per reading: pose in m and degrees, standard deviations in m and rad, and whether it fits."""
+        """A row per reading: pose with its standard deviations, m and degrees, and whether it fits."""
         import pandas as pd
 
         units = [f"{name}_{'m' if name in POSE[:3] else 'deg'}" for name in POSE]
@@ -59,7 +59,7 @@ class Poses(Result[sequence.Poses]):
             row: dict[str, Any] = {"time_s": float(time), "status": "light lost" if one.lost else one.status}
             if not one.lost and one.total is not None:
                 row |= dict(zip(units, in_degrees(one.pose).tolist(), strict=True))
-                row |= {f"sigma_{name}": value for name, value in one.total.sigma.items()}
+                row |= sigma_columns(one.total.sigma)
             rows.append(row)
         return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *_keys(rows)])))
 

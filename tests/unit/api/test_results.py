@@ -15,6 +15,8 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.maps.dataset import to_dataset
 from lightfield.studies.compare.maps import compare
 from lightfield.studies.compare.readings import fit_readings
+from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.light import FormulaLight, Model
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 
@@ -44,6 +46,7 @@ def answers(table, diagnosis, maps):
     banded = lf.band(tank / "spectra.toml", trace=False, width=100.0, between=(450.0, 650.0))
     water = lf.attenuation(tank / "spectra.csv", tank / "spectra.toml", trace=False)
     surveyed = lf.array.show(follower, trace=False)
+    arrays = lf.array.compare(follower, {"flat": follower.with_name("flat.toml")}, trace=False)
     return {
         "maps": (maps, 3 * 9 * 9),
         "comparison": (Comparison(compare(maps.details), maps), 3),
@@ -55,12 +58,13 @@ def answers(table, diagnosis, maps):
         "range": (ranged, ranged.to_xarray().sizes["z_m"]),
         "band": (banded, 2 * banded.to_xarray().sizes["low_nm"]),
         "attenuation": (water, water.to_xarray().sizes["wavelength_nm"]),
+        "arrays": (arrays, 2),
         "survey": (surveyed, surveyed.to_xarray()["A"].size),
     }
 
 
 #: Whose pages other tests draw: in the fast tier once is enough.
-DRAWN_ELSEWHERE = {"diagnosis", "comparison", "range", "attenuation", "survey"}
+DRAWN_ELSEWHERE = {"diagnosis", "comparison", "range", "attenuation", "survey", "arrays"}
 
 
 def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, maps, tmp_path):
@@ -166,3 +170,26 @@ def test_a_sweep_of_few_photons(tmp_path):
         found.plot(quantity="irradiance")
     assert "4 cases" in repr(found)
     assert "<svg" in found.report(tmp_path / "s.html").read_text(encoding="utf-8")
+
+
+def test_poses_come_with_their_errors_in_the_units_of_their_columns(tmp_path):
+    """Readings of the array by the formula itself: the poses are found again."""
+    follower = lf.Scene.load(SCENES / "leader_follower" / "turbid.toml")
+    model = Model(FormulaLight(follower), elements_of(follower.array))
+    truth = np.array([[0.05, 0.0, 5.0, 0.02, 0.0, 0.0], [0.1, 0.0, 6.0, -0.02, 0.0, 0.0]])
+    shown = model.readings(truth)
+    names = ",".join(f"e{k + 1}" for k in range(shown.shape[1]))
+    rows = [f"{k},{','.join(map(repr, row.tolist()))}" for k, row in enumerate(shown)]
+    table = tmp_path / "elements.csv"
+    table.write_text("\n".join([f"time_s,{names}", *rows]) + "\n")
+    found = lf.pose.estimate(table, follower, trace=False)
+    poses = found.to_pandas()
+    assert poses.time_s.tolist() == [0.0, 1.0]
+    assert poses.status.tolist() == ["found", "found"]
+    np.testing.assert_allclose(poses[["x_m", "y_m", "z_m"]], truth[:, :3], atol=1e-4)
+    np.testing.assert_allclose(poses.yaw_deg, np.degrees(truth[:, 3]), atol=0.01)
+    inside = [one.total.sigma for one in found.details.estimates]
+    np.testing.assert_allclose(poses.sigma_x_m, [sigma["x"] for sigma in inside])
+    np.testing.assert_allclose(poses.sigma_yaw_deg, [np.degrees(sigma["yaw"]) for sigma in inside])
+    axes = Figure().subplots()
+    assert found.plot(axes) is axes and "2 readings" in repr(found)
