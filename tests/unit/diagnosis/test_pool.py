@@ -92,7 +92,7 @@ def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
 
 
 def test_light_that_is_traced_where_the_best_set_lies_needs_no_excuse(monkeypatch) -> None:
-    """Light of a first trace is off by a part of another effect, found beside it; traced anew not."""
+    """Light of a first trace is off by a part of another effect, which is then found beside it."""
     made = toy()
     columns = more_waves(layout())
     wrong = toy(odd=columns["odd"] - 0.15 * columns["braid"])
