@@ -167,7 +167,7 @@ def over_seeds(values: dict[str, Any], seeds: int, photons: float) -> np.ndarray
     scene = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "detector": detector, **values})
     found = []
     for seed in range(seeds):
-        rendering = render_scene(scene, rel_error=1e-6, max_photons=photons, seed=seed, cache=False)
+        rendering = render_scene(scene, rel_error=1e-5, max_photons=photons, seed=seed, cache=False)
         found.append([v[0].ravel() for v in rendering.relative_maps(np.array([525.0]), "diffuse")])
     mean, stderr = np.array(found).transpose(1, 0, 2)
     t = (mean - mean.mean(axis=0)) / stderr * np.sqrt(seeds / (seeds - 1))

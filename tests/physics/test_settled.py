@@ -39,7 +39,7 @@ def test_a_scene_that_states_its_scattering_is_settled_too() -> None:
     )
     base = found.finding.level.base
     sigma = dict(zip(base.paths, np.sqrt(np.diag(base.covariance())), strict=True))
-    (scattering,) = [one for one in found.verdict.stated if one.name == "scattering"]
+    (scattering,) = [one for one in found.verdict.stated if one.effect == "scattering"]
     assert found.verdict.verdict == "none"
     assert abs(base.values["lamp.hwhm_deg"] - 3.81) < 3 * sigma["lamp.hwhm_deg"]
     assert abs(base.values["water.absorption_per_m"] - 0.1) < 3 * sigma["water.absorption_per_m"]
