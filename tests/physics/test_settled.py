@@ -26,3 +26,21 @@ def test_dense_forward_scattering_is_found_within_its_errors() -> None:
     search, settled = pulls
     assert search["water.scattering_per_m"] < -4
     assert all(abs(pull) < 3 for pull in settled.values())
+
+
+@pytest.mark.slow
+def test_a_scene_that_states_its_scattering_is_settled_too() -> None:
+    """b = 0.7 per m, g = 0.95, both stated: the half width of the beam within three of its errors (with the
+    light of the search it came out 7 too small), and the stated scattering supported."""
+    case = next(c for c in CASES if (c.b, c.g) == (0.7, 0.95))
+    stated = {path: case.truth[path] for path in ("water.scattering_per_m", "water.phase.g")}
+    found = diagnose(
+        readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED).with_values(stated), advise=False
+    )
+    base = found.finding.level.base
+    sigma = dict(zip(base.paths, np.sqrt(np.diag(base.covariance())), strict=True))
+    (scattering,) = [one for one in found.verdict.stated if one.effect == "scattering"]
+    assert found.verdict.verdict == "none"
+    assert abs(base.values["lamp.hwhm_deg"] - 3.81) < 3 * sigma["lamp.hwhm_deg"]
+    assert abs(base.values["water.absorption_per_m"] - 0.1) < 3 * sigma["water.absorption_per_m"]
+    assert scattering.judgement == "supported"

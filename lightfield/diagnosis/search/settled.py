@@ -64,7 +64,8 @@ def settled(
     alpha: float = ALPHA,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Prepared, Finding]:
-    """What was found, with explanations by scattered light settled; all as it was where there are none.
+    """What was found, with explanations by scattered light settled, or, where nothing is missing, the base
+    model of a scene that scatters; all as it was where there are none.
 
     Nor are they of many readings, which would take a minute and two gigabytes (benchmarks/diagnosis_size).
 
@@ -82,9 +83,13 @@ def settled(
         within the tolerance; of what nothing explained, such that do are.
     """
     problem = prepared.problem
+    if not can_follow(problem):
+        return prepared, finding
+    if finding.size == 0:
+        return _base(prepared, finding, rng, alpha, progress)
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
-    if finding.size == 0 or not chosen or not can_follow(problem):
+    if not chosen:
         return prepared, finding
     done: list[tuple[Tried, _Settled]] = []
     for tried in chosen:
@@ -101,6 +106,36 @@ def settled(
     if tolerant.adequacy.passes(alpha):
         return prepared, replace(within, size=0, accepted=[], weights=[])
     return _accepted(prepared, within, done, rng)
+
+
+def _base(
+    prepared: Prepared,
+    finding: Finding,
+    rng: np.random.Generator,
+    alpha: float,
+    progress: Callable[[str], None],
+) -> tuple[Prepared, Finding]:
+    """The base model of a scene that scatters as it states, where nothing is missing.
+
+    Its width and absorption, and what the readings say of the stated scattering, rest on the same light.
+    Where it passes no more, the search with the trace of its own has the last word.
+    """
+    level = finding.level
+    tried = Tried((), level.base, bic(level.base, (), level.phi, finding.n), level.adequacy, level.bench.test)
+    if not scatters(prepared.problem, tried.fit):
+        return prepared, finding
+    progress("the scattered light of the scene")
+    one = _settle(prepared.problem, tried)
+    there = replace(prepared, problem=one.problem)
+    test = judged(there, one.whiten, rng)
+    adequacy = test(one.fit)
+    if not adequacy.passes(alpha):
+        return prepared, finding
+    now = replace(
+        level, bench=replace(level.bench, whiten=one.whiten, test=test), base=one.fit, adequacy=adequacy
+    )
+    levels = [now if other is level else other for other in finding.levels]
+    return there, replace(finding, level=now, levels=levels)
 
 
 def _accepted(

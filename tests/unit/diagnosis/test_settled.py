@@ -65,3 +65,16 @@ def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, mo
         _, after = settled(prepared, found.finding, np.random.default_rng(0))
         assert (after.size, len(after.accepted)) == (size, size or 0)
         assert after.level.tolerance == prepared.noise.budget.tolerance
+
+
+def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypatch) -> None:
+    """Fitted again with the better light, and judged; where it passes no more, all stays as it was."""
+    table, scene = readings()
+    found = diagnose(table, scene, diffuse=None, only=["beam_tilt", "background"], advise=False)
+    assert found.finding.size == 0
+    for slant, moved in ((0.0, True), (0.05, False)):
+        settle_to(monkeypatch, slant)
+        prepared, after = settled(found.prepared, found.finding, np.random.default_rng(0))
+        assert (after.level is not found.finding.level) == (prepared is not found.prepared) == moved
+        assert after.size == 0 and after.level in after.levels
+        assert after.level.base.chi2 == pytest.approx(found.finding.level.base.chi2)

@@ -1,0 +1,1 @@
+"""Constants of fast light, and stated errors over many seeds."""
