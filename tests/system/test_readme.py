@@ -31,6 +31,7 @@ SHORT = {
     "link": "--max-photons 1e4 --to 20",
     "array": "--no-trace",
     "pose": "--no-trace",
+    "field": "--no-trace",
     "picture": "--samples 2 --size 64x36",
 }
 
