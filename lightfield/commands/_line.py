@@ -36,6 +36,8 @@ COMMANDS = {
     "array": "what a follower's detectors can know of its pose",
     "pose": "where a follower is by its readings, and where it would be by the formula",
     "follow": "a follower in the closed loop: how it keeps its distance, or docks",
+    "field": "a scene's light on a grid, for simulators",
+    "ros": "a ROS 2 node: readings of an array in, the pose of the lamp out",
     "sweep": "vary parameters of a scene over a grid",
     "show": "figures of a sweep",
     "export": "write cases of a sweep as spectral EXR",

@@ -283,6 +283,12 @@ WRONG: list[tuple[str, list[str]]] = [
     ("range open.toml --no-trace --to 3", ["no distances to compare", "4.5 to 3 m"]),
     ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
     # link
+    ("field export no.toml -o f.nc", ["no.toml", "No such file"]),
+    ("field export open.toml -o f.nc --no-trace --step 9", ["impossible grid", "steps of 9 m"]),
+    ("field export open.toml -o f.nc --no-trace --step 1e-5", ["too many places"]),
+    ("field export open.toml -o open.toml --no-trace", ["open.toml"]),
+    ("field export open.toml", ["required: -o"]),
+    ("ros open.toml --no-trace", ["no array"]),
     ("link no.toml", ["no.toml", "No such file"]),
     ("link open.toml --ber 2", ["impossible ber", "found 2.0"]),
     ("link open.toml --area 0", ["impossible area_mm2"]),

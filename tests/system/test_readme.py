@@ -32,6 +32,7 @@ SHORT = {
     "array": "--no-trace",
     "pose": "--no-trace",
     "follow": "--no-trace --duration 1 --runs 1",
+    "field": "--no-trace",
     "picture": "--samples 2 --size 64x36",
 }
 

@@ -9,6 +9,7 @@ section 2.2, ZYX).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,14 +20,18 @@ from lightfield.scene import Follower
 from lightfield.studies.follower.elements import Elements
 
 POSE = ("x", "y", "z", "yaw", "pitch", "roll")
-Frame = Literal["tank", "vehicle", "ros"]
+Frame = Literal["tank", "vehicle", "ros", "enu"]
 #: Rows: axes of a frame in the tank's coordinates. Vehicle: forward, starboard, down. ROS (REP 103): forward,
-#: left, up.
+#: left, up; forward looks along -z, at the lamp.
 AXES = {
     "tank": np.eye(3),
     "vehicle": np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
     "ros": np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
+#: Variance, m2 or rad2, of a coordinate that is not known at all (chosen; messages have no infinity).
+UNKNOWN_VARIANCE = 1e9
+#: Step of derivatives, m and rad.
+_STEP = 1e-5
 
 
 def pose_of(follower: Follower | None) -> Array:
@@ -105,7 +110,67 @@ class FramedPose:
         return q if q[3] >= 0 else -q
 
 
-def in_frame(pose: Array, frame: Frame) -> FramedPose:
-    """A pose in the vehicle's frame (forward, starboard, down) or in that of ROS (forward, left, up)."""
+def in_frame(pose: Array, frame: Frame, heading_deg: float = 0.0) -> FramedPose:
+    """A pose in the frame of vehicles (forward, starboard, down), of ROS (forward, left, up), or of maps.
+
+    Parameters
+    ----------
+    pose : array, shape (6,), m and rad
+    frame : Frame
+        In "enu" (east, north, up; REP 103 and REP 105, map) the follower's own axes are forward, left, up.
+    heading_deg : float, degrees
+        Compass heading of the beam, clockwise from north; only "enu" asks for it.
+    """
+    turn = rotations(pose[3:])
+    if frame == "enu":
+        axes = east_north_up(heading_deg)
+        return FramedPose(axes @ pose[:3], axes @ turn @ AXES["ros"].T)
     axes = AXES[frame]
-    return FramedPose(axes @ pose[:3], axes @ rotations(pose[3:]) @ axes.T)
+    return FramedPose(axes @ pose[:3], axes @ turn @ axes.T)
+
+
+def east_north_up(heading_deg: float) -> Array:
+    """Rows: east, north and up in the tank's coordinates, of a level beam of this compass heading."""
+    sine, cosine = np.sin(np.radians(heading_deg)), np.cos(np.radians(heading_deg))
+    return np.array([[-cosine, 0.0, sine], [sine, 0.0, cosine], [0.0, 1.0, 0.0]])
+
+
+def lamp_seen(pose: Array) -> FramedPose:
+    """The lamp in the follower's own axes forward, left, up; its own: along the beam, left of it, up.
+
+    What docking asks for: where the dock is, as the vehicle sees it.
+    """
+    body = rotations(pose[3:]) @ AXES["ros"].T  # columns: the follower's axes in the tank
+    along_beam = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
+    return FramedPose(-body.T @ pose[:3], body.T @ along_beam)
+
+
+def covariance_of(
+    seen: Callable[[Array], FramedPose], pose: Array, names: Sequence[str], covariance: Array
+) -> Array:
+    """Covariance of a framed pose, shape (6, 6): x, y, z, m, and turns about the frame's x, y, z axes, rad.
+
+    That is the order and the meaning of geometry_msgs/PoseWithCovariance. What is not known at all gets
+    `UNKNOWN_VARIANCE`.
+
+    Parameters
+    ----------
+    seen : callable
+        Pose to framed pose: `in_frame` with its frame, or `lamp_seen`.
+    pose : array, shape (6,), m and rad
+    names : sequence of str
+        Coordinates of the pose that the covariance is of; the others are taken as exact, as roll in a round
+        beam, which does not show it: a vehicle keeps or senses it by itself.
+    covariance : array, shape (n, n), m and rad
+        Infinite on its diagonal where nothing is known.
+    """
+    whole = np.zeros((len(POSE), len(POSE)))
+    at = [POSE.index(name) for name in names]
+    whole[np.ix_(at, at)] = np.where(np.isfinite(covariance), covariance, UNKNOWN_VARIANCE)
+    here, slopes = seen(pose), np.empty((6, len(POSE)))
+    for k, step in enumerate(_STEP * np.eye(len(POSE))):
+        more, less = seen(pose + step), seen(pose - step)
+        slopes[:3, k] = (more.position_m - less.position_m) / (2 * _STEP)
+        turn = (more.rotation - less.rotation) @ here.rotation.T / (2 * _STEP)
+        slopes[3:, k] = turn[2, 1], turn[0, 2], turn[1, 0]
+    return np.asarray(slopes @ whole @ slopes.T)

@@ -210,7 +210,7 @@ def link(
         parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
         docking = docking_reach(
             grey(scene.model_copy(update={"tank": None}), a, b), from_m, max(DOCKING_TO_M, 1.5 * from_m),
-            photons=DOCKING_PHOTONS if b > 0 else 0.0,
+            photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
         )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)
     pairs = list(every.values())

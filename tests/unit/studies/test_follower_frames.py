@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from lightfield.scene import Follower
 from lightfield.studies.follower.elements import Elements
-from lightfield.studies.follower.frames import in_frame, placed, pose_of, rotations
+from lightfield.studies.follower.frames import (
+    UNKNOWN_VARIANCE,
+    covariance_of,
+    in_frame,
+    lamp_seen,
+    placed,
+    pose_of,
+    rotations,
+)
 
 FORWARD, STARBOARD = np.array([0, 0, -1.0]), np.array([1.0, 0, 0])
 
@@ -61,3 +69,61 @@ def test_quaternions_of_half_turns() -> None:
 def test_a_scene_without_a_follower_has_one_on_the_axis() -> None:
     np.testing.assert_allclose(pose_of(None), [0, 0, 6.5, 0, 0, 0])
     np.testing.assert_allclose(pose_of(Follower(yaw_deg=90.0))[3], np.pi / 2)
+
+
+def test_east_north_up_of_a_beam_by_its_compass_heading() -> None:
+    """To the north-east 6 m along are 4.24 m east and north; 1 m to +x, left of it, is to the north-west."""
+    found = in_frame(np.array([1.0, 2.0, 6.0, 0, 0, 0]), "enu", heading_deg=45.0)
+    root = np.sqrt(0.5)
+    np.testing.assert_allclose(found.position_m, [6 * root - root, 6 * root + root, 2.0], atol=1e-12)
+    # It looks back at the lamp, to the south-west, with its head up.
+    np.testing.assert_allclose(found.rotation[:, 0], [-root, -root, 0], atol=1e-12)
+    np.testing.assert_allclose(found.rotation[:, 2], [0, 0, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("heading", [0.0, 90.0, 213.0])
+def test_frames_are_right_handed_and_turn_into_each_other(heading: float) -> None:
+    """Of ROS and of maps: the same vehicle, the second turned about up by what lies between their x axes."""
+    pose = np.array([0.3, -0.2, 6.5, 0.4, -0.3, 0.2])
+    ros, enu = in_frame(pose, "ros"), in_frame(pose, "enu", heading)
+    between = Rotation.from_euler("z", -90 - heading, degrees=True)  # REP 103 forward, -z, in the map
+    np.testing.assert_allclose(enu.position_m, between.apply(ros.position_m), atol=1e-12)
+    np.testing.assert_allclose(enu.rotation, between.as_matrix() @ ros.rotation, atol=1e-12)
+    assert np.linalg.det(enu.rotation) == pytest.approx(1.0)
+
+
+def test_the_lamp_seen_is_the_inverse_of_the_pose() -> None:
+    """The follower in the lamp's frame (along the beam, left of it, up) is the lamp's own inverse."""
+    pose = np.array([0.3, -0.2, 6.5, 0.2, -0.1, 0.3])
+    seen = lamp_seen(pose)
+    back = -seen.rotation.T @ seen.position_m
+    np.testing.assert_allclose(back, [6.5, 0.3, -0.2], atol=1e-12)
+    np.testing.assert_allclose(lamp_seen(np.array([0, 0, 5.0, 0, 0, 0])).position_m, [5, 0, 0], atol=1e-12)
+    assert np.linalg.det(seen.rotation) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seen", [lamp_seen, lambda pose: in_frame(pose, "ros")])
+def test_covariances_are_those_of_framed_poses(seen) -> None:
+    """A thousand poses by chance: their places and small turns scatter as the covariance says."""
+    pose, names = np.array([0.3, -0.2, 6.5, 0.2, -0.1, 0.0]), ("x", "y", "z", "yaw", "pitch")
+    sigma = np.array([0.01, 0.02, 0.05, 0.01, 0.015])
+    correlation = np.eye(5)
+    correlation[0, 3] = correlation[3, 0] = -0.8
+    given = correlation * np.outer(sigma, sigma)
+    stated = covariance_of(seen, pose, (*names, "roll"), np.pad(given, (0, 1)))
+    here, rng, rows = seen(pose), np.random.default_rng(1), []
+    for change in rng.multivariate_normal(np.zeros(5), given, 4000):
+        there = seen(pose + np.append(change, 0.0))
+        turn = Rotation.from_matrix(there.rotation @ here.rotation.T).as_rotvec()
+        rows.append([*(there.position_m - here.position_m), *turn])
+    found = np.cov(np.array(rows).T)
+    size = np.sqrt(np.outer(np.diag(stated), np.diag(stated)))
+    np.testing.assert_allclose(found / size, stated / size, atol=0.08)
+
+
+def test_what_is_not_known_is_large_and_finite() -> None:
+    one = covariance_of(
+        lamp_seen, np.array([0, 0, 5.0, 0, 0, 0]), ("x", "y", "z"), np.diag([1e-4, 1e-4, np.inf])
+    )
+    assert np.isfinite(one).all() and one[0, 0] == pytest.approx(UNKNOWN_VARIANCE)
+    assert one[3, 3] == 0  # roll is taken as exact where nothing is said of it

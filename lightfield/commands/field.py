@@ -1,0 +1,55 @@
+"""`lightfield field export`: a scene's light on a grid, for simulators."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.commands._follower import photons_of
+from lightfield.commands._options import add_option
+from lightfield.scene import Scene
+from lightfield.storage.files import output_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the task and its options."""
+    tasks = parser.add_subparsers(dest="task_name", metavar="TASK", required=True)
+    export = tasks.add_parser("export", help="flux vector and direct light on a grid, as NetCDF (CF)")
+    export.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    export.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.nc", help="NetCDF file")
+    export.add_argument(
+        "--half-width", type=float, default=0.5, metavar="M", help="in x and y (default 0.5 m)"
+    )
+    export.add_argument(
+        "--from", dest="near", type=float, metavar="M", help="first distance (default: the first plane)"
+    )
+    export.add_argument(
+        "--to", dest="far", type=float, metavar="M", help="last distance (default: the last plane)"
+    )
+    export.add_argument(
+        "--step", type=float, default=0.1, metavar="M", help="across the beam (default 0.1 m)"
+    )
+    for option in (("--max-photons", 1e7), ("--seed", 0)):
+        add_option(export, *option)
+    add_option(export, "--no-trace")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Trace and write."""
+    scene = Scene.load(args.scene)
+    output_file(args.output, args.scene)
+    photons = photons_of(args)
+    from lightfield.maps.dataset import write_netcdf
+    from lightfield.robots.field_file import Asked, field_dataset
+
+    planes = scene.detector.planes_m
+    asked = Asked(
+        args.half_width,
+        min(planes) if args.near is None else args.near,
+        max(planes) if args.far is None else args.far,
+        args.step,
+    )
+    found = field_dataset(scene, asked, photons=photons, seed=args.seed or 0)
+    sizes = " x ".join(str(found.sizes[name]) for name in ("x", "y", "z"))
+    print(f"{sizes} places, {photons:g} photons: {write_netcdf(found, args.output).resolve()}")
+    return 0

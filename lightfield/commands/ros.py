@@ -1,0 +1,38 @@
+"""`lightfield ros`: a ROS 2 node that tells a follower where the lamp is."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lightfield.commands._follower import add_space, photons_of, space_of
+from lightfield.scene import Scene
+from lightfield.studies.follower.elements import elements_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    parser.add_argument(
+        "--frame", default="array_link", metavar="NAME", help="of the array (default array_link)"
+    )
+    add_space(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Trace once, then answer every sample until interrupted."""
+    scene = Scene.load(args.scene)
+    photons = photons_of(args)
+    from lightfield.robots.ros import Bridge, ros
+    from lightfield.robots.ros import run as spin
+    from lightfield.studies.follower.light import light_of
+    from lightfield.studies.follower.pose import Estimator
+    from lightfield.studies.follower.survey import array_of
+
+    array, space = array_of(scene), space_of(scene, args)
+    ros()  # before the work of a trace
+    light = light_of(scene, space, elements_of(array), photons=photons, seed=args.seed or 0)
+    bridge = Bridge(Estimator.of_scene(scene, light, space), array.gain)
+    print(f"listening on array/readings, {len(bridge.estimator.model.elements)} elements, frame {args.frame}")
+    spin(bridge, args.frame)
+    return 0

@@ -1,0 +1,1 @@
+"""Out to other tools: light for simulators, poses for robots."""

@@ -1,0 +1,175 @@
+"""The light of a lamp on a grid, for simulators: flux vector and direct light, as NetCDF with CF attributes.
+
+A cosine receiver of outward normal n, somewhere in the grid, reads
+
+    E = I0 [max(-n . F_direct, 0) + max(-n . F_diffuse, 0)]
+
+with F interpolated, best as F z^2, and I0 the lamp's radiant intensity on its axis (an attribute, W/sr within
+the band). Frame: lamp at the origin, z along the beam, x horizontal, y up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from lightfield import __version__
+from lightfield.arrays import Array
+from lightfield.errors import UsageError
+from lightfield.formula.vector import direct_flux
+from lightfield.render.flux.field import Region, traced_field
+from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: Places of a grid at most: more would be a file of gigabytes.
+MOST_PLACES = 4_000_000
+#: Wavelengths over which the lamp's spectrum is summed in a band (chosen: it is smooth there).
+_SPECTRUM = 41
+#: Components of the flux vector.
+_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Where a field is asked for.
+
+    Parameters
+    ----------
+    half_width_m : float, m
+        |x| and |y| at most.
+    near_m, far_m : float, m
+    step_m : float, m
+        Between places across the beam; along it at most four times that.
+    """
+
+    half_width_m: float
+    near_m: float
+    far_m: float
+    step_m: float = 0.1
+
+    def axes(self) -> tuple[Array, Array]:
+        """Places across the beam, and along it, m."""
+        low = 0 < self.near_m < self.far_m < np.inf
+        if not (low and 0 < self.step_m < np.inf and self.step_m <= self.half_width_m < np.inf):
+            raise UsageError(
+                "impossible grid",
+                found=f"{self.half_width_m:g} m to each side, {self.near_m:g} to {self.far_m:g} m, steps of "
+                f"{self.step_m:g} m",
+                rule="distances rising and above 0, a step above 0 and no larger than the half width",
+            )
+        sides = self.half_width_m / self.step_m
+        length = (self.far_m - self.near_m) / (4 * self.step_m)
+        if not (2 * sides + 3) ** 2 * (length + 2) <= MOST_PLACES:
+            raise UsageError(
+                "too many places", found=f"steps of {self.step_m:g} m", rule=f"at most {MOST_PLACES:,}",
+                remedy="take larger steps, or a smaller part of the water",
+            )  # fmt: skip
+        half = int(np.floor(sides + 1e-9))
+        return (
+            self.step_m * np.arange(-half, half + 1.0),
+            np.linspace(self.near_m, self.far_m, int(np.ceil(length - 1e-9)) + 1),
+        )
+
+
+def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int = 0) -> xr.Dataset:
+    """Light of a scene on a grid.
+
+    Parameters
+    ----------
+    scene : Scene
+        Light in the middle of its first band, for unit radiant intensity on the axis.
+    asked : Asked
+    photons : float
+        Zero: direct light alone.
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (z, y, x): `flux_direct_x` and so on, `flux_diffuse_x` and so on with `..._stderr`, 1/m^2, and
+        `backward`, the diffuse irradiance of a plane that faces away from the lamp. CF attributes.
+
+    Raises
+    ------
+    UsageError, RenderError
+        An impossible grid, or one that is not all in the water.
+    """
+    across, along = asked.axes()
+    z, y, x = np.meshgrid(along, across, across, indexing="ij")
+    place = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    direct = direct_flux(scene, place)
+    diffuse: Array = np.zeros((len(place), 4))
+    stderr: Array = np.zeros((len(place), 4))
+    if photons:
+        field = traced_field(
+            scene,
+            Region(float(across[-1]), asked.near_m, asked.far_m, asked.step_m),
+            photons=photons,
+            seed=seed,
+        )
+        diffuse = field.diffuse_flux(place)
+        parts = np.stack([one.diffuse_flux(place) for one in field.leave_one_out()])
+        count = len(parts)
+        stderr = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+    variables = {}
+    for k, axis in enumerate(_AXES):
+        variables[f"flux_direct_{axis}"] = _variable(
+            direct[:, k], x.shape, f"flux vector of light straight from the lamp, {axis} component"
+        )
+        variables[f"flux_diffuse_{axis}"] = _variable(
+            diffuse[:, k], x.shape, f"flux vector of scattered and reflected light, {axis} component"
+        )
+        variables[f"flux_diffuse_{axis}_stderr"] = _variable(
+            stderr[:, k], x.shape, f"standard error of flux_diffuse_{axis} by the photons"
+        )
+    variables["backward"] = _variable(
+        diffuse[:, 3], x.shape, "irradiance by scattered and reflected light on a plane that faces away"
+    )
+    for axis in _AXES:
+        own = variables[f"flux_diffuse_{axis}"][2]
+        own["ancillary_variables"] = f"flux_diffuse_{axis}_stderr"
+    coords = {
+        name: (name, values, {"units": "m", "long_name": words})
+        for name, values, words in (
+            ("z", along, "distance from the lamp's window along the beam's axis"),
+            ("y", across, "height above the lamp"),
+            ("x", across, "horizontal distance from the axis"),
+        )
+    }
+    return xr.Dataset(variables, coords, _attributes(scene, photons, seed))
+
+
+def _variable(
+    values: Array, shape: tuple[int, ...], meaning: str
+) -> tuple[tuple[str, ...], Array, dict[str, str]]:
+    found = values.reshape(shape).astype(np.float32)
+    return ("z", "y", "x"), found, {"units": "m-2", "long_name": meaning}
+
+
+def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | float]:
+    """What the numbers mean, and what a simulator needs for the direct light in closed form."""
+    at = middles_nm(scene)[0].mean(keepdims=True)
+    low, high = scene.detector.bands_nm[0]
+    intensity = axial_intensity(scene.lamp, np.linspace(low, high, _SPECTRUM)).mean() * (high - low)
+    return {
+        "Conventions": "CF-1.10",
+        "title": f"Light field of {scene.name or 'a lamp'}",
+        "source": f"lightfield {__version__}: Monte Carlo light transport; direct light in closed form",
+        "comment": "For unit radiant intensity on the lamp's axis. A cosine receiver of outward unit normal "
+        "n reads max(-n . flux_direct, 0) + max(-n . flux_diffuse, 0). Right-handed frame, lamp at the "
+        "origin: z along the beam, x horizontal, y up. Interpolate the flux times z squared.",
+        "radiant_intensity_on_axis_w_per_sr": float(intensity),
+        "band_nm": f"{low:g} {high:g}",
+        "wavelength_nm": float(at[0]),
+        "absorption_per_m": float(absorption_per_m(scene.water, at)[0]),
+        "scattering_per_m": float(scattering_per_m(scene.water, at)[0]),
+        "lamp_profile": str(scene.lamp.profile),
+        "lamp_half_width_deg": float(scene.lamp.hwhm_deg),
+        "photons": float(photons),
+        "seed": float(seed),
+        "scene": scene.to_toml(),
+    }

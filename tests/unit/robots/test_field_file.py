@@ -1,0 +1,107 @@
+"""A field for simulators: what is read from the file is what a receiver reads in the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+
+from lightfield import cli
+from lightfield.errors import UsageError
+from lightfield.formula.field import direct_field
+from lightfield.maps.dataset import write_netcdf
+from lightfield.render.flux.field import Region, traced_field
+from lightfield.robots.field_file import Asked, field_dataset
+from lightfield.scene import Scene
+
+SCENE = {
+    "lamp": {"hwhm_deg": 3.81, "power_w": 50.0},
+    "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.1},
+    "detector": {"planes_m": [4.5, 6.5]},
+}
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory) -> xr.Dataset:
+    found = field_dataset(Scene.from_dict(SCENE), Asked(0.4, 4.5, 6.5), photons=3e5)
+    path = write_netcdf(found, tmp_path_factory.mktemp("field") / "field.nc")
+    with xr.open_dataset(path) as data:
+        return data.load()
+
+
+def read(data: xr.Dataset, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """As a simulator would: F z^2 between the places of the grid, and a cosine receiver."""
+    axes = tuple(data[name].values.astype(float) for name in ("z", "y", "x"))
+    total = np.zeros(len(place))
+    for part in ("direct", "diffuse"):
+        flux = np.stack(
+            [
+                RegularGridInterpolator(axes, data[f"flux_{part}_{a}"].values * axes[0][:, None, None] ** 2)(
+                    place[:, ::-1]
+                )
+                for a in "xyz"
+            ],
+            axis=1,
+        )
+        total += np.maximum(-(flux * normal).sum(axis=1), 0) / place[:, 2] ** 2
+    return total
+
+
+def test_a_receiver_reads_from_the_file_what_it_reads_in_the_field(stored) -> None:
+    scene = Scene.from_dict(SCENE)
+    place = np.array([[0.0, 0.0, 4.6], [0.17, -0.12, 5.3], [-0.3, 0.2, 6.4]])
+    normal = np.array([[0, 0, -1.0], [0.2, 0.1, -0.97], [-0.4, 0.0, -0.917]])
+    expected = traced_field(scene, Region(0.4, 4.5, 6.5), photons=3e5).reading(place, normal)
+    assert read(stored, place, normal) == pytest.approx(expected, rel=0.02)
+
+
+def test_direct_light_is_the_closed_form(stored) -> None:
+    at = stored.sel(x=0.2, y=-0.1, z=6.5, method="nearest")
+    closed = direct_field(Scene.from_dict(SCENE), float(at.x), float(at.y), float(at.z))
+    assert float(at.flux_direct_z) == pytest.approx(float(np.ravel(closed)[0]), rel=1e-5)
+
+
+def test_every_number_says_what_it_is(stored) -> None:
+    """CF: units and a name for every variable, errors as ancillary variables, conventions and source."""
+    for name, variable in stored.variables.items():
+        assert variable.attrs["units"] in ("m", "m-2") and variable.attrs["long_name"], name
+    for axis in "xyz":
+        assert stored[f"flux_diffuse_{axis}"].ancillary_variables == f"flux_diffuse_{axis}_stderr"
+        assert 0 < float(stored[f"flux_diffuse_{axis}_stderr"].max()) < float(stored.flux_diffuse_z.max())
+    assert stored.Conventions.startswith("CF-1") and "lightfield" in stored.source
+    assert stored.attrs["absorption_per_m"] == 0.05 and stored.attrs["scattering_per_m"] == 0.1
+    assert stored.attrs["radiant_intensity_on_axis_w_per_sr"] > 0
+    assert Scene.from_toml(stored.attrs["scene"]) == Scene.from_dict(SCENE)
+
+
+def test_errors_are_those_of_another_seed(stored) -> None:
+    """Diffuse light of a second trace differs by the stated error: chi-square per place near 1."""
+    other = field_dataset(Scene.from_dict(SCENE), Asked(0.4, 4.5, 6.5), photons=3e5, seed=9)
+    error = np.hypot(stored.flux_diffuse_z_stderr, other.flux_diffuse_z_stderr)
+    z = ((stored.flux_diffuse_z - other.flux_diffuse_z) / error).values
+    assert 0.5 < float(np.mean(z**2)) < 2.0
+
+
+@pytest.mark.parametrize(
+    "wrong", [(0.4, 6.5, 4.5), (0.4, 0.0, 4.5), (0.05, 4.5, 6.5), (0.4, 4.5, np.inf), (np.nan, 4.5, 6.5)]
+)
+def test_grids_that_make_no_sense(wrong) -> None:
+    with pytest.raises(UsageError, match="impossible grid"):
+        Asked(*wrong).axes()
+
+
+def test_a_grid_of_gigabytes_is_refused() -> None:
+    with pytest.raises(UsageError, match="too many places"):
+        Asked(5.0, 1.0, 100.0, 0.01).axes()
+
+
+def test_the_command_writes_it(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(Scene.from_dict(SCENE).to_toml())
+    words = ["field", "export", "scene.toml", "--no-trace", "-o"]
+    assert cli.main([*words, "field.nc", "--step", "0.2"]) == 0
+    assert "5 x 5 x 4 places" in capsys.readouterr().out
+    with xr.open_dataset("field.nc") as data:
+        assert float(data.flux_diffuse_z.max()) == 0 < float(data.flux_direct_z.max())
+    assert cli.main([*words, "scene.toml"]) == 2
