@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import LARGEST_SEED, add_option, given
+from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
@@ -60,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _page(report: FitReport, args: argparse.Namespace) -> Path:
     """The folder's page, with a rung more."""
-    from lightfield.diagnosis import ledger
     from lightfield.report.compare.readings_page import readings_page
     from lightfield.report.page import write_page
 
