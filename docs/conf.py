@@ -1,4 +1,4 @@
-"""How the site is built (`make docs`): warnings are errors, notebooks run, figures made on the way."""
+"""How the site is built (`make docs`): warnings are errors, notebooks are executed, figures are made."""
 
 from __future__ import annotations
 

@@ -24,11 +24,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lightfield.storage.files import atomic_path
 
-# One colour, one meaning, in every figure; no two of them are told apart by red against green alone. In a
-# page each is replaced by the CSS variable of its name.
+# One colour, one meaning, in every figure. No two are told apart by red against green alone: what is green is
+# bluish and lighter. In a page each is replaced by the CSS variable of its name.
 INK, MUTED, GRID, PAPER = "#1f2429", "#67707a", "#dde2e7", "#fefefe"
 RENDER, FORMULA, DATA, GOOD, BAD = "#0b6bb8", "#c8501e", "#2b3138", "#0a7d8c", "#b3261e"
-SERIES = (RENDER, FORMULA, "#3f9aa6", "#8a5bb0", "#b8860c", "#5c6f82")
+SERIES = (RENDER, FORMULA, "#1fa187", "#8a5bb0", "#b8860c", "#5c6f82")
 THEMED = {
     INK: "ink",
     MUTED: "muted",

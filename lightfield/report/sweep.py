@@ -71,7 +71,7 @@ def profiles_figure(data: xr.Dataset) -> Figure:
             loc="outside right upper",
         )  # fmt: skip
         where = "" if hue == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
-        cut = _cut(held, hue, chosen)
+        cut = [*_cut(held, hue, chosen), *_first_of(held)]
         _note(fig, [where, *rest, *cut, f"bands: {SIGMAS:g} standard errors"])
     return fig
 
@@ -119,7 +119,7 @@ def formula_figure(data: xr.Dataset) -> Figure:
         handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
         fig.legend(handles=handles, loc="outside lower center", ncols=4)
         cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
-        cut += [] if up == plane else _cut(held, plane, panels)
+        cut += [*([] if up == plane else _cut(held, plane, panels)), *_first_of(held)]
         what = "error of the closed-form model on the axis, in %"
         _note(fig, [what, "?: noise leaves it open", *rest, *cut])
     return fig
@@ -170,7 +170,7 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
         fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
         where = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
         cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
-        cut += [] if up == plane else _cut(held, plane, [middle])
+        cut += [*([] if up == plane else _cut(held, plane, [middle])), *_first_of(held)]
         _note(fig, [where, *rest, *cut])
     return fig
 
@@ -214,6 +214,15 @@ def _cut(data: xr.Dataset, name: str, chosen: Sequence[int]) -> list[str]:
     """What a figure leaves out of a dimension, in words."""
     there = data.sizes[name]
     return [f"{len(chosen)} of {there} steps of {name}"] if len(chosen) < there else []
+
+
+def _first_of(data: xr.Dataset) -> list[str]:
+    """Which wavelength or band alone is drawn, where there are several."""
+    return [
+        f"{_axis_name(data, name)} = {_step_name(data, name, 0)} alone, of {data.sizes[name]}"
+        for name in ("wavelength_nm", "band")
+        if data.sizes.get(name, 1) > 1
+    ]
 
 
 def _line(axis: Axes, data: xr.Dataset, along: str, name: str, colour: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""What the README says works: commands run as written, files load, the Python example finds the effect.
+"""What README and manual say works: commands run as written, files load, the Python example finds the effect.
 
 Traces are cut short, by a photon budget or left out where a trace is not the point; all else is as written.
 """
@@ -17,7 +17,15 @@ from lightfield.readings import read_table
 from lightfield.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+#: In this order: later commands use what earlier ones wrote.
+PAGES = [
+    ROOT / "README.md",
+    *(
+        ROOT / "docs" / f"{name}.md"
+        for name in ("commands", "files", "sweeps", "follower", "backend", "limits")
+    ),
+]
+README = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 SHORT = {
     "render": "--max-photons 2e4",
     "compare": "--max-photons 2e4",
@@ -54,7 +62,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_every_command_runs_as_written(clone, monkeypatch, capsys, line):
-    """In the order of the README: later ones use what earlier ones wrote."""
+    """In the order of the pages: later ones use what earlier ones wrote."""
     program, *words = shlex.split(line, comments=True)
     assert program == "lightfield"
     fits = words[0] == "compare" and words[1].endswith(
@@ -105,8 +113,9 @@ def test_files_and_names_that_the_recipes_give_exist():
 
 
 def test_every_option_file_and_variable_that_is_named_exists():
-    for path in re.findall(r"\]\(([^)]+)\)", README):
-        assert (ROOT / path).exists(), path
+    for page in {*PAGES, *(ROOT / "docs").glob("*.md")}:
+        for path in re.findall(r"\]\((?!http|#)([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / path).exists(), f"{page.name}: {path}"
     for path in re.findall(r"`((?:lightfield|benchmarks|tools|scenes)/[\w./]+)`", README):
         assert (ROOT / path).exists(), path
     source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "lightfield").rglob("*.py"))

@@ -53,6 +53,11 @@ def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
     emitted = dataset.attrs["energy_emitted"]
     spent = sum(dataset.attrs[f"energy_{k}"] for k in ("absorbed", "walls", "escaped", "unfinished"))
     assert spent - dataset.attrs["energy_roulette"] == pytest.approx(emitted, rel=1e-5)
+    # Maps become images again, the same ones.
+    assert main(["export", str(out / "maps.nc"), "--exr", str(tmp_path / "images")]) == 0
+    again = read_spectral_exr(tmp_path / "images" / "irradiance_z5.000m.exr")
+    np.testing.assert_array_equal(again.value, image.value)
+    assert main(["export", str(out / "maps.nc"), "--exr", str(tmp_path / "no"), "--case", "a=1"]) == 2
 
 
 PLACES = [

@@ -44,7 +44,7 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
     if narrow:
         size = NARROW, 2.3 + n * (1.2 * tall + 0.5)
     else:
-        size = max(4.4, 1.3 + 1.74 * n), (2.7 + 5.4 * tall if flat else 1.2 + 4.5 * tall)
+        size = max(4.4, 1.3 + 1.74 * n), (3.0 + 5.4 * tall if flat else 1.2 + 4.5 * tall)
     with figure(*size) as fig:
         if narrow:
             axes = fig.subplots(n, 3, squeeze=False, sharex=True, sharey=True).T

@@ -195,7 +195,7 @@ def test_groups_name_only_what_differs():
         readings.x_m, readings.y_m, readings.z_m, readings.wavelength_nm, readings.value, readings.sigma,
         ["air", "water", "water"] * 2, readings.left_out,
     )  # fmt: skip
-    both = DiagnosisView(view.verdict, mixed, view.predictions)
+    both = DiagnosisView(mixed, view.predictions, view.verdict)
     assert next(g.label for g in both.groups()) == "z = 4.5 m, air"
     np.testing.assert_array_equal(np.sort(np.concatenate([g.rows for g in both.groups()])), np.arange(6))
 
