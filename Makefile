@@ -48,7 +48,6 @@ test: setup
 
 # The site, in build/site: warnings are errors, the notebooks in it are executed, its figures are made.
 docs: setup
-	$(BIN)/python -m pip install --quiet -e ".[dev,docs]"
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
 	@echo "build/site/index.html"
 

@@ -1,8 +1,8 @@
 #!/bin/sh
 # Sets up a fresh machine, step by step: `tools/setup.sh venv` makes .venv and installs the package with its tools;
 # `tools/setup.sh llvm` makes sure of a usable libLLVM; `tools/setup.sh chromium` gets the browser of the tests
-# where it can; `tools/setup.sh lock` writes tools/lock.txt anew from the ranges
-# in pyproject.toml. Run from the root of the repository (the Makefile does).
+# where it can; `tools/setup.sh lock` writes tools/lock.txt anew from the ranges in pyproject.toml. Run from the
+# root of the repository (the Makefile does).
 # It installs system packages only through apt, and only as root or where sudo asks for no password.
 set -eu
 
@@ -71,7 +71,7 @@ make_venv() {
             ;;
         *)
             say "$LOCK is not made for Python $version: the newest versions that pyproject.toml allows"
-            pip_install -e ".[dev]"
+            pip_install -e ".[dev,docs]"
             ;;
     esac
 }
@@ -89,7 +89,7 @@ write_lock() {
     "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --upgrade --target "$VENV/uv" "uv>=0.9,<1"
     # The package is built with what is locked, too.
     sed -n 's/^requires = \["\(.*\)"\]$/\1/p' pyproject.toml | "$VENV/uv/bin/uv" pip compile pyproject.toml - \
-        --quiet --upgrade --universal --python-version "${LOCKED_PYTHONS%% *}" --extra dev \
+        --quiet --upgrade --universal --python-version "${LOCKED_PYTHONS%% *}" --extra dev --extra docs \
         --generate-hashes --no-build --no-annotate --no-emit-index-url --no-emit-find-links \
         --custom-compile-command "make lock" --output-file "$LOCK"
     say "$LOCK: $(grep -c '==' "$LOCK") versions"
