@@ -247,6 +247,24 @@ def test_a_quick_fit_ends_where_regression_does() -> None:
         assert np.allclose(settled.jacobian, own.jacobian, rtol=1e-4, atol=1e-6)
 
 
+def test_an_effect_whose_light_is_no_number_is_left_where_it_was() -> None:
+    """And no light is asked for where a parameter is no number."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=2.5)
+
+    class Broken:
+        light = problem.forward.light
+
+        def predict(self, values):
+            assert all(np.isfinite(v) for v in values.values())
+            return problem.forward.predict(values) * (np.nan if values.get("toy.fan", 0.0) else 1.0)
+
+    both = [c for c in problem.candidates if c.name in ("odd", "fan")]
+    fit = settled_fit(replace(problem, forward=Broken()), tuple(both), made.whiten, Begin({}), 20, 1e-6)
+    found, _, _ = made.regression(problem, "odd")
+    assert fit.values["toy.odd"] == pytest.approx(found[-1], rel=1e-3) and fit.values["toy.fan"] == 0
+
+
 def test_bounds_hold() -> None:
     made = toy()
     problem = made.drawn(np.random.default_rng(1), odd=3.0)

@@ -103,14 +103,14 @@ class _Quick:
         below = (drawn < 0) & (self.u <= self.low + _AT * room)
         above = (drawn > 0) & (self.u >= self.high - _AT * room)
         norm = np.linalg.norm(self.slopes, axis=0)
-        free = ~below & ~above & (norm > TINY)
+        free = ~below & ~above & (norm > TINY) & np.isfinite(norm)
         step = np.zeros(len(self.u))
         if free.any():
             columns = self.slopes[:, free] / norm[free]
             gram = columns.T @ columns + self.damping * np.eye(int(free.sum()))
             step[free] = np.linalg.solve(gram, columns.T @ self.residual) / norm[free]
         step = np.clip(self.u + step, self.low, self.high) - self.u
-        left = self.residual - self.slopes @ step
+        left = self.residual - self.slopes[:, free] @ step[free]
         return step, self.chi2 - float(left @ left)
 
     def run(self, steps: int, tolerance: float) -> None:
@@ -118,7 +118,8 @@ class _Quick:
         failed, kept = 0, max(float(self.problem.keep.sum()), 1.0)
         for _ in range(steps):
             step, gain = self._step()
-            if gain < tolerance * max(1.0, self.chi2 / kept):
+            # Where light is no number there is no way on, and none is asked for at such a place.
+            if not np.isfinite(gain) or gain < tolerance * max(1.0, self.chi2 / kept):
                 return
             prediction, residual = self._at(self.u + step)
             chi2 = float(residual @ residual)
