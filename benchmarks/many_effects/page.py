@@ -53,7 +53,7 @@ def page(rows: Sequence[Row], planned: int) -> str:
         lines += [
             "They are a sample over all strata. In brackets: 95 % Clopper-Pearson limits; sets. So few "
             "sets tell a figure of some per cent from none only roughly. The diagnoses of all would take "
-            f"{hours:.1f} hours of one processor, the renders and the deltas some three times as long "
+            f"{hours:.1f} hours of one processor, the renders and the deltas about as long again "
             "(`--every N` runs every N-th).",
         ]
     lines += ["", "## Scores", "", "| score | measured | release | world class |", "|---|---|---|---|"]
