@@ -1,8 +1,8 @@
 """Cubic B-splines of several components on one grid of cells, with their slopes, for a few places at a time.
 
 What `scipy.ndimage.map_coordinates` gives for every component by itself (order 3, no prefilter, mode
-"nearest"), gathered
-once for all of them: a reading of an array asks for some dozens of places, thousands of times.
+"nearest") within the grid, gathered once for all of them: a reading of an array asks for some dozens of
+places, thousands of times. Beyond the grid it is the value at its edge.
 """
 
 from __future__ import annotations
