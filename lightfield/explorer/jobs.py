@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import LightfieldError
 from lightfield.explorer.experiment import all_lit, explored
 from lightfield.readings import Readings
+from lightfield.report.diagnosis.drawn import view_of
 from lightfield.scene import Scene
 
 Tell = Callable[[str], None]
@@ -45,8 +47,6 @@ def trace_maps(scene: Scene, readings: Readings | None, dense_per_m: float | Non
 
 def diagnosed(scene: Scene, readings: Readings, traced: bool, tell: Tell) -> Diagnosed:
     """Diagnose readings, with or without traced light, and draw the report."""
-    from lightfield.diagnosis.diagnose import diagnose
-    from lightfield.report.diagnosis.drawn import view_of
     from lightfield.report.diagnosis.page import diagnosis_page
 
     found = diagnose(readings, scene, diffuse="trace" if traced else None, progress=tell)
