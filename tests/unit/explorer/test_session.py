@@ -13,12 +13,15 @@ import pytest
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
+from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
+from lightfield.fitting.forward import SceneForward
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.readings.table.write import dumps
+from lightfield.render.diffuse.dense_water import REACH
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
 
@@ -276,3 +279,13 @@ def test_each_wavelength_has_maps_with_its_own_gain() -> None:
     ask(session, "view", plane=session.plane, channel=1)
     second = session.evaluation().arrays["map_render"]
     assert np.median(second / first) == pytest.approx(3.0, rel=0.02)
+
+
+def test_water_that_the_trace_cannot_answer_for_asks_for_one_more_trace(given) -> None:
+    """And that one answers: the page stops asking. Nothing is traced here."""
+    readings, scene = given
+    murky = {"water.scattering_per_m": 1.2}
+    assert missing_trace(SceneForward(scene, readings), {"water.scattering_per_m": 0.2}) is None
+    wanted = missing_trace(SceneForward(scene, readings), murky)
+    assert wanted is not None and wanted >= 1.2 / REACH
+    assert missing_trace(SceneForward(scene, readings, dense_per_m=wanted), murky) is None
