@@ -207,7 +207,6 @@ WRONG: list[tuple[str, list[str]]] = [
     ("new tank --quantity light -o out", ["detector.quantity", "'irradiance'"]),
     ("completion tea", ["invalid choice: 'tea'"]),
     # hide
-    ("hide scene.toml --layout spiral -o out", ["unknown layout", "line"]),
     ("hide scene.toml", ["required: -o"]),
     ("hide no.toml -o out", ["no.toml", "No such file"]),
     ("hide scene.toml --effect scatering -o out", ["did you mean scattering?"]),

@@ -68,6 +68,7 @@ def test_every_led_of_the_table_has_a_name_that_scenes_take() -> None:
         assert total == pytest.approx(10, rel=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore")  # colour-science says where it interpolates
 @pytest.mark.parametrize(("name", "kelvin"), [("led-white", (6000, 7000)), ("led-warm-white", (2700, 3100))])
 def test_white_leds_are_white(name: str, kelvin: tuple[float, float]) -> None:
     """Colour temperature and distance from the black body's locus, by colour-science."""
