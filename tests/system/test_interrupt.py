@@ -44,7 +44,7 @@ IN_TRACE = """
 from contextlib import contextmanager
 from lightfield.commands import _tracing
 @contextmanager
-def bar(name):
+def bar(name, max_photons):
     yield lambda photons, reached, requested: print("now", flush=True)
 _tracing.progress_bar = bar
 """
