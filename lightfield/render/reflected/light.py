@@ -29,7 +29,8 @@ from lightfield.scene import Lamp, Scene, receiver
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
-#: Reflections followed one by one; the rest is what a recurrence makes of the last four.
+#: Reflections followed one by one; the rest is what a recurrence makes of the last four. 48 change light by
+#: 0.08 % at most (`benchmarks/constants`), seven by 2.5 % at a wall albedo of 0.9.
 REFLECTIONS = 16
 C_STEP, SURFACE_NODES = 0.05, (0.0, 0.5, 1.0)
 #: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
