@@ -216,7 +216,13 @@ def _unseen(
     less = pool.settled(pool.drop(whole, candidate))
     sigma = float(np.sqrt(max(less.fit.chi2 - whole.fit.chi2, 0.0) / pool.ground.phi))
     gap = min(pool.cost(less), pool.cost(seen)) - pool.cost(whole)
-    return Expected(candidate.name, mine, sigma, gap, 0.0, 0.0, tuple(sorted(seen.names)))
+    # Beside what is seen alone: noise may lift it above its price, and by the gap that a name takes.
+    begin = Begin(dict(zip(whole.fit.paths, whole.fit.u.tolist(), strict=True)))
+    more = pool.settled(pool.fit((*seen.explanation, candidate), [begin]))
+    d, square = len(candidate.parameters), max(seen.fit.chi2 - more.fit.chi2, 0.0) / pool.ground.phi
+    margin = pool.cost(seen) - pool.cost(more) + d - NAMED_GAP
+    chance = float(special.ndtr(margin / np.sqrt(4 * square + 2 * d)))
+    return Expected(candidate.name, mine, sigma, gap, chance, chance, tuple(sorted(seen.names)))
 
 
 def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) -> Expected:
