@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lightfield.explorer.experiment import Experiment
-from lightfield.explorer.fits import Fits, Fitted
+from lightfield.explorer.fits import Fits, Fitted, Score
 from lightfield.explorer.state import State
 from lightfield.fitting.parameter import FitParameter
 
@@ -132,20 +132,30 @@ def label_of(path: str) -> str:
     return f"{'own ' if part == 'effect' else ''}{rest}"
 
 
+def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Score:
+    """How well some effects do with values as they are."""
+    e = fits.experiment
+    paths = [p.path for p in e.problem.base]
+    paths += [p.path for key in effects for p in e.candidates[key].parameters]
+    return fits.score(e.forward.predict({path: values[path] for path in paths}), len(paths))
+
+
 def ladder(fits: Fits, state: State) -> list[dict[str, object]]:
     """Base model, and one effect more with every rung, each fitted; as far as it was."""
     out = []
     for k in range(len(state.effects) + 1):
-        fitted = fits.known(state.effects[:k])
-        if fitted is None:
+        effects, e = state.effects[:k], fits.experiment
+        fitted = fits.known(effects)
+        if fitted is None and e.has_data:
             continue
+        score = fitted.score if fitted and e.has_data else unfitted(fits, effects, state.values)
         name = state.effects[k - 1].partition(":")[0].replace("_", " ") if k else "beam, 1/r², K"
         out.append(
             {
                 "at": k,
                 "label": f"+ {name}" if k else name,
-                "error_percent": fitted.score.error_percent,
-                "chi2_per_dof": fitted.score.chi2_per_dof,
+                "error_percent": score.error_percent,
+                "chi2_per_dof": score.chi2_per_dof,
             }
         )
     return out

@@ -110,9 +110,9 @@ def _stops(session: Session) -> list[tuple[State, str]]:
     out = []
     for rung in session.state_data()["ladder"]:  # type: ignore[attr-defined]
         effects = session.now.effects[: rung["at"]]
-        fitted = session.fits.known(effects)
-        assert fitted is not None
-        out.append((State(effects, dict(fitted.values)), str(rung["label"])))
+        fitted = session.fits.known(effects) if session.experiment.has_data else None
+        values = session.now.values if fitted is None else fitted.values
+        out.append((State(effects, dict(values)), str(rung["label"])))
     now = session.evaluator.values(session.now)
     if not out or any(not np.isclose(now[k], out[-1][0].values.get(k, np.nan), rtol=1e-6) for k in now):
         out.append((session.now, "as it was saved"))

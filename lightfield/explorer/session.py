@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from lightfield.errors import FitError, UsageError
 from lightfield.explorer import protocol
-from lightfield.explorer.described import experiment_data, state_data
+from lightfield.explorer.described import experiment_data, state_data, unfitted
 from lightfield.explorer.dropped import dropped
 from lightfield.explorer.evaluation import Evaluation, Evaluator
 from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
@@ -186,13 +186,28 @@ class Session:
             return
         others = tuple(k for k in self.now.effects if k.partition(":")[0] != name)
         effects = (*others, key) if on else others
+        if not self.experiment.has_data:
+            # Against the render nothing is fitted: what the scene has is worth what it costs to leave it out.
+            self.fits.explanation(effects)
+            values = self._usual(key) | dict(self.now.values)
+            self.history.add(State(effects, values, f"{name.replace('_', ' ')} {'on' if on else 'off'}"))
+            return
         word = f"{name.replace('_', ' ')} {'on' if on else 'off'}"
         self._rungs(effects)
         fitted = self.fits.of(effects)
         self.history.add(State(effects, {**self.now.values, **fitted.values}, f"{word}, fitted"))
 
+    def _usual(self, key: str) -> dict[str, float]:
+        """Values of an effect that was never on: the scene's, or a size worth asking about."""
+        one, stated = self.experiment.candidates[key], self.experiment.stated
+        sized = zip(one.amplitudes, one.typical, strict=True)
+        values = {p.path: p.value(min(p.start + typical, p.high)) for p, typical in sized}
+        values |= {p.path: p.value(p.start) for p in one.shapes}
+        return {path: stated.get(path, value) for path, value in values.items()}
+
     def _fit(self) -> None:
-        self._rungs(self.now.effects)
+        if self.experiment.has_data:
+            self._rungs(self.now.effects)
         near = self.fits.of(self.now.effects, self.now.values)
         self.history.add(replace(self.now, values={**self.now.values, **near.values}, did="fitted"))
 
@@ -206,9 +221,9 @@ class Session:
             self.history.at = min(at, len(self.history.states) - 1)
         elif do == "rung":
             effects = self.now.effects[:at]
-            fitted = self.fits.of(effects)
+            fitted = self.fits.of(effects).values if self.experiment.has_data else {}
             rung = effects[-1].partition(":")[0].replace("_", " ") if effects else "base"
-            self.history.add(State(effects, {**self.now.values, **fitted.values}, f"rung {rung}"))
+            self.history.add(State(effects, {**self.now.values, **fitted}, f"rung {rung}"))
         else:
             self.accept(at)
 
@@ -315,7 +330,12 @@ class Session:
                 continue
             turned = tuple(k for k in on if k != key) if effect["on"] else (*on, key)
             try:
-                self.survey[on, key] = self.fits.of(turned).score.error_percent
+                if self.experiment.has_data:
+                    self.survey[on, key] = self.fits.of(turned).score.error_percent
+                elif effect["on"]:
+                    self.survey[on, key] = unfitted(self.fits, turned, self.now.values).error_percent
+                else:
+                    self.survey[on, key] = float("nan")
             except FitError:
                 self.survey[on, key] = float("nan")
             return True
