@@ -306,7 +306,12 @@ def _diagnose(
     progress("rivals of every effect")
     finding = levelled(data, prepared, finding, alpha)
     if diffuse == "trace":
+        before = prepared
         prepared, finding = settled(prepared, finding, rng, alpha, progress)
+        if finding.size is None and (finding.many is None or not finding.many.sought):
+            # Better light took back what one or two effects seemed to explain.
+            prepared, finding = beyond_two(data, before, finding, alpha, seed, progress)
+            prepared, finding = settled(prepared, finding, rng, alpha, progress)
         forward = prepared.problem.forward
         problem = replace(problem, forward=forward)
     finding = with_truncation(finding)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from analytic_readings import readings
 
+from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
@@ -187,3 +189,21 @@ def test_the_simplest_comes_with_what_else_would_do() -> None:
     one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
     assert found_words.level(one) == "simplest; acceptance with detector tilt would do as well"
     assert found_words.size(one) == "beam_tilt = 0.5 ± 0.01"
+
+
+def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:
+    """What one effect seemed to explain is taken back once: the ladder climbs all the same."""
+    table, believed = readings({"detector.background": 0.02}, seed=4)
+    taken = []
+
+    def takes_back(prepared, finding, *_):
+        taken.append(finding.size)
+        nothing = replace(finding, size=None, accepted=[], weights=[])
+        return prepared, nothing if len(taken) == 1 else finding
+
+    monkeypatch.setattr(diagnosing, "settled", takes_back)
+    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, "not traced"))
+    found = diagnosing.diagnose(table, believed, only=["background", "beam_offset"], diffuse="trace")
+    assert taken == [1, 1]
+    assert found.verdict.best_set == ["background"]
+    assert len(found.verdict.ladder) == 2
