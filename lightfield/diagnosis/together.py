@@ -36,6 +36,9 @@ from lightfield.scene import Scene
 
 #: Size of an effect over its typical one, where none is asked about: the smallest that `hide` draws.
 _TIMES_TYPICAL = 2.0
+#: Variance of a noncentral chi-square: 4 for its shift, squared, and 2 for each of its degrees of freedom
+#: (Patnaik 1949, Biometrika 36, 202, doi:10.1093/biomet/36.1-2.202).
+_OF_DISTANCE, _OF_EACH = 4.0, 2.0
 
 
 def together(
@@ -221,8 +224,13 @@ def _unseen(
     more = pool.settled(pool.fit((*seen.explanation, candidate), [begin]))
     d, square = len(candidate.parameters), max(seen.fit.chi2 - more.fit.chi2, 0.0) / pool.ground.phi
     margin = pool.cost(seen) - pool.cost(more) + d - NAMED_GAP
-    chance = float(special.ndtr(margin / np.sqrt(4 * square + 2 * d)))
+    chance = float(special.ndtr(margin / _spread(square, d)))
     return Expected(candidate.name, mine, sigma, gap, chance, chance, tuple(sorted(seen.names)))
+
+
+def _spread(square: float, dof: float) -> float:
+    """Standard deviation of the chi-square of `dof` numbers that lie so far, squared, from nought."""
+    return float(np.sqrt(_OF_DISTANCE * square + _OF_EACH * dof))
 
 
 def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) -> Expected:
@@ -239,7 +247,7 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
             continue
         distance = np.sqrt(max(node.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi)
         noise = best.parameters - node.parameters
-        spread = max(np.sqrt(4 * distance**2 + 2 * abs(noise)), 1.0)
+        spread = max(_spread(distance**2, abs(noise)), 1.0)
         contains = any(name in c.effect.contains for c in node.explanation)
         margin = weighing.above(node) + noise - (GAP if contains else NAMED_GAP)
         named.meet(margin / spread, node)

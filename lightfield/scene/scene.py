@@ -45,7 +45,11 @@ __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene"
 
 #: Fields that the first scenes did not have; empty, they say nothing.
 CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
-LATER = (("water", AT_FIELD), *CURVES, ("detector", "response"), ("detector", "response_table"))
+LATER = (
+    ("water", AT_FIELD),
+    *CURVES,
+    *(("detector", f) for f in ("response", "response_table", "second_order")),
+)
 TABLES = tuple(
     tuple(path.split("."))
     for path in (

@@ -231,7 +231,7 @@ def test_set_up_installs_what_the_lock_names_and_builds_with_it(machine):
 
 def test_a_python_beyond_the_lock_gets_the_ranges_and_a_word(machine):
     (everything,), said = installs(machine, "3.99")
-    assert everything.endswith("-e .[dev]") and "--require-hashes" not in everything
+    assert everything.endswith("-e .[dev,docs]") and "--require-hashes" not in everything
     assert "tools/lock.txt is not made for Python 3.99" in said
 
 

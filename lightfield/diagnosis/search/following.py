@@ -26,7 +26,7 @@ def can_follow(problem: Problem) -> bool:
     """Is the scattered light traced, and are the readings few enough? Many take a minute and two gigabytes
     (benchmarks/diagnosis_size)."""
     light = problem.forward.light
-    if problem.layout.size > MANY or light.part_of is not None:
+    if light.trace is None or light.part_of is not None or problem.layout.size > MANY:
         return False
     return isinstance(light.traced, DiffuseResponse)
 
