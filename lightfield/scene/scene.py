@@ -45,11 +45,8 @@ __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene"
 
 #: Fields that the first scenes did not have; empty, they say nothing.
 CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
-LATER = (
-    ("water", AT_FIELD),
-    *CURVES,
-    *(("detector", f) for f in ("response", "response_table", "second_order")),
-)
+_OF_DETECTOR = ("response", "response_table", "second_order")
+LATER = (("water", AT_FIELD), *CURVES, *(("detector", name) for name in _OF_DETECTOR))
 TABLES = tuple(
     tuple(path.split("."))
     for path in (
@@ -57,8 +54,7 @@ TABLES = tuple(
         *("detector.response_table", "follower.mission.leader_table"),
     )
 )
-#: Parts that change nothing of the light.
-LIGHTLESS = {"array", "follower"}
+LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
 
 
 class Scene(Part):
