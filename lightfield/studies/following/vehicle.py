@@ -4,12 +4,9 @@
     d(place, angles)/dt = J(angles) v
 
 (Fossen 2021, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd edition, equations 8.1 and 8.2;
-M and C of
-rigid body and added mass together, equation 3.46; g of equation 4.6; an irrotational current, section 10.3).
-Velocities v
-along forward, starboard, down, and about them (roll, pitch, yaw); places north, east, down of an origin,
-angles roll,
-pitch, yaw. Thrusters answer at once.
+M and C of rigid body and added mass together, equation 3.46; g of equation 4.6; an irrotational current,
+section 10.3). Velocities v along forward, starboard, down, and about them (roll, pitch, yaw); places north,
+east, down of an origin, angles roll, pitch, yaw. Thrusters answer at once.
 """
 
 from __future__ import annotations
@@ -182,8 +179,7 @@ HEAVY = Vehicle(
     _THRUST,
 )
 #: The same vehicle as measured by von Benzon et al. 2022 (J. Mar. Sci. Eng. 10, 1898,
-#: doi:10.3390/jmse10121898): drag four
-#: to ten times as large.
+#: doi:10.3390/jmse10121898): drag four to ten times as large.
 BENCHMARK = Vehicle(
     13.5,
     (0.26, 0.23, 0.37),
