@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
     }
 
 
-def state_data(fits: Fits, state: State, survey: Mapping[str, float]) -> dict[str, object]:
+def state_data(fits: Fits, state: State, survey: Mapping[str, float]) -> dict[str, Any]:
     """Effects, parameters and ladder of a state."""
     e = fits.experiment
     here = fits.known(state.effects)

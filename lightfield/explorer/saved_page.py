@@ -108,7 +108,7 @@ def page_html(session: Session) -> str:
 def _stops(session: Session) -> list[tuple[State, str]]:
     """Fitted rungs, and what is shown if it is none of them."""
     out = []
-    for rung in session.state_data()["ladder"]:  # type: ignore[attr-defined]
+    for rung in session.state_data()["ladder"]:
         effects = session.now.effects[: rung["at"]]
         fitted = session.fits.known(effects) if session.experiment.has_data else None
         values = session.now.values if fitted is None else fitted.values
@@ -143,7 +143,7 @@ class _Moves:
             elif path == ALBEDO and value > 0:
                 out[path] = (0.0, min(_MOST_ALBEDO, _TIMES * value + _ROOM_ALBEDO))
             elif path == BACKGROUND:
-                out[path] = tuple(sorted((-_TIMES * value, _TIMES * value)))  # type: ignore[assignment]
+                out[path] = (-_TIMES * abs(value), _TIMES * abs(value))
         return out
 
 
@@ -160,7 +160,7 @@ def _stop(session: Session, state: State, label: str, maps: SceneForward, arrays
         "score": {k: shown.numbers[k] for k in ("error_percent", "chi2", "dof")},
         "parameters": described["parameters"],
         "base": described["base"],
-        "described": [one for one in described["effects"] if one["on"]],  # type: ignore[attr-defined]
+        "described": [one for one in described["effects"] if one["on"]],
         "moves": {},
         "sets": {},
     }

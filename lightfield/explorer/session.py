@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from lightfield.errors import FitError, UsageError
 from lightfield.explorer import protocol
@@ -306,7 +307,7 @@ class Session:
         """What does not change while one experiment is explored."""
         return experiment_data(self.experiment, self.fits)
 
-    def state_data(self) -> dict[str, object]:
+    def state_data(self) -> dict[str, Any]:
         """Effects, parameters, ladder and history."""
         here = {key: error for (effects, key), error in self.survey.items() if effects == self.now.effects}
         history = self.history
@@ -324,7 +325,7 @@ class Session:
     def survey_next(self) -> bool:
         """Work out, for one effect more, the error with it switched the other way; is any left?"""
         on = self.now.effects
-        for effect in self.state_data()["effects"]:  # type: ignore[attr-defined]
+        for effect in self.state_data()["effects"]:
             key = effect["key"]
             if (on, key) in self.survey:
                 continue
