@@ -51,6 +51,31 @@ def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
     return _read(path, tuple(columns), state.st_mtime_ns, state.st_size, ordered=False)
 
 
+def column_names(path: str) -> list[str]:
+    """Names in the header line of a CSV file; none in an empty one.
+
+    Raises
+    ------
+    SceneError
+        No text.
+    """
+    rows = _rows(path)
+    return [name.strip() for name in rows[0][1]] if rows else []
+
+
+def _rows(path: str) -> list[tuple[int, list[str]]]:
+    """Cells of the lines that are no comments, with their numbers."""
+    try:
+        lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise SceneError(
+            "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
+        ) from error
+    return [
+        (number, line.split(",")) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"
+    ]
+
+
 def readable(reader: Callable[..., Any], *arguments: Any) -> None:
     """Try to read a table while a scene is checked; its complaint becomes one of the scene's.
 
@@ -76,15 +101,7 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
 def _read(
     path: str, columns: tuple[str, ...], _modified: int, _size: int, *, ordered: bool = True
 ) -> tuple[Array, ...]:
-    try:
-        lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise SceneError(
-            "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
-        ) from error
-    rows = [
-        (number, line.split(",")) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"
-    ]
+    rows = _rows(path)
     header = [name.strip() for name in rows[0][1]] if rows else []
     missing = [name for name in columns if name not in header]
     if missing:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from beams import aside, phi_table
 from montecarlo import chi_square_p
 from scipy import stats
 
@@ -17,6 +19,7 @@ from lightfield.render.diffuse.source import DiffuseResponse, response_for
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import cell_of
 from lightfield.scene import Scene
+from lightfield.scene.lamp.profile import relative_intensity
 
 PLACES = np.array([(x, 0.0, z) for z in (4.5, 8.5) for x in (-0.6, -0.3, 0.0, 0.3, 0.6)])
 SCENE = Scene.from_dict(
@@ -87,6 +90,21 @@ def test_other_beams_waters_and_walls(response: DiffuseResponse, name: str) -> N
     z = (value - mean) / np.hypot(error, stderr)
     assert chi_square_p(z) > 0.001
     assert (np.hypot(error, stderr) < 0.15 * mean).all()
+
+
+def test_measured_beams(response: DiffuseResponse, tmp_path: Path) -> None:
+    """A beam that is not round, from the same trace, as fresh traces; a table of the round beam with an
+    apparent source as that beam itself."""
+    file = phi_table(tmp_path / "aside.csv", aside, np.arange(0.0, 361.0, 5.0))
+    scene = SCENE.with_values({"lamp.profile": "table", "lamp.intensity_table": str(file)})
+    value, error = response.evaluate(scene)
+    mean, stderr = fresh(scene)
+    assert chi_square_p((value - mean) / np.hypot(error, stderr)) > 0.001
+    lamp = SCENE.lamp
+    file = phi_table(tmp_path / "round.csv", lambda x, y: relative_intensity(lamp, x, y), np.zeros(1))
+    behind = SCENE.with_values({"lamp.apparent_distance_m": 2.5})
+    table = behind.with_values({"lamp.profile": "table", "lamp.intensity_table": str(file)})
+    np.testing.assert_allclose(response.evaluate(table)[0], response.evaluate(behind)[0], rtol=5e-3)
 
 
 @pytest.mark.parametrize("b", [0.25, 0.38, 0.6, 0.75, 0.9])

@@ -10,6 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from beams import aside, ies
 from montecarlo import chi_square_p, normal_scores
 from scipy import stats
 
@@ -212,6 +213,18 @@ def test_measured_beam_is_carried(tmp_path: Path) -> None:
     table.write_text("angle_deg,intensity\n0,1\n2,1\n7.5,0.1\n8,0\n")
     lamp = Lamp.model_validate({"profile": "table", "intensity_table": str(table)})
     rng = np.random.default_rng(13)
+    local, weight, _ = Emission(lamp, cone_rad=0.2).draw(uniform(rng), uniform(rng))
+    x, y, z = np.array(local, np.float64)
+    theta, across = np.arctan2(np.hypot(x, y), z), np.maximum(np.hypot(x, y), 1e-12)
+    scores = beam_histogram(lamp, theta * x / across, theta * y / across, np.array(weight, np.float64))
+    assert 0.001 < chi_square_p(scores) < 0.999
+
+
+def test_measured_beam_that_is_not_round_is_carried(tmp_path: Path) -> None:
+    """The same for a Gaussian beside the axis, from half planes 0, 10 ... 350 of a luminaire file."""
+    file = ies(tmp_path / "aside.ies", aside, np.arange(0.0, 351.0, 10.0))
+    lamp = Lamp.model_validate({"profile": "table", "intensity_table": str(file)})
+    rng = np.random.default_rng(17)
     local, weight, _ = Emission(lamp, cone_rad=0.2).draw(uniform(rng), uniform(rng))
     x, y, z = np.array(local, np.float64)
     theta, across = np.arctan2(np.hypot(x, y), z), np.maximum(np.hypot(x, y), 1e-12)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from beams import aside, phi_table
 from montecarlo import chi_square_p, normal_scores
 
 from lightfield.render.maps import render_scene
@@ -38,6 +40,15 @@ def scene(**parts: dict[str, Any]) -> Scene:
 def test_cells_that_are_images_of_each_other(parts: dict[str, Any], cells: int) -> None:
     """Every break of the symmetry is seen: lamp, beam, tank, surface, receiver."""
     one = scene(**parts)
+    merged = merge_mirror_images(one, scene_grid(one)).merged
+    assert (256 if merged is None else merged[0].max() + 1) == cells
+
+
+@pytest.mark.parametrize(("to_deg", "cells"), [(90.0, 64), (180.0, 128), (360.0, 256)])
+def test_cells_of_a_measured_beam(to_deg: float, cells: int, tmp_path: Path) -> None:
+    """A quarter, a half and all of a beam: the parts that a table leaves out are mirror images."""
+    file = phi_table(tmp_path / "aside.csv", aside, np.arange(0.0, to_deg + 1, 15.0))
+    one = scene(lamp={"profile": "table", "intensity_table": str(file)})
     merged = merge_mirror_images(one, scene_grid(one)).merged
     assert (256 if merged is None else merged[0].max() + 1) == cells
 

@@ -17,6 +17,7 @@ from lightfield.fitting.forward import POWER, SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import GAIN, has_diffuse_light
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Factors from which on a fitted value is spoken of. Guesses of the width were off by up to 18 %, those of
@@ -53,9 +54,8 @@ def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list
     """
     scene, readings = forward.scene, forward.readings
     lamp, turned = scene.lamp, scene.detector.tilt_x_deg != 0
-    alike = (
-        lamp.ellipticity == 1 and lamp.offset_x_m == lamp.offset_y_m and lamp.tilt_x_deg == lamp.tilt_y_deg
-    )
+    centred = lamp.offset_x_m == lamp.offset_y_m and lamp.tilt_x_deg == lamp.tilt_y_deg
+    alike = centred and has_round_section(lamp)
     if finding.size == 0 or (alike and not turned) or has_diffuse_light(scene):
         return []
     other = SceneForward(scene, replace(readings, x_m=readings.y_m, y_m=readings.x_m))

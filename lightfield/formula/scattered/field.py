@@ -28,7 +28,7 @@ from lightfield.formula.scattered.nodes import (
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
-from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, is_tilted
+from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_round_section, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.receiver import looks_aside
 from lightfield.scene.water.coefficients import coefficients_in
@@ -63,7 +63,7 @@ def describes(scene: Scene) -> bool:
     facing = (
         detector.quantity == "irradiance" and not looks_aside(detector) and not detector.acceptance_hwhm_deg
     )
-    return facing and lamp.ellipticity == 1 and lamp.profile not in ("isotropic", "pencil")
+    return facing and lamp.profile not in ("isotropic", "pencil") and has_round_section(lamp)
 
 
 class _Seen(NamedTuple):

@@ -46,12 +46,21 @@ class BeamNodes:
         # (The highest is its own alias and damped half as much, but rfft gives it half the weight as well.)
         self.damping = np.sinc(np.arange(nodes.n_phi // 2 + 1) / nodes.n_phi) ** 2
 
-    def values(self, lamp: Lamp) -> np.ndarray:
-        """Coefficients of a beam's relative intensity, shape (nodes.size,); one per ring for a round beam."""
+    def values(self, lamp: Lamp, stretch: float = 1.0) -> np.ndarray:
+        """Coefficients of a beam's relative intensity, shape (nodes.size,); one per ring for a round beam.
+
+        Parameters
+        ----------
+        stretch : float
+            Of the beam with all its angles so much larger, its tilt too.
+        """
         n_phi = self.nodes.n_phi
         if is_round(lamp):
-            return np.asarray(self.fit @ relative_intensity(lamp, self.theta, np.zeros_like(self.theta)))
-        beam = relative_intensity(lamp, *beam_angles(lamp, *self.directions))
+            theta = self.theta / stretch
+            return np.asarray(self.fit @ relative_intensity(lamp, theta, np.zeros_like(theta)))
+        tilt = {name: stretch * getattr(lamp, name) for name in ("tilt_x_deg", "tilt_y_deg")}
+        angles = beam_angles(lamp.model_copy(update=tilt), *self.directions)
+        beam = relative_intensity(lamp, *(angle / stretch for angle in angles))
         # Harmonics that the sectors cannot hold are dropped here, not aliased.
         harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
         beam = np.fft.irfft(harmonics, n_phi, axis=1)

@@ -18,14 +18,13 @@ from lightfield.render.response.response import CLASSES, FROM_WALLS, NEVER_SCATT
 from lightfield.render.response.symmetry import MirrorImages
 from lightfield.scene import Lamp
 from lightfield.scene.acts import Acts
-from lightfield.scene.parameters import fields_on, unit_of
+from lightfield.scene.parameters import fields_on
 
 #: Contracted tallies in memory: at most so many, and in so many bytes, but some.
 KEPT_BEAMS, FEWEST_BEAMS, KEPT_BYTES = 256, 8, 32e6
 BEAM_FIELDS = fields_on(Lamp, Acts.BEAM)
 #: All of a lamp that a contracted tally knows.
 BEAM = attrgetter(*BEAM_FIELDS)
-ANGLES = tuple(name for name in BEAM_FIELDS if unit_of(Lamp, name) == "deg")
 Beam = tuple[Any, ...]
 
 
@@ -97,7 +96,7 @@ class BeamTallies:
         shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
         contracted = np.empty(shape, np.float32)
         for stretch, cells in self._stretches(lamp.apparent_distance_m):
-            values = self._coefficients(BEAM(_stretched(lamp, stretch))) / stretch**2
+            values = self._coefficients(BEAM(lamp), stretch) / stretch**2
             if squares:
                 per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                 values = (per_ring**2 / self.sent.density[:, None]).ravel()
@@ -150,9 +149,9 @@ class BeamTallies:
         return [t.reshape(nodes.n_theta, nodes.n_phi, *t.shape[1:]).sum(axis=1) for t in self.tallies]
 
     @cached_property
-    def _coefficients(self) -> Callable[[Beam], Array]:
+    def _coefficients(self) -> Callable[[Beam, float], Array]:
         """`BeamNodes.values` of the last few beams: they are the same for every trace and class of light."""
-        return lru_cache(KEPT_BEAMS)(lambda beam: self.beam_nodes.values(_lamp_with(beam)))
+        return lru_cache(KEPT_BEAMS)(lambda beam, s: self.beam_nodes.values(_lamp_with(beam), s))
 
     def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Factor on the variance because other photons count now than in the traced beam and water.
@@ -209,15 +208,6 @@ class BeamTallies:
 
 def _lamp_with(beam: Beam) -> Lamp:
     return Lamp.model_construct(**dict(zip(BEAM_FIELDS, beam, strict=True)))
-
-
-def _stretched(lamp: Lamp, factor: float) -> Lamp:
-    """The beam with all its angles multiplied."""
-    if factor == 1:
-        return lamp
-    departure = tuple((factor * angle, value) for angle, value in lamp.profile_departure)
-    angles = {name: factor * getattr(lamp, name) for name in ANGLES}
-    return lamp.model_copy(update={**angles, "profile_departure": departure})
 
 
 def roots(covariance: Array) -> Array:

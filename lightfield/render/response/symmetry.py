@@ -12,13 +12,15 @@ import numpy as np
 
 from lightfield.render.response.grid import AngleNodes, Grid
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import has_round_section, is_mirrored
 
 
 def symmetric(scene: Scene) -> tuple[bool, bool]:
     """Whether the light is the same at -x, and at -y."""
     lamp, tank, tilted = scene.lamp, scene.tank, scene.detector.tilt_x_deg != 0
-    x = lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
-    y = lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
+    beam_x, beam_y = is_mirrored(lamp)
+    x = beam_x and lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
+    y = beam_y and lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
     if tank is not None:
         # A lid reflects as the floor does, a water surface does not.
         y = y and tank.surface_reflectance == 0 and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
@@ -29,7 +31,7 @@ def mirrors(scene: Scene, grid: Grid) -> tuple[bool, bool, bool]:
     """Whether grid and light are the same at -x, at -y, and with x and y exchanged."""
     x, y = symmetric(scene)
     square = len(grid.x_m) == len(grid.y_m) and np.allclose(grid.x_m, grid.y_m, atol=1e-9)
-    round_beam = scene.lamp.ellipticity == 1
+    round_beam = has_round_section(scene.lamp)
     x = x and bool(np.allclose(grid.x_m, -grid.x_m[::-1], atol=1e-9))
     y = y and bool(np.allclose(grid.y_m, -grid.y_m[::-1], atol=1e-9))
     return x, y, bool(x and y and square and round_beam and scene.tank is None)

@@ -18,12 +18,14 @@ from lightfield.render.response.grid import AngleNodes
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.frame import beam_axes
-from lightfield.scene.lamp.profile import relative_intensity
+from lightfield.scene.lamp.profile import relative_intensity, sections_of
 
 FINE = 4096  # steps in which the wished density is integrated
 # Steps of the cumulative distribution: even, then ever smaller towards 1, where a tail is thin and wide.
 EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
 TABLE = 4096
+#: Turns at which the widest section of a measured beam is sought, and where that of a formula lies.
+TURNS, EXTREMES = 72, np.array([[0.0], [0.5 * pi]])
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,9 @@ class Emission:
         self.weight_of_bin = mi.Float(omega / share)
         self.is_tabulated = lamp.profile == "table" or bool(lamp.profile_departure)
         if self.is_tabulated:
-            fine = np.linspace(0, 0.5 * pi, TABLE)
-            self.table = mi.Float(relative_intensity(lamp, fine, np.zeros_like(fine)))
+            turns, sections = sections_of(lamp, np.linspace(0, 0.5 * pi, TABLE))
+            self.table, self.turns = mi.Float(sections.ravel()), mi.Float(turns)
+            self.sections = len(turns)
         # Variables and not literals: another lamp needs no new kernel.
         self.value = {
             name: dr.opaque(mi.Float, value)
@@ -99,17 +102,13 @@ class Emission:
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
         """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
-        zero = np.zeros_like(theta)
+        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if self.lamp.profile == "table" else EXTREMES
+        across, up = np.cos(turns), np.sin(turns)
         if self.nodes is not None:
             # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
-            return np.asarray(
-                relative_intensity(self.lamp, theta / 1.3, zero) + 0.05 * np.exp(-theta / np.radians(8.0))
-            )
-        along_x, along_y = (
-            relative_intensity(self.lamp, theta, zero),
-            relative_intensity(self.lamp, zero, theta),
-        )
-        return np.asarray(np.maximum(along_x, along_y))
+            wide = relative_intensity(self.lamp, theta / 1.3 * across, theta / 1.3 * up).max(axis=0)
+            return np.asarray(wide + 0.05 * np.exp(-theta / np.radians(8.0)))
+        return np.asarray(relative_intensity(self.lamp, theta * across, theta * up).max(axis=0))
 
     def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
         """Radiant intensity relative to the axis, at beam-frame angles in rad."""
@@ -119,13 +118,27 @@ class Emission:
         y = theta_y / value["ellipticity"]
         theta = dr.sqrt(theta_x * theta_x + y * y)
         if self.is_tabulated:
-            at = dr.clip(theta * ((TABLE - 1) / (0.5 * pi)), 0, TABLE - 1.001)
-            low = mi.UInt32(at)
-            a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)
-            return dr.lerp(a, b, at - mi.Float(low))
+            if self.sections == 1:
+                return self._section(theta, mi.UInt32(0))
+            turn = dr.atan2(y, theta_x)
+            turn = dr.select(turn < 0, turn + 2 * pi, turn)
+            after = dr.binary_search(
+                1, self.sections - 1, lambda k: dr.gather(mi.Float, self.turns, k) <= turn
+            )
+            before = after - 1
+            first, last = (dr.gather(mi.Float, self.turns, k) for k in (before, after))
+            part = dr.clip((turn - first) / (last - first), 0, 1)
+            return dr.lerp(self._section(theta, before), self._section(theta, after), part)
         core, skirt = theta / value["hwhm"], theta / value["skirt_hwhm"]
         shape = dr.exp(-log(2) * dr.power(dr.maximum(core, 1e-6), value["exponent"]))
         return (shape + value["fraction"] * dr.exp(-log(2) * skirt * skirt)) / (1 + value["fraction"])
+
+    def _section(self, theta: mi.Float, which: mi.UInt32) -> mi.Float:
+        """The tabulated intensity in one half plane."""
+        at = dr.clip(theta * ((TABLE - 1) / (0.5 * pi)), 0, TABLE - 1.001)
+        low = mi.UInt32(at) + TABLE * which
+        a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)
+        return dr.lerp(a, b, at - mi.Float(mi.UInt32(at)))
 
     def sample(self, index: mi.UInt32, points: ScrambledSobol, rng: mi.PCG32) -> Start:
         """First flights of the photons `index` of a batch."""

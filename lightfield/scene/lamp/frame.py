@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.photometry import beam_table
 
 if TYPE_CHECKING:
     from lightfield.scene.lamp.lamp import Lamp
@@ -22,7 +23,19 @@ def is_tilted(lamp: Lamp) -> bool:
 
 def is_round(lamp: Lamp) -> bool:
     """Is the beam the same all round the axis of the tank?"""
-    return not is_tilted(lamp) and lamp.ellipticity == 1
+    return not is_tilted(lamp) and has_round_section(lamp)
+
+
+def has_round_section(lamp: Lamp) -> bool:
+    """Is the beam the same all round its own axis?"""
+    return lamp.ellipticity == 1 and (
+        lamp.profile != "table" or beam_table(str(lamp.intensity_table)).is_round
+    )
+
+
+def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
+    """Is the section of the beam the same at -x, and at -y?"""
+    return beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
 
 
 def beyond_window(length_m: Any, z_m: Any, apparent_distance_m: Any) -> Any:

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
-from lightfield.scene.lamp.photometry import intensity_table
+from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
 from lightfield.scene.spectral.peaks import Peak, kind_of
 from lightfield.storage.tables import read_columns, readable
@@ -107,7 +107,7 @@ class Lamp(Part):
     )
     intensity_table: TablePath | None = declare(
         None,
-        "for profile table: CSV (angle_deg, intensity), IES LM-63 (.ies) or EULUMDAT (.ldt)",
+        "for profile table: CSV (angle_deg, intensity; phi_deg), IES LM-63 (.ies) or EULUMDAT (.ldt)",
         Acts.BEAM,
     )
     spectrum_table: TablePath | None = declare(
@@ -143,7 +143,7 @@ class Lamp(Part):
         if self.spectrum == "table" and self.spectrum_table is None:
             raise RuleError('spectrum "table" needs spectrum_table', "add spectrum_table")
         if self.intensity_table is not None:
-            readable(intensity_table, self.intensity_table)
+            readable(beam_table, self.intensity_table)
         if self.spectrum_table is not None:
             readable(read_columns, self.spectrum_table, ("wavelength_nm", "power"))
         return self

@@ -1,4 +1,4 @@
-"""Luminaire files: IES LM-63 and EULUMDAT as intensity against angle from the nadir, averaged around it.
+"""Luminaire files: IES LM-63 and EULUMDAT as intensity against angle from the nadir and turn about it.
 
 Own readers: of the public ones, one needs Python 3.11 and another fills up files that are cut short.
 """
@@ -12,23 +12,29 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.storage.tables import LARGEST
 
+#: Half planes go round if from the last to the first it is no more than so many of the largest steps.
+#: Chosen: files leave out one plane.
+LARGEST_GAP = 1.5
+#: Planes nearer to each other are one.
+SAME_DEG = 1e-6
+
 
 class Luminaire(NamedTuple):
-    """Intensity of a luminaire, averaged around its axis.
+    """Intensity of a luminaire.
 
     Parameters
     ----------
-    angle_deg : array, shape (n,)
+    angle_deg : array, shape (n_angles,)
         From the nadir, rising.
-    intensity : array, shape (n,)
-        Mean over the half planes; cd, or cd per kilolumen.
-    asymmetry : float
-        Largest difference of a half plane from that mean, as a part of the largest mean.
+    plane_deg : array, shape (n_planes,)
+        Turn of the half planes about it, from 0 to 360, both included; of one half plane 0 alone.
+    intensity : array, shape (n_planes, n_angles)
+        cd, or cd per kilolumen.
     """
 
     angle_deg: Array
+    plane_deg: Array
     intensity: Array
-    asymmetry: float
 
 
 def read_ies(text: str) -> Luminaire:
@@ -60,7 +66,7 @@ def read_ies(text: str) -> Luminaire:
         )
     vertical, horizontal = take(int(n_vertical)), take(int(n_horizontal))
     candela = np.array(take(int(n_vertical) * int(n_horizontal))).reshape(int(n_horizontal), int(n_vertical))
-    return _averaged(vertical, multiplier * candela, horizontal)
+    return Luminaire(_rising(vertical), *all_around(_rising(horizontal), multiplier * candela))
 
 
 def read_eulumdat(text: str) -> Luminaire:
@@ -92,7 +98,7 @@ def read_eulumdat(text: str) -> Luminaire:
         4: (0, planes // 4 + 1),
     }[symmetry]
     candela: Array = np.array(take(stored * angles)).reshape(stored, angles)
-    return _averaged(gamma, candela, c[first : first + stored].tolist())
+    return Luminaire(_rising(gamma), *all_around(_rising(c[first : first + stored].tolist()), candela))
 
 
 class _Taker:
@@ -112,21 +118,46 @@ class _Taker:
         return part
 
 
-def _averaged(angle_deg: list[float], candela: Array, plane_deg: list[float]) -> Luminaire:
-    """Mean over the turn of half planes at `plane_deg`; candela has shape (n_planes, n_angles).
+def all_around(plane_deg: Array, intensity: Array) -> tuple[Array, Array]:
+    """Half planes all around the axis, from 0 to 360 degrees, both included, and the intensity in each.
 
-    The planes span one symmetric part of the turn (0, 90, 180 or 360 degrees), so that the trapezoid over
-    them is the mean. Where they go round, files may leave out the last one, which is the first.
+    Files give the planes of one symmetric part of the turn (0, 90, 180 or 360 degrees): the rest are its
+    mirror images. Where planes go round, files may leave out the last one, which is the first.
+
+    Parameters
+    ----------
+    plane_deg : array, shape (k,)
+        Rising.
+    intensity : array, shape (k, n_angles)
+
+    Raises
+    ------
+    ValueError
+        The planes are no such part.
     """
-    planes = _rising(plane_deg)
-    if 180.0 < planes[-1] - planes[0] < 360.0:
-        planes, candela = np.append(planes, planes[0] + 360.0), np.vstack([candela, candela[:1]])
-    mean = candela[0]
-    if len(planes) > 1:
-        steps = np.diff(planes)
-        mean = steps @ (0.5 * (candela[1:] + candela[:-1])) / steps.sum()
-    spread = float(np.abs(candela - mean).max())
-    return Luminaire(_rising(angle_deg), mean, spread / float(mean.max()) if mean.max() > 0 else 0.0)
+    first, span = float(plane_deg[0]), float(plane_deg[-1] - plane_deg[0])
+    if len(plane_deg) == 1:
+        return np.zeros(1), intensity
+    gaps = np.append(np.diff(plane_deg), 360.0 - span)
+    if span > 180.0 + SAME_DEG and gaps[-1] <= LARGEST_GAP * gaps[:-1].max():
+        if span < 360.0 - SAME_DEG:
+            plane_deg, intensity = np.append(plane_deg, first + 360.0), np.vstack([intensity, intensity[:1]])
+        images = 1
+    else:
+        images = round(360.0 / span)
+        if images % 2 or abs(images * span - 360.0) > SAME_DEG:
+            raise ValueError(
+                f"half planes from {first:g} to {plane_deg[-1]:g} deg are no symmetric part of the turn"
+            )
+    ways = plane_deg - first, plane_deg[-1] - plane_deg
+    nodes = np.concatenate([first + k * span + ways[k % 2] for k in range(images)])
+    nodes = np.unique(np.round(np.concatenate([[0.0, 360.0], nodes % 360.0]), 9))
+    along = (nodes - first) % 360.0
+    if images > 1:
+        along = along % (2 * span)
+        along = np.minimum(along, 2 * span - along)
+    values = [np.interp(along, plane_deg - first, column) for column in intensity.T]
+    return nodes, np.stack(values, axis=1)
 
 
 def _rising(angles: list[float]) -> Array:

@@ -1,40 +1,105 @@
-"""Measured beam profiles: CSV, IES LM-63 and EULUMDAT files as intensity against angle from the axis."""
+"""Measured beams: CSV, IES LM-63 and EULUMDAT files as intensity against angle from the axis and turn."""
 
 from __future__ import annotations
 
 import os
-import warnings
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError, SceneWarning
-from lightfield.scene.lamp.luminaire_files import read_eulumdat, read_ies
+from lightfield.errors import SceneError
+from lightfield.scene.lamp.luminaire_files import all_around, read_eulumdat, read_ies
 from lightfield.storage.inputs import LUMINAIRE, read_bytes
-from lightfield.storage.tables import LARGEST, read_columns
+from lightfield.storage.tables import LARGEST, column_names, read_columns, read_rows
 
-#: A luminaire is called round up to this difference of its half planes. Chosen: the error of the formula that
-#: a comparison calls small.
-ROUND = 0.05
+#: Half planes that differ by no more than this part of the largest intensity from their mean are one round
+#: beam. Chosen: the error that light without photons is given (`render.diffuse.ratio`).
+ROUND = 0.002
+#: Intensities that differ by less, as a part of that on the axis, are the same.
+SAME = 1e-9
+_TURN = 2 * np.pi
 
 
-def intensity_table(path: str) -> tuple[Array, Array]:
-    """Angle from the beam axis and intensity relative to the axis.
+@dataclass(frozen=True, eq=False)
+class BeamTable:
+    """Intensity of a beam relative to its axis; linear between, dark beyond the last angle.
 
-    IES and EULUMDAT files give intensity over half planes around the nadir; they are averaged, with a
-    `SceneWarning` where they differ, and the nadir is the beam axis.
+    Parameters
+    ----------
+    angle_rad : array, shape (n_angles,)
+        From the axis, rising from 0.
+    turn_rad : array, shape (n_turns,)
+        About the axis from x towards y of the beam, from 0 to 2 pi, both included; of a round beam 0 alone.
+    intensity : array, shape (n_turns, n_angles)
+        1 on the axis.
+    """
+
+    angle_rad: Array
+    turn_rad: Array
+    intensity: Array
+
+    @property
+    def is_round(self) -> bool:
+        """Is it the same all round its axis?"""
+        return len(self.turn_rad) == 1
+
+    @cached_property
+    def mean(self) -> Array:
+        """Average over the turn, shape (n_angles,)."""
+        if self.is_round:
+            return self.intensity[0]
+        between = 0.5 * (self.intensity[1:] + self.intensity[:-1])
+        return np.asarray(np.diff(self.turn_rad) @ between / _TURN)
+
+    @cached_property
+    def mirrored(self) -> tuple[bool, bool]:
+        """Is it the same at -x, and at -y?"""
+        return self._alike(np.pi), self._alike(0.0)
+
+    def _alike(self, about: float) -> bool:
+        """Is it the same at a turn and at that mirrored?"""
+        turn = np.concatenate([self.turn_rad, (about - self.turn_rad) % _TURN])[:, None]
+        one, other = self.at(self.angle_rad, turn), self.at(self.angle_rad, about - turn)
+        return bool(np.abs(one - other).max() <= SAME)
+
+    def at(self, angle_rad: ArrayLike, turn_rad: ArrayLike) -> Array:
+        """Relative intensity at angles from the axis and turns about it, rad, broadcast together."""
+        angle = np.asarray(angle_rad, float)
+        if self.is_round:
+            return np.interp(angle, self.angle_rad, self.intensity[0], right=0.0)
+        turn = np.mod(turn_rad, _TURN)
+        j, across = _place(self.turn_rad, turn)
+        i, along = _place(self.angle_rad, angle)
+        low, high = (
+            self.intensity[k, i] + along * (self.intensity[k, i + 1] - self.intensity[k, i])
+            for k in (j, j + 1)
+        )
+        return np.asarray((low + across * (high - low)) * (angle <= self.angle_rad[-1]))
+
+
+def _place(nodes: Array, at: Array) -> tuple[NDArray[np.integer[Any]], Array]:
+    """Number of the node before each place, and how far it is to the next."""
+    before = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
+    return before, np.clip((at - nodes[before]) / (nodes[before + 1] - nodes[before]), 0.0, 1.0)
+
+
+def beam_table(path: str) -> BeamTable:
+    """A measured beam, with its shape all around its axis.
+
+    IES and EULUMDAT files give intensity over half planes around the nadir, which is the beam axis; the half
+    plane C0 is towards +x of the beam, C90 towards -y (counterclockwise as seen from above the luminaire:
+    IES LM-63-2002, definitions). Symmetric parts are completed.
 
     Parameters
     ----------
     path : str
-        CSV (angle_deg, intensity in any unit), `.ies` (LM-63, type C) or `.ldt` (EULUMDAT).
-
-    Returns
-    -------
-    angle_rad, intensity : array, shape (n,)
-        Rising angle from 0; intensity 1 on the axis.
+        CSV (angle_deg, intensity in any unit, and phi_deg of a beam that is not round), `.ies` (LM-63,
+        type C) or `.ldt` (EULUMDAT).
 
     Raises
     ------
@@ -45,43 +110,82 @@ def intensity_table(path: str) -> tuple[Array, Array]:
     return _load(path, state.st_mtime_ns, state.st_size)
 
 
+def intensity_table(path: str) -> tuple[Array, Array]:
+    """Angle from the beam axis, rad, and the average intensity around it, shape (n,); see `beam_table`."""
+    table = beam_table(path)
+    return table.angle_rad, table.mean
+
+
 @lru_cache(maxsize=32)
-def _load(path: str, _modified: int, _size: int) -> tuple[Array, Array]:
-    if Path(path).suffix.lower() in {".ies", ".ldt"}:
-        angle, intensity = _photometric(path)
-    else:
-        angle, intensity = read_columns(path, ("angle_deg", "intensity"))
+def _load(path: str, _modified: int, _size: int) -> BeamTable:
+    read = _photometric if Path(path).suffix.lower() in {".ies", ".ldt"} else _columns
+    angle, turn, intensity = read(path)
     if angle[0] != 0.0 or angle[-1] > 180.0:
         raise SceneError(
             "a beam table starts on the axis", where=path, found=f"{angle[0]:g} to {angle[-1]:g} deg",
             rule="angle_deg from 0, at most 180", remedy="add the value at 0 deg",
         )  # fmt: skip
-    if not intensity[0] > intensity.max() / LARGEST:
+    axis = BeamTable(angle, np.radians(turn), intensity).mean[0]
+    if not axis > intensity.max() / LARGEST:
         raise SceneError(
-            "no light on the beam axis", where=path, found=float(intensity[0]), rule="above 0 at 0 deg",
+            "no light on the beam axis", where=path, found=float(axis), rule="above 0 at 0 deg",
             remedy="turn the lamp's axis to 0 deg in the table",
         )  # fmt: skip
-    return np.radians(angle), intensity / intensity[0]
+    intensity = intensity / axis
+    intensity[:, 0] = 1.0
+    table = BeamTable(np.radians(angle), np.radians(turn), intensity)
+    if np.abs(intensity - table.mean).max() <= ROUND * table.mean.max():
+        table = BeamTable(table.angle_rad, np.zeros(1), table.mean[None])
+    for column in (table.angle_rad, table.turn_rad, table.intensity):
+        column.setflags(write=False)
+    return table
 
 
-def _photometric(path: str) -> tuple[Array, Array]:
-    """Vertical angles in degrees up to 90, and intensity averaged over the half planes."""
+def _columns(path: str) -> tuple[Array, Array, Array]:
+    """Angles in degrees, turns in degrees, and intensity, of a CSV file."""
+    if "phi_deg" not in column_names(path):
+        angle, intensity = read_columns(path, ("angle_deg", "intensity"))
+        return angle, np.zeros(1), intensity[None]
+    every, phi, value = read_rows(path, ("angle_deg", "phi_deg", "intensity"))
+    angle, i = np.unique(every, return_inverse=True)
+    turn, j = np.unique(phi, return_inverse=True)
+    grid = np.full((len(turn), len(angle)), np.nan)
+    grid[j.ravel(), i.ravel()] = value
+    on_axis = np.isfinite(grid[:, 0])
+    if angle[0] == 0.0 and on_axis.any():
+        grid[~on_axis, 0] = grid[on_axis, 0].mean()  # there all half planes meet
+    problems = []
+    if np.any(value < 0) or np.any(every < 0):
+        problems.append("negative angles or intensities")
+    if len(np.unique(np.stack([every, phi]), axis=1).T) < len(value):
+        problems.append("a place that is given twice")
+    if np.isnan(grid).any():
+        k, n = np.argwhere(np.isnan(grid))[0]
+        problems.append(f"no intensity at angle_deg {angle[n]:g}, phi_deg {turn[k]:g}")
+    if not problems:
+        try:
+            return angle, *all_around(turn, grid)
+        except ValueError as error:
+            problems.append(str(error))
+    raise SceneError(
+        "not a table of a beam", where=path, found="; ".join(problems),
+        rule="every angle_deg at every phi_deg, over 90, 180 or 360 deg of phi, intensities from 0",
+        remedy="complete the table",
+    )  # fmt: skip
+
+
+def _photometric(path: str) -> tuple[Array, Array, Array]:
+    """Vertical angles in degrees up to 90, turns from +x towards +y of the beam in degrees, and intensity."""
     is_ldt = path.lower().endswith(".ldt")
     try:
         text = read_bytes(path, LUMINAIRE).decode("latin-1")
-        luminaire = (read_eulumdat if is_ldt else read_ies)(text)
+        angle, plane, intensity = (read_eulumdat if is_ldt else read_ies)(text)
     except (ValueError, KeyError, IndexError) as error:
         raise SceneError(
             f"not readable as {'EULUMDAT' if is_ldt else 'IES LM-63'}", where=path, found=str(error),
             rule="a complete type C file", remedy="export it again, or as CSV with angle_deg, intensity",
         ) from error  # fmt: skip
-    if luminaire.asymmetry > ROUND:
-        warnings.warn(
-            f"{path}: the luminaire is averaged around its axis, though half planes differ by up to "
-            f"{100 * luminaire.asymmetry:.0f} % of its largest intensity from that mean "
-            "(lamp.ellipticity makes an oval beam)",
-            SceneWarning,
-            stacklevel=2,
-        )
-    keep = luminaire.angle_deg <= 90.0
-    return luminaire.angle_deg[keep], luminaire.intensity[keep]
+    keep = angle <= 90.0
+    if len(plane) > 1:
+        plane, intensity = 360.0 - plane[::-1], intensity[::-1]  # seen along the beam C runs the other way
+    return angle[keep], plane, intensity[:, keep]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.curve import value_at
-from lightfield.scene.lamp.photometry import intensity_table
+from lightfield.scene.lamp.photometry import BeamTable, beam_table
 
 if TYPE_CHECKING:
     from lightfield.scene.lamp.lamp import Lamp
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 LN2 = math.log(2.0)
 HALF_PI = 0.5 * math.pi
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(24)
+#: Nodes between the angles of a table, where it is linear; turns over a quarter of an oval beam.
+_FEW, OF_OVAL = np.polynomial.legendre.leggauss(6), 512
 
 
 def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLike) -> Array:
@@ -49,11 +51,24 @@ def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLik
     if lamp.profile == "pencil":
         return np.asarray((squared == 0.0).astype(float))
     stretched = squared if lamp.ellipticity == 1.0 else xx + yy / lamp.ellipticity**2
-    return np.asarray(radial_intensity(lamp, stretched) * (squared <= HALF_PI * HALF_PI))
+    table = table_of(lamp)
+    if table is None or table.is_round:
+        light = radial_intensity(lamp, stretched)
+    else:
+        around = table.at(np.sqrt(stretched), np.arctan2(y / lamp.ellipticity, x))
+        light = _departing(lamp, around, stretched)
+    return np.asarray(light * (squared <= HALF_PI * HALF_PI))
+
+
+def table_of(lamp: Lamp) -> BeamTable | None:
+    """The measured beam; None of a lamp that is a formula."""
+    return beam_table(str(lamp.intensity_table)) if lamp.profile == "table" else None
 
 
 def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:
     """I / I(0) against the squared effective angle theta_x^2 + (theta_y / e)^2, without the cut at 90 deg.
+
+    Of a table that is not round, the average around the axis.
 
     Parameters
     ----------
@@ -62,16 +77,18 @@ def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:
     theta_squared : array, rad^2
         Squared effective angle.
     """
-    shape = _without_departure(lamp, theta_squared)
+    return _departing(lamp, _without_departure(lamp, theta_squared), theta_squared)
+
+
+def _departing(lamp: Lamp, shape: Array, theta_squared: Array) -> Array:
     if not lamp.profile_departure:
         return shape
     return shape * np.exp(value_at(lamp.profile_departure, np.degrees(np.sqrt(theta_squared))))
 
 
 def _without_departure(lamp: Lamp, theta_squared: Array) -> Array:
-    if lamp.profile == "table":
-        angle, intensity = intensity_table(str(lamp.intensity_table))
-        return np.interp(np.sqrt(theta_squared), angle, intensity, right=0.0)
+    if (table := table_of(lamp)) is not None:
+        return np.interp(np.sqrt(theta_squared), table.angle_rad, table.mean, right=0.0)
     q = theta_squared * (1.0 / math.radians(lamp.hwhm_deg) ** 2)
     if lamp.shape_exponent != 2.0:
         q = q ** (0.5 * lamp.shape_exponent)
@@ -80,6 +97,21 @@ def _without_departure(lamp: Lamp, theta_squared: Array) -> Array:
         return np.asarray(core)
     skirt = np.exp(theta_squared * (-LN2 / math.radians(lamp.skirt_hwhm_deg) ** 2))
     return np.asarray((core + lamp.skirt_fraction * skirt) / (1.0 + lamp.skirt_fraction))
+
+
+def sections_of(lamp: Lamp, theta_rad: Array) -> tuple[Array, Array]:
+    """Half planes of a beam before any ellipticity: turns, rad, shape (k,), and I / I(0) in each, (k, n).
+
+    Parameters
+    ----------
+    theta_rad : array, shape (n,), rad
+        Angles from the axis.
+    """
+    table, squared = table_of(lamp), theta_rad * theta_rad
+    if table is None or table.is_round:
+        return np.zeros(1), radial_intensity(lamp, squared)[None]
+    around = table.at(theta_rad, table.turn_rad[:, None])
+    return table.turn_rad, _departing(lamp, around, squared)
 
 
 @lru_cache(maxsize=256)
@@ -104,18 +136,29 @@ def solid_angle_sr(lamp: Lamp) -> float:
             remedy='use profile = "gaussian" with a small hwhm_deg',
         )  # fmt: skip
     theta, weight = _quadrature(lamp)
-    steps = 1 if lamp.ellipticity == 1.0 else 512
-    phi = (np.arange(steps) + 0.5) * (HALF_PI / steps)
+    if lamp.ellipticity == 1.0:  # the average around the axis is all that counts
+        return float(2.0 * math.pi * (radial_intensity(lamp, theta * theta) @ (weight * np.sin(theta))))
+    phi, share = _turns(lamp)
     value = relative_intensity(lamp, np.outer(np.cos(phi), theta), np.outer(np.sin(phi), theta))
-    return float(2.0 * math.pi * np.mean(value @ (weight * np.sin(theta))))
+    return float(2.0 * math.pi * (share @ (value @ (weight * np.sin(theta)))))
+
+
+def _turns(lamp: Lamp) -> tuple[Array, Array]:
+    """Turns about the axis, rad, that stand for all, and the share of each."""
+    table = table_of(lamp)
+    if table is not None and not table.is_round:
+        # Two Gauss nodes between half planes, where the table is linear.
+        edges = np.unwrap(np.arctan2(lamp.ellipticity * np.sin(table.turn_rad), np.cos(table.turn_rad)))
+        half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+        phi = middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
+        return phi.ravel(), np.repeat(half / (2.0 * math.pi), 2)
+    return (np.arange(OF_OVAL) + 0.5) * (HALF_PI / OF_OVAL), np.full(OF_OVAL, 1.0 / OF_OVAL)
 
 
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     """Gauss-Legendre nodes on pieces that follow the beam's scales, 0 to 90 degrees."""
-    if lamp.profile == "table":
-        edges: NDArray[Any] = np.outer(
-            [1.0, lamp.ellipticity], intensity_table(str(lamp.intensity_table))[0]
-        ).ravel()
+    if (table := table_of(lamp)) is not None:
+        edges: NDArray[Any] = np.outer([1.0, lamp.ellipticity], table.angle_rad).ravel()
     else:
         steps = np.array(
             [0.25, 0.5, 0.75, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0]
@@ -128,7 +171,8 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
     half: NDArray[Any] = 0.5 * np.diff(pieces)
     middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
-    return (middle[:, None] + half[:, None] * GAUSS_X).ravel(), (half[:, None] * GAUSS_W).ravel()
+    x, w = (GAUSS_X, GAUSS_W) if table is None else _FEW
+    return (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * w).ravel()
 
 
 @lru_cache(maxsize=64)
@@ -138,7 +182,7 @@ def inverse_cdf_table(lamp: Lamp, nodes: int = 4096) -> tuple[Array, Array]:
     Parameters
     ----------
     lamp : Lamp
-        Gaussian family, table or isotropic; ellipticity is left out, see `sample`.
+        Gaussian family, table or isotropic; what is not round is left out, see `sample`.
     nodes : int
         Table length.
 
@@ -179,7 +223,7 @@ def sample(lamp: Lamp, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Arra
     theta_x_rad, theta_y_rad : array
         Beam-frame angles.
     weight : array
-        1 for a round beam; for an elliptic one the ratio of beam to sampling density, up to a constant.
+        1 for a round beam; for others the ratio of beam to sampling density, up to a constant.
     """
     turn = 2.0 * math.pi * np.asarray(u2, dtype=float)
     if lamp.profile == "pencil":
@@ -190,8 +234,12 @@ def sample(lamp: Lamp, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Arra
     s = np.interp(np.asarray(u1, dtype=float), u, np.sin(0.5 * theta) ** 2)
     effective = 2.0 * np.arcsin(np.sqrt(s))
     x, y = effective * np.cos(turn), lamp.ellipticity * effective * np.sin(turn)
-    if lamp.ellipticity == 1.0 or lamp.profile == "isotropic":
+    table = table_of(lamp)
+    if lamp.profile == "isotropic" or (lamp.ellipticity == 1.0 and (table is None or table.is_round)):
         return effective * np.cos(turn), effective * np.sin(turn), np.ones_like(x)
     true = np.hypot(x, y)
     weight = np.sinc(true / math.pi) / np.sinc(effective / math.pi) * (true <= HALF_PI)
+    if table is not None and not table.is_round:
+        mean = np.interp(effective, table.angle_rad, table.mean, right=0.0)
+        weight = weight * np.where(mean > 0, table.at(effective, turn) / np.maximum(mean, 1e-300), 0.0)
     return x, y, weight

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene.lamp.profile import radial_intensity
+from lightfield.scene.lamp.profile import sections_of
 from lightfield.storage.files import atomic_path
 
 if TYPE_CHECKING:
@@ -20,20 +20,24 @@ if TYPE_CHECKING:
 EVEN, LARGER = 401, 100
 
 
-def intensity_rows(lamp: Lamp, to_deg: float) -> tuple[Array, Array]:
-    """Angles in degrees and the intensity there over that on the axis, shape (n,).
+def intensity_rows(lamp: Lamp, to_deg: float) -> dict[str, Array]:
+    """Columns of the table: angles in degrees and the intensity there over that on the axis, shape (n,).
 
     Parameters
     ----------
     lamp : Lamp
-        Gaussian family or table, with what departs from it; of an oval beam the section along x.
+        Gaussian family or table, with what departs from it; of an oval beam the section along x, of a table
+        that is not round every half plane.
     to_deg : float
         Up to here the beam is tabulated finely.
     """
     fine = np.linspace(0.0, min(to_deg, 90.0), EVEN)
     angle = np.unique(np.concatenate([fine, np.geomspace(max(fine[-1], 1e-3), 90.0, LARGER)]))
-    intensity = radial_intensity(lamp, np.radians(angle) ** 2)
-    return angle, intensity / intensity[0]
+    turn, intensity = sections_of(lamp, np.radians(angle))
+    columns = {"angle_deg": np.tile(angle, len(turn)), "phi_deg": np.repeat(np.degrees(turn), len(angle))}
+    if len(turn) == 1:
+        del columns["phi_deg"]
+    return columns | {"intensity": (intensity / intensity[0, 0]).ravel()}
 
 
 def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], remark: str = "") -> Path:
@@ -49,8 +53,9 @@ def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], rema
     OutputError
         The file cannot be written.
     """
-    rows = [f"{a:.6g},{i:.8g}" for a, i in zip(*intensity_rows(lamp, to_deg), strict=True)]
-    lines = [*([f"# {remark}"] if remark else []), "angle_deg,intensity", *rows]
+    columns = intensity_rows(lamp, to_deg)
+    rows = [",".join(f"{v:.8g}" for v in row) for row in zip(*columns.values(), strict=True)]
+    lines = [*([f"# {remark}"] if remark else []), ",".join(columns), *rows]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return Path(path)

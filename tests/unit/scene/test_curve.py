@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lightfield.errors import SceneError
-from lightfield.render.response.beam_tallies import _stretched
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.grid import angle_nodes
 from lightfield.scene import Lamp, Scene
 from lightfield.scene.curve import integral_to, value_at
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
@@ -63,10 +64,11 @@ def test_nodes_that_make_no_curve_are_one_clear_error(nodes: object, says: str) 
 
 
 def test_a_stretched_beam_departs_at_stretched_angles() -> None:
+    """Of a tally by direction: the beam as seen from farther is that with all its angles larger."""
+    nodes = BeamNodes(angle_nodes(4.0), 4.0)
     lamp = Lamp(hwhm_deg=4.0, profile_departure=((0.0, 0.2), (3.0, -0.4), (9.0, 0.5)))
-    angle = np.radians(np.linspace(0, 12, 50))
-    wide = relative_intensity(_stretched(lamp, 1.3), 1.3 * angle, np.zeros(50))
-    np.testing.assert_allclose(wide, relative_intensity(lamp, angle, np.zeros(50)), rtol=1e-12)
+    wide = Lamp(hwhm_deg=5.2, profile_departure=((0.0, 0.2), (3.9, -0.4), (11.7, 0.5)))
+    np.testing.assert_allclose(nodes.values(lamp, 1.3), nodes.values(wide), rtol=1e-9, atol=1e-12)
 
 
 def test_power_of_a_departing_beam_is_its_integral() -> None:
@@ -80,7 +82,7 @@ def test_power_of_a_departing_beam_is_its_integral() -> None:
 
 def test_a_table_of_a_beam_is_right_between_its_rows() -> None:
     lamp = Lamp(hwhm_deg=4.0, skirt_fraction=0.1, profile_departure=((0.0, 0.2), (3.0, -0.4), (12.0, 0.5)))
-    angle, intensity = intensity_rows(lamp, 15.0)
+    angle, intensity = intensity_rows(lamp, 15.0).values()
     between = np.linspace(0, 90, 5000)
     true = relative_intensity(lamp, np.radians(between), np.zeros(5000))
     np.testing.assert_allclose(np.interp(between, angle, intensity), true / true[0], atol=1e-3)

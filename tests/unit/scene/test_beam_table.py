@@ -1,0 +1,122 @@
+"""Beams that are not round, from tables of two angles: against closed forms, and turns of luminaire files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from beams import ASIDE_DEG, HWHM_DEG, aside, ies, phi_table
+
+from lightfield.errors import SceneError
+from lightfield.scene import Lamp
+from lightfield.scene.lamp.frame import has_round_section, is_mirrored
+from lightfield.scene.lamp.luminaire_files import all_around
+from lightfield.scene.lamp.photometry import beam_table
+from lightfield.scene.lamp.profile import relative_intensity, sample, solid_angle_sr
+from lightfield.scene.lamp.tabulated import save_intensity
+
+PLACES = np.random.default_rng(2).uniform(-0.35, 0.35, (2, 3000))
+
+
+def table(path: Path) -> Lamp:
+    return Lamp(profile="table", intensity_table=str(path))
+
+
+def test_oval_beam_as_a_table_is_the_oval_beam(tmp_path: Path) -> None:
+    """A quarter of it, at steps of h = 0.25 and 1.5 degrees: linear interpolation is off by h^2/8 times the
+    bending, 3.4e-4 of the axis at most; the solid angle by h^2/12 of it, 1.3e-4."""
+    oval = Lamp(hwhm_deg=6.0, ellipticity=1.6)
+    quarter = np.arange(0.0, 90.1, 1.5)
+    lamp = table(phi_table(tmp_path / "oval.csv", lambda x, y: relative_intensity(oval, x, y), quarter))
+    assert is_mirrored(lamp) == (True, True) and not has_round_section(lamp)
+    # Stretched once more it is the beam of the product of the two.
+    for more in (1.0, 1.25):
+        one = lamp.model_copy(update={"ellipticity": more})
+        other = oval.model_copy(update={"ellipticity": 1.6 * more})
+        off = relative_intensity(one, *PLACES) - relative_intensity(other, *PLACES)
+        assert np.abs(off).max() < 3.4e-4
+        assert solid_angle_sr(one) == pytest.approx(solid_angle_sr(other), rel=1.5e-4)
+
+
+def test_luminaire_goes_round_and_closes(tmp_path: Path) -> None:
+    """Half planes 0, 5 ... 355 of a Gaussian beside the axis: its solid angle is pi h^2 / ln2 over the
+    intensity on the axis, and C90 is down where C0 is towards +x."""
+    lamp = table(ies(tmp_path / "aside.ies", lambda x, y: aside(x, -y), np.arange(0.0, 356.0, 5.0)))
+    np.testing.assert_allclose(relative_intensity(lamp, *PLACES), aside(*PLACES), atol=4e-3)
+    far = math.radians(math.hypot(*ASIDE_DEG)) / math.radians(HWHM_DEG)
+    closed = math.pi * math.radians(HWHM_DEG) ** 2 / math.log(2) * 2.0 ** (far * far)
+    assert solid_angle_sr(lamp) == pytest.approx(closed, rel=4e-3)
+    assert is_mirrored(lamp) == (False, False)
+
+
+def test_one_side_stands_for_the_other(tmp_path: Path) -> None:
+    """From 0 to 180 degrees: the same at -y, not at -x."""
+    half = lambda x, y: aside(x, np.full_like(np.asarray(y), math.radians(ASIDE_DEG[1])))  # noqa: E731
+    lamp = table(phi_table(tmp_path / "half.csv", half, np.arange(0.0, 181.0, 10.0)))
+    assert is_mirrored(lamp) == (False, True)
+    x, y = PLACES
+    np.testing.assert_allclose(relative_intensity(lamp, x, y), relative_intensity(lamp, x, -y), atol=1e-12)
+
+
+def test_planes_about_another_plane() -> None:
+    """LM-63 allows 90 to 270 degrees: the image of 100 is 80, of 170 is 10 degrees."""
+    planes = np.arange(90.0, 271.0, 10.0)
+    turn, value = all_around(planes, planes[:, None])
+    assert turn[0] == 0.0 and turn[-1] == 360.0
+    for at, image in ((80.0, 100.0), (10.0, 170.0), (350.0, 190.0), (280.0, 260.0), (120.0, 120.0)):
+        assert np.interp(at, turn, value[:, 0]) == pytest.approx(image)
+
+
+def test_what_is_nearly_round_is_round(tmp_path: Path) -> None:
+    """Half planes within 0.2 % of the axis of their mean are averaged, others kept."""
+    for spread, alike in ((0.001, True), (0.01, False)):
+        values = lambda x, y, s=spread: (  # noqa: E731
+            np.exp(-40 * (x * x + y * y)) * (1 + s * np.cos(2 * np.arctan2(y, x)))
+        )
+        file = phi_table(tmp_path / f"{alike}.csv", values, np.arange(0.0, 91.0, 15.0))
+        assert beam_table(str(file)).is_round is alike
+
+
+def test_directions_are_those_of_the_beam(tmp_path: Path) -> None:
+    """Weighted directions have its mean angles, within four standard errors (small angles: the shift)."""
+    lamp = table(phi_table(tmp_path / "aside.csv", aside, np.arange(0.0, 361.0, 5.0)))
+    rng, n = np.random.default_rng(4), 200_000
+    x, y, weight = sample(lamp, rng.random(n), rng.random(n))
+    for drawn, truth in zip((x, y), np.radians(ASIDE_DEG), strict=True):
+        mean = np.sum(weight * drawn) / weight.sum()
+        error = np.std(weight * (drawn - mean)) / weight.mean() / math.sqrt(n)
+        # sin(theta)/theta over a beam of 5 degrees moves the mean by about 0.3 %.
+        assert abs(mean - truth) < 4 * error + 0.005 * truth
+
+
+def test_a_beam_is_written_with_all_its_half_planes(tmp_path: Path) -> None:
+    """What a fit leaves as a lamp for the next scene: a departure is in it, an ellipticity stays a number.
+    Its angles lie elsewhere, 0.075 degrees apart: the slope of the first table changes by 2 % per degree."""
+    first = table(phi_table(tmp_path / "aside.csv", aside, np.arange(0.0, 361.0, 15.0)))
+    lamp = first.model_copy(update={"profile_departure": ((0.0, 0.0), (10.0, 0.3)), "ellipticity": 1.2})
+    written = table(save_intensity(lamp, 30.0, tmp_path / "lamp.csv"))
+    again = written.model_copy(update={"ellipticity": 1.2})
+    np.testing.assert_allclose(
+        relative_intensity(again, *PLACES), relative_intensity(lamp, *PLACES), atol=4e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("0,0,1\n5,0,1\n0,90,1\n", "no intensity at angle_deg 5, phi_deg 90"),
+        ("0,0,1\n5,0,1\n0,50,1\n5,50,1\n", "no symmetric part of the turn"),
+        ("0,0,1\n5,0,-1\n0,90,1\n5,90,1\n", "negative"),
+        ("0,0,1\n5,0,1\n5,0,2\n0,90,1\n5,90,1\n", "given twice"),
+        ("5,0,1\n9,0,1\n5,90,1\n9,90,1\n", "starts on the axis"),
+        ("0,0,0\n9,0,1\n0,90,0\n9,90,1\n", "no light on the beam axis"),
+    ],
+)
+def test_broken_tables(tmp_path: Path, rows: str, told: str) -> None:
+    """One clear error that says what is missing."""
+    file = tmp_path / "beam.csv"
+    file.write_text("angle_deg,phi_deg,intensity\n" + rows)
+    with pytest.raises(SceneError, match=told):
+        beam_table(str(file))
