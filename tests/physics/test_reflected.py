@@ -75,6 +75,35 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
     assert mean.mean() == pytest.approx(expected.mean(), rel=0.02)
 
 
+@pytest.mark.parametrize(("top", "behind_m"), [("lid", 15.0), ("surface", 0.0)])
+def test_what_comes_back_from_the_ends_of_a_long_tank(top: str, behind_m: float) -> None:
+    """A tow tank of white walls and clear water, whose light returns from far beyond the readings and from
+    behind the lamp: as traced, within 1 % and the trace's error (without the ends 0.5 to 0.85 of it)."""
+    from lightfield.render.maps import render_scene
+
+    tank = {"width_m": 3.66, "depth_m": 2.44, "length_m": 36.6, "wall_albedo": 0.9, "behind_lamp_m": behind_m}
+    detector = {"planes_m": [2.5, 4.5, 8.5], "width_m": 2.0, "height_m": 2.0, "pixels": 4}
+    scene = Scene.from_dict(
+        {
+            "water": {"absorption_per_m": 0.04},
+            "tank": tank | {"surface": "none" if top == "lid" else "flat"},
+            "detector": detector,
+        }
+    )
+    rendering = render_scene(scene, rel_error=1e-5, max_photons=4e6, seed=4, symmetry=True, cache=False)
+    mean, stderr = (v[0] for v in rendering.relative_maps(np.array([525.0]), "diffuse"))
+    grid, steps = rendering.grid, (np.arange(3) - 1) / 3
+    z, y, x = (v.ravel() for v in np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij"))
+    dy, dx = (v.ravel() for v in np.meshgrid(steps * grid.pitch_y_m, steps * grid.pitch_x_m, indexing="ij"))
+    points = np.add.outer(x, dx).ravel(), np.add.outer(y, dy).ravel(), np.repeat(z, 9)
+    expected = ReflectedLight(scene, *points).evaluate(scene, 0.04).reshape(3, 4, 4, 9).mean(axis=(1, 2, 3))
+    # At most four mirror images share their photons.
+    error = 2 * np.sqrt((stderr**2).sum(axis=(1, 2))) / 16
+    traced = mean.mean(axis=(1, 2))
+    assert (np.abs(expected - traced) < 0.01 * traced + 3.5 * error).all()
+    assert (error < 0.03 * traced).all()
+
+
 @pytest.mark.parametrize(("albedo", "profile"), [(0.3, "gaussian"), (0.8, "gaussian"), (0.5, "isotropic")])
 def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str) -> None:
     """All that the lamp sends out ends in the walls: sum of (1 - rho) E A = power in a closed box, c = 0.
