@@ -90,7 +90,7 @@ class FoundEffect(Part):
     )
     gap_named: float | None = Field(None, description="the same, without curves that it is a special case of")
     gap_plus: float | None = Field(
-        None, description="the same among sets with at most one effect more, all parameters counted alike"
+        None, description="gap_named among sets with at most one effect more, all parameters counted alike"
     )
     rival: list[str] = Field(default_factory=list, description="the best set without it")
     alternatives: list[list[str]] = Field(
