@@ -274,6 +274,26 @@ def test_an_effect_whose_light_is_no_number_is_left_where_it_was() -> None:
     assert fit.values["toy.odd"] == pytest.approx(found[-1], rel=1e-3) and fit.values["toy.fan"] == 0
 
 
+def test_a_set_without_any_light_is_behind_all_others() -> None:
+    """Also in the order of costs and in weights, where a chi-square that is no number would spoil all."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=2.5)
+
+    class Dark:
+        light = problem.forward.light
+
+        def predict(self, values):
+            return problem.forward.predict(values) * (np.nan if "toy.fan" in values else 1.0)
+
+    pool = pool_of(made, replace(problem, forward=Dark()))
+    odd, fan = (next(c for c in problem.candidates if c.name == n) for n in ("odd", "fan"))
+    dark = pool.fit((fan,), [Begin({})])
+    best = pool.fit((odd,), [Begin({})])
+    assert pool.cost(dark) == float("inf") and pool.best() is best
+    (one,) = evidence(pool, best, adequate=True)
+    assert 0.9 < one.weight <= 1 and one.level == "certain"
+
+
 def test_bounds_hold() -> None:
     made = toy()
     problem = made.drawn(np.random.default_rng(1), odd=3.0)
