@@ -16,6 +16,7 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
+from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.misfit import along, unexplained
 from lightfield.diagnosis.verdict.found.records import found_effects
@@ -323,18 +324,20 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),
     )
-    budget = prepared.noise.budget
+    budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
+    small = unnamed.unnamed(finding, units) if advise else []
     return Verdict(
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
-        found=found_effects(found.forward, finding, _of_best(finding, phi, units)),
+        found=found_effects(found.forward, finding, of_best),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
         untestable=untestable,
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=left,
+        unnamed=small,
         reason_to_doubt=doubt,
         ladder=_rungs(found, units),
         noise_floor_percent=float(100 * np.sqrt(np.mean(sigma**2))) if counted.any() else 0.0,
@@ -346,6 +349,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
             *hints(found.forward, problem, found.steps[-1].fit, budget.calibration),
             *exchanged(found.forward, problem, finding),
             *cautions(found.readings, prepared, finding, explanations),
+            *unnamed.warnings(small, of_best),
         ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=level.tolerance > 0,

@@ -101,6 +101,14 @@ class FoundEffect(Part):
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 
 
+class Unnamed(Part):
+    """An effect that is too small to be named, and changes values by more than their stated errors."""
+
+    effect: str
+    sigma: float = Field(description="by how much the readings ask for it; less than its price")
+    with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
+
+
 class NearestRival(Part):
     """The next explanation and its distance."""
 
