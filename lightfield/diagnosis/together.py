@@ -21,7 +21,15 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise, Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.search.pool.evidence import GAP, NAMED_GAP, PLUS_GAP, Evidence, Weighing, evidence
+from lightfield.diagnosis.search.pool.evidence import (
+    GAP,
+    NAMED_GAP,
+    PLUS_GAP,
+    Evidence,
+    Weighing,
+    contained,
+    evidence,
+)
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
@@ -248,11 +256,11 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
         distance = np.sqrt(max(node.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi)
         noise = best.parameters - node.parameters
         spread = max(_spread(distance**2, abs(noise)), 1.0)
-        contains = any(name in c.effect.contains for c in node.explanation)
+        contains = contained(name, node)
         margin = weighing.above(node) + noise - (GAP if contains else NAMED_GAP)
         named.meet(margin / spread, node)
         certain.meet(margin / spread, node)
-        if len(node.explanation) <= len(best.explanation) + 1:
+        if not contains and weighing.with_one_more([node]):
             certain.meet((weighing.above_unpriced(node) + noise - PLUS_GAP) / spread, node)
     rival = certain.node if named.chance >= LIKELY else named.node
     return Expected(

@@ -227,3 +227,11 @@ def test_a_beam_that_is_not_brightest_on_its_axis_has_its_widths() -> None:
     expected = np.interp(-0.5 * ring.max(), -ring[40:], theta[40:])
     assert np.degrees(widths[0][0]) == pytest.approx(expected, abs=0.02)
     assert widths[0] == pytest.approx(widths[1], rel=1e-6)
+
+
+def test_absorption_below_zero_is_none_on_endless_paths() -> None:
+    """Those at 90 degrees would be of infinite light, where a fit steps a little too far."""
+    x, z = np.array([0.0, 0.4]), np.array([5.0, 5.0])
+    field, (a, b) = ScatteredField(x, 0 * x, z), (np.zeros(1), np.array([0.3]))
+    none, less = field.at(scene(), a, b), field.at(scene(), a - 1e-6, b)
+    assert np.isfinite(none).all() and less == pytest.approx(none, rel=1e-4)

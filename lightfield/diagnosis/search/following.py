@@ -53,11 +53,11 @@ def ratio_at(
 def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Problem:
     """The problem with the light that these traces tell."""
     forward, r = problem.forward, problem.forward.readings
-    response = forward.light.traced
+    response, before = forward.light.traced, forward.light.followed
     assert isinstance(response, DiffuseResponse)
-    return replace(
-        problem, forward=forward.following(FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced))
-    )
+    field = before.field if isinstance(before, FollowedLight) else None
+    light = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
+    return replace(problem, forward=forward.following(light))
 
 
 def following(problem: Problem, fit: Fit, seed: int) -> Problem:

@@ -182,7 +182,7 @@ def _settle(problem: Problem, tried: Tried) -> _Settled:
         values = now.fit.values
         scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + k)
         traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
-        own = with_light(problem, [(s, r) for _, s, r in traced])
+        own = with_light(now.problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
         whiten, fit = under_own_errors(own, tried.explanation, now.fit, now.whiten)
         if k == 0 and _moved(fit, before) > _FAR:

@@ -9,8 +9,6 @@ import numpy as np
 
 from lightfield import __version__
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.families import coordinates
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
@@ -18,7 +16,9 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
+from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
+from lightfield.diagnosis.verdict.found.misfit import along, unexplained
 from lightfield.diagnosis.verdict.found.records import found_effects
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
 from lightfield.diagnosis.verdict.parts import (
@@ -37,7 +37,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
-from lightfield.diagnosis.verdict.trust import Trust, error_scale, standard_errors
+from lightfield.diagnosis.verdict.trust import Trust, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -46,9 +46,6 @@ from lightfield.scene import Scene
 
 #: Why an effect cannot be told from what the base model moves.
 ABSORBED = "absorbed by gain, beam width and absorption with these readings"
-#: A family of unknown factors is named when it takes away this part of the misfit. Chosen: a third; of a
-#: misfit that is a function of one coordinate alone it takes nearly all (test_families.py).
-_NAMED = 0.35
 
 
 @dataclass(frozen=True)
@@ -239,32 +236,6 @@ def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
     return advice.model_copy(update={"sentence": words.next_reading(one.names, two.names, advice)})
 
 
-def _unexplained(prepared: Prepared, finding: Finding) -> tuple[Misfit | None, NextMeasurement]:
-    problem, noise = prepared.problem, prepared.noise
-    # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
-    scale = error_scale(prepared, finding)
-    plain = Whitener(noise, 0.0, 1.0, 0.0)
-    # Beside what is certain all the same; the rest of the best set may only imitate what is unknown.
-    known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
-    like = finding.closest.fit if known and finding.closest else finding.level.base
-    place = dict(zip(like.paths, like.u, strict=True))
-    start = np.array([place[p.path] for p in problem.model(known).parameters])
-    base = problem.fit(known, plain, [start])
-    ranked = coordinates(problem, plain, base, scale)
-    best = ranked[0] if ranked and ranked[0].explained > _NAMED else None
-    z = np.abs(problem.keep * (problem.value - base.prediction) / noise.sigma)
-    worst = int(z.argmax())
-    lay = problem.layout
-    spot = Spot(
-        x_m=float(lay.x_m[worst]), y_m=float(lay.y_m[worst]), z_m=float(lay.z_m[worst]),
-        medium="air" if lay.air[worst] else "water", repeats=aside_words.REPEATS,
-    )  # fmt: skip
-    misfit: Misfit | None = None
-    if best is not None:
-        misfit = Misfit(coordinate=best.name, worst_at=best.worst_at, period_deg=best.period_deg)
-    return misfit, NextMeasurement(sentence=words.repeat(spot, misfit), readings=[spot])
-
-
 def _set_aside(found: Found) -> list[SetAside]:
     """Outliers, farthest first, then saturated readings."""
     readings, trust = found.readings, found.trust
@@ -333,8 +304,9 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         if kind == "ambiguous" and other is not None and advise:
             advice = _advice(found, best, other)
     elif kind == "unexplained" and not finding.withheld:
-        misfit, advice = _unexplained(prepared, finding)
-        left = left_over(prepared, finding, found.readings, estimates) if advise else []
+        local = left_over(prepared, finding, found.readings, estimates) if advise else []
+        misfit, advice = unexplained(prepared, finding, local)
+        left = along(misfit, [one.record for one in local])
     aside = _set_aside(found)
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
@@ -352,18 +324,20 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),
     )
-    budget = prepared.noise.budget
+    budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
+    small = unnamed.unnamed(finding, units) if advise else []
     return Verdict(
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
-        found=found_effects(found.forward, finding, _of_best(finding, phi, units)),
+        found=found_effects(found.forward, finding, of_best),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
         untestable=untestable,
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=left,
+        unnamed=small,
         reason_to_doubt=doubt,
         ladder=_rungs(found, units),
         noise_floor_percent=float(100 * np.sqrt(np.mean(sigma**2))) if counted.any() else 0.0,
@@ -375,6 +349,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
             *hints(found.forward, problem, found.steps[-1].fit, budget.calibration),
             *exchanged(found.forward, problem, finding),
             *cautions(found.readings, prepared, finding, explanations),
+            *unnamed.warnings(small, of_best),
         ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=level.tolerance > 0,

@@ -90,7 +90,7 @@ class FoundEffect(Part):
     )
     gap_named: float | None = Field(None, description="the same, without curves that it is a special case of")
     gap_plus: float | None = Field(
-        None, description="the same among sets with at most one effect more, all parameters counted alike"
+        None, description="gap_named among sets with at most one effect more, all parameters counted alike"
     )
     rival: list[str] = Field(default_factory=list, description="the best set without it")
     alternatives: list[list[str]] = Field(
@@ -99,6 +99,14 @@ class FoundEffect(Part):
     weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
     with_it: WaterAndBeam
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
+
+
+class Unnamed(Part):
+    """An effect that is too small to be named, and changes values by more than their stated errors."""
+
+    effect: str
+    sigma: float = Field(description="by how much the readings ask for it; less than its price")
+    with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
 
 
 class NearestRival(Part):

@@ -20,6 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
     Rung,
     SetAside,
     StatedEffect,
+    Unnamed,
 )
 from lightfield.diagnosis.verdict.text import words_of
 from lightfield.diagnosis.verdict.words import doubt
@@ -41,6 +42,10 @@ class Verdict(Part):
     misfit: Misfit | None = Field(None, description="what is unexplained, and depends on one coordinate")
     left_over: list[LeftOver] = Field(
         default_factory=list, description="of an unexplained rest: local unknowns, the best first"
+    )
+    unnamed: list[Unnamed] = Field(
+        default_factory=list,
+        description="effects too small to be named that would change values beyond their stated errors",
     )
     reason_to_doubt: Doubt | None = Field(
         None, description="why nothing is named or ruled out whatever was found"

@@ -18,14 +18,19 @@ from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
 from lightfield.formula.scattered.nodes import (
-    Places,
+    Table,
     half_width_rad,
-    intensity,
     mean_cosine,
     near,
     shares_at,
 )
-from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
+from lightfield.formula.scattered.single import (
+    LitPaths,
+    Resolution,
+    SinglePaths,
+    TabledPaths,
+    single_paths,
+)
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_round_section, is_tilted
@@ -112,7 +117,6 @@ class ScatteredField:
         self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
         self._paths = lru_cache(_STEPS)(self._paths_to)
-        self._places = lru_cache(_STEPS)(self._places_on)
         self._sent = lru_cache(_STEPS)(self._sent_along)
         self._spreads = lru_cache(_STEPS)(self._spread)
 
@@ -191,26 +195,22 @@ class ScatteredField:
                 out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
         return out
 
-    def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[SinglePaths]:
+    def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[TabledPaths]:
         """Paths of light that is scattered once, to all angles at every distance."""
-        angles, fine = _angles(most), Resolution.for_beam(width, most)
-        return [
-            single_paths(phase, width, angles * (z + behind_m), np.full(len(angles), z), behind_m, fine)
-            for z in np.exp(self._log_z).tolist()
-        ]
+        angles, fine, table = _angles(most), Resolution.for_beam(width, most), Table.of(width)
+
+        def to(z: float) -> SinglePaths:
+            far = np.full(len(angles), z)
+            return single_paths(phase, width, angles * (z + behind_m), far, behind_m, fine)
+
+        return [TabledPaths.of(table, to(z)) for z in np.exp(self._log_z).tolist()]
 
     def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[LitPaths]:
         """The same paths with the light of a lamp on them."""
-        which = phase, _stepped(half_width_rad(lamp)), lamp.apparent_distance_m, most
-        paths = self._paths(*which)
-        if lamp.profile == "table" or lamp.profile_departure:
-            places = self._places(*which)
-            return [one.lit(at.intensity(lamp)) for one, at in zip(paths, places, strict=True)]
-        return [one.lit(intensity(lamp, one.theta_squared)) for one in paths]
-
-    def _places_on(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[Places]:
-        """Where the paths leave the lamp."""
-        return [Places.of(width, one.theta_squared) for one in self._paths(phase, width, behind_m, most)]
+        width, behind_m = _stepped(half_width_rad(lamp)), lamp.apparent_distance_m
+        tabled = self._paths(phase, width, behind_m, most)
+        light = tabled[0].table.intensity(lamp)
+        return [one.lit(light) for one in tabled]
 
     def _spread(self, phase: TracedPhase, behind_m: float, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""

@@ -56,7 +56,9 @@ class Spread:
 
     def q(self, a: float) -> Array:
         """Q at the nodes of the transform, m."""
-        lost = np.exp(-a * self._s[:, None] * self._longer)
+        # Paths at 90 degrees are endless: an absorption below zero, as a fit may ask for, would make light of
+        # every size there.
+        lost = np.exp(-max(a, 0.0) * self._s[:, None] * self._longer)
         return np.asarray(_between(self.reach) @ (self._kept @ lost.ravel()))
 
 

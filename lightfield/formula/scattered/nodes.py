@@ -101,35 +101,32 @@ def intensity(lamp: Lamp, theta_squared: Array) -> Array:
     return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
 
 
-class Places(NamedTuple):
-    """Angles of emission between those of a table, where the light of one lamp after the other is wanted.
+class Table(NamedTuple):
+    """Angles of emission at which a lamp is tabulated where its light is wanted at many others.
 
     Parameters
     ----------
     theta : array, shape (n_table,), rad
-    before : array of int
-        The table's angle before each.
-    part : array, of the same shape
-        How far it is to the next.
+        At equal distances to half a turn, and one beyond, where no light is.
     """
 
     theta: Array
-    before: NDArray[np.int32]
-    part: Array
 
     @classmethod
-    def of(cls, half_width_rad: float, theta_squared: Array) -> Places:
-        """For beams of about this half width; rad^2."""
+    def of(cls, half_width_rad: float) -> Table:
+        """For beams of about this half width."""
         theta = np.linspace(0.0, HALF_PI, math.ceil(_PER_HALF_WIDTH * HALF_PI / half_width_rad) + 1)
-        theta = np.append(theta, theta[-1] + theta[1])  # no light there
-        at = np.minimum(np.sqrt(theta_squared) / theta[1], len(theta) - 1)
-        before = np.minimum(at.astype(np.int32), len(theta) - 2)
-        return cls(theta, before, at - before)
+        return cls(np.append(theta, theta[-1] + theta[1]))
 
     def intensity(self, lamp: Lamp) -> Array:
-        """`intensity` there, for beams that no short formula gives."""
-        light = intensity(lamp, self.theta**2)
-        return np.asarray(light[self.before] + self.part * np.diff(light)[self.before])
+        """Radiant intensity over that on the axis at every angle of the table."""
+        return intensity(lamp, self.theta**2)
+
+    def between(self, theta_squared: Array) -> tuple[NDArray[np.int32], Array]:
+        """The table's angle before each squared one, rad^2, and how far it is to the next."""
+        at = np.minimum(np.sqrt(theta_squared) / self.theta[1], len(self.theta) - 1)
+        before = np.minimum(at.astype(np.int32), len(self.theta) - 2)
+        return before, at - before
 
 
 @lru_cache(maxsize=256)

@@ -17,9 +17,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import interval, turns
+from lightfield.formula.scattered.nodes import Table, interval, turns
 from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
@@ -70,6 +71,48 @@ class SinglePaths(NamedTuple):
         sent = intensity * self.weight
         together = self.water_m.shape[-1] == 1
         return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, self.water_m, self.share)
+
+
+class TabledPaths(NamedTuple):
+    """The same paths, lit by lamps that are tabulated over the angle: their light is linear in the table.
+
+    Parameters
+    ----------
+    table : Table
+    onto : sparse array, shape (n_paths, n_table), m^-1
+        Light on each path, or on those of one length together, from that in the table.
+    shape : tuple of int
+        Of the paths: (n, n_arcs, n_along, n_around or 1).
+    water_m, share : arrays
+        As those of `SinglePaths`.
+    """
+
+    table: Table
+    onto: csr_array
+    shape: tuple[int, ...]
+    water_m: Array
+    share: Array
+
+    @classmethod
+    def of(cls, table: Table, paths: SinglePaths) -> TabledPaths:
+        """Of these paths."""
+        before, part = table.between(paths.theta_squared.ravel())
+        weight, together = paths.weight.ravel(), paths.water_m.shape[-1] == 1
+        around = paths.weight.shape[-1] if together else 1
+        onto = csr_array(
+            (
+                np.stack([weight * (1 - part), weight * part], axis=1).ravel(),
+                np.stack([before, before + 1], axis=1).ravel(),
+                np.arange(0, 2 * len(weight) + 1, 2 * around, dtype=np.int32),
+            ),
+            shape=(len(weight) // around, len(table.theta)),
+        )
+        shape = (*paths.weight.shape[:-1], paths.weight.shape[-1] // around)
+        return cls(table, onto, shape, paths.water_m, paths.share)
+
+    def lit(self, intensity: Array) -> LitPaths:
+        """With the light of a lamp, given its intensity at the angles of the table, relative to its axis."""
+        return LitPaths((self.onto @ intensity).reshape(self.shape), self.water_m, self.share)
 
 
 class LitPaths(NamedTuple):

@@ -45,8 +45,15 @@ class FollowedLight:
         response: DiffuseResponse,
         places: tuple[Array, Array, Array],
         traced: Sequence[tuple[Scene, Ratio]],
+        field: ScatteredField | None = None,
     ) -> FollowedLight:
-        """From one trace or several, each with the scene that it is of; photons pooled."""
+        """From one trace or several, each with the scene that it is of; photons pooled.
+
+        Parameters
+        ----------
+        field : ScatteredField, optional
+            At the same places: what it has worked out is known.
+        """
         x, y, z = (np.asarray(v, float) for v in places)
         z = np.where(z > 0, z, 1.0)  # in air, or behind the window: asked for by nobody
         shares = np.array([ratio.photons for _, ratio in traced], float)
@@ -57,7 +64,8 @@ class FollowedLight:
             basis = ratio.basis(scene, x, y, z)
             value = value + share * ratio.value @ basis.T
             roots.append(share * np.einsum("nk,wkj->wnj", basis, ratio.root))
-        return cls(ScatteredField(x, y, z), response, np.asarray(value), np.concatenate(roots, axis=2))
+        known = ScatteredField(x, y, z) if field is None else field
+        return cls(known, response, np.asarray(value), np.concatenate(roots, axis=2))
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered and reflected light for unit on-axis intensity, shape (n_wavelengths, n), m^-2."""

@@ -106,6 +106,8 @@ def test_part_of_what_is_unexplained_is_told() -> None:
     assert sum(rung.removed_percent or 0 for rung in verdict.ladder) > 50
     assert verdict.certain == verdict.simplest == []
     assert "remove" in verdict.sentence and verdict.next_measurement is not None
+    assert verdict.misfit is not None and verdict.misfit.coordinate == "x"
+    assert verdict.misfit.worst_at == pytest.approx(0.2, abs=0.06), "of the shadow, not of the lamp's place"
 
 
 def _shadow(table: Readings) -> np.ndarray:

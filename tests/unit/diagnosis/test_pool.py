@@ -153,6 +153,10 @@ def test_what_is_certain_beside_an_unknown_is_said() -> None:
     assert all(level == "one of" for name, level in levels.items() if name != "odd")
 
 
+DUSK_AND_FAN = frozenset({("dusk", "linear"), ("fan", "linear")})
+TWO_TERMS = frozenset({("profile", "2 terms")})
+
+
 def with_curve() -> Toy:
     """A curve of up to four smooth terms across the beam, of which the effect "round" is a special case."""
     lay = layout()
@@ -162,13 +166,18 @@ def with_curve() -> Toy:
     return Toy.of(candidates, columns | {f"profile{k}": t for k, t in enumerate(terms)}, lay)
 
 
-def test_a_named_form_wins_where_it_suffices() -> None:
-    """Certain even beside the curve that contains it: the curve has more to pay."""
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_named_form_wins_where_it_suffices(seed: int) -> None:
+    """Certain even beside the curve that contains it, which does as well at any time: the curve has more to
+    pay, and the named effect is judged against what is not its own special case."""
     made = with_curve()
-    found = many(made, made.drawn(np.random.default_rng(1), round=4.0, dusk=3.0, fan=2.0))
+    found = many(made, made.drawn(np.random.default_rng(seed), round=4.0, dusk=3.0, fan=2.0))
     assert found.best.names == {"round", "dusk", "fan"}
     (of_round,) = [e for e in found.evidence if e.candidate.name == "round"]
-    assert of_round.gap < of_round.gap_named and of_round.level in ("certain", "simplest")
+    assert 3 < of_round.gap < of_round.gap_named and of_round.level == "certain"
+    (curve_instead,) = [n for n in found.pool.nodes.values() if n.key == {*TWO_TERMS, *DUSK_AND_FAN}]
+    extra = found.best.fit.chi2 - curve_instead.fit.chi2
+    assert extra > -0.1, "the curve contains it"
 
 
 def test_a_curve_is_found_where_no_name_will_do() -> None:
@@ -263,6 +272,26 @@ def test_an_effect_whose_light_is_no_number_is_left_where_it_was() -> None:
     fit = settled_fit(replace(problem, forward=Broken()), tuple(both), made.whiten, Begin({}), 20, 1e-6)
     found, _, _ = made.regression(problem, "odd")
     assert fit.values["toy.odd"] == pytest.approx(found[-1], rel=1e-3) and fit.values["toy.fan"] == 0
+
+
+def test_a_set_without_any_light_is_behind_all_others() -> None:
+    """Also in the order of costs and in weights, where a chi-square that is no number would spoil all."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=2.5)
+
+    class Dark:
+        light = problem.forward.light
+
+        def predict(self, values):
+            return problem.forward.predict(values) * (np.nan if "toy.fan" in values else 1.0)
+
+    pool = pool_of(made, replace(problem, forward=Dark()))
+    odd, fan = (next(c for c in problem.candidates if c.name == n) for n in ("odd", "fan"))
+    dark = pool.fit((fan,), [Begin({})])
+    best = pool.fit((odd,), [Begin({})])
+    assert pool.cost(dark) == float("inf") and pool.best() is best
+    (one,) = evidence(pool, best, adequate=True)
+    assert 0.9 < one.weight <= 1 and one.level == "certain"
 
 
 def test_bounds_hold() -> None:

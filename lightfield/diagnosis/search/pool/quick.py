@@ -43,6 +43,12 @@ class Begin:
     slopes: Mapping[str, Array] = field(default_factory=dict)
 
 
+def _square(residual: Array) -> float:
+    """Chi-square; infinite where light is no number: no order holds among sets that have none."""
+    chi2 = float(residual @ residual)
+    return chi2 if np.isfinite(chi2) else float("inf")
+
+
 class _Quick:
     def __init__(self, problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin) -> None:
         self.problem, self.whiten, self.model = problem, whiten, problem.model(explanation)
@@ -52,7 +58,7 @@ class _Quick:
         self.evaluations, self.diffuse = 0, any(c.effect.diffuse for c in explanation)
         self.explanation, self.near = explanation, self.model
         self.prediction, self.residual = self._at(self.u)
-        self.chi2 = float(self.residual @ self.residual)
+        self.chi2 = _square(self.residual)
         self._come_near()
         self.slopes = np.stack(
             [
@@ -122,8 +128,8 @@ class _Quick:
             if not np.isfinite(gain) or gain < tolerance * max(1.0, self.chi2 / kept):
                 return
             prediction, residual = self._at(self.u + step)
-            chi2 = float(residual @ residual)
-            if np.isfinite(chi2) and chi2 < self.chi2:
+            chi2 = _square(residual)
+            if chi2 < self.chi2:
                 self._learn(step, self.residual - residual)
                 self.u, self.prediction, self.residual, self.chi2 = self.u + step, prediction, residual, chi2
                 self.damping, failed = max(self.damping / _FALL, _LEAST), 0

@@ -6,7 +6,7 @@ They say where the rest is, how wide and how large; not what it is. So none of t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -39,12 +39,20 @@ _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: Times are told in minutes.
 _UNIT = {"time": 1 / 60}
 
+
+@dataclass(frozen=True)
+class Local:
+    """A local unknown, beside effects of the best set."""
+
+    record: LeftOver
+    explanation: Explanation
+    fit: Fit
+
+
 Estimates = Callable[[Fit, float, dict[str, str]], dict[str, Estimate]]
 
 
-def left_over(
-    prepared: Prepared, finding: Finding, readings: Readings, estimates: Estimates
-) -> list[LeftOver]:
+def left_over(prepared: Prepared, finding: Finding, readings: Readings, estimates: Estimates) -> list[Local]:
     """Local unknowns beside the best set or what is certain of it, the best first; none of many readings.
 
     Parameters
@@ -70,7 +78,8 @@ def left_over(
     for name, made in sorted(best.items(), key=lambda item: pool.cost(item[1])):
         share = 100 * (node.fit.chi2 - made.fit.chi2) / rest if rest > 0 else 0.0
         if share > _TOLD:
-            out.append(_record(pool, forward, made, name, share, estimates))
+            record = _record(pool, forward, made, name, share, estimates)
+            out.append(Local(record, made.explanation, made.fit))
     return out
 
 

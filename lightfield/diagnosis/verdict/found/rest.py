@@ -21,6 +21,8 @@ _STAGE = {"x": "path", "y": "path", "z": "path", "theta": "source", "time": "sou
 
 def sentences(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
     """One sentence on what describes the rest, where something does, and one on what the user can do."""
+    # One that lies along another coordinate than the rest does tells of a part of it only.
+    left = [one for one in left if misfit is None or one.coordinate == misfit.coordinate]
     told = [_described(left[0])] if left else []
     return " ".join([*told, _suspect(left, misfit)])
 

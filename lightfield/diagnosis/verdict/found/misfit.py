@@ -1,0 +1,158 @@
+"""The coordinate of what nothing explains: one answer of free factors and of local unknowns together.
+
+Each stands beside a set of effects: what is certain all the same, the best set, or what a local unknown has
+left of it. The rest of the best set may only imitate what is unknown, or may be right; which of all these
+describes the readings best, for the numbers that it takes, decides (Schwarz 1978,
+doi:10.1214/aos/1176344136), so that the headline and the curve of the rest speak of one thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.families import coordinates
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.verdict import aside_words, words
+from lightfield.diagnosis.verdict.found.left import Local
+from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, NextMeasurement, Spot
+from lightfield.diagnosis.verdict.trust import error_scale
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.parameter import FitParameter, Model
+
+#: A coordinate is named when a factor along it takes away this part of the misfit. Chosen: a third; of a
+#: misfit that is a function of one coordinate alone it takes nearly all (test_families.py).
+NAMED = 0.35
+
+
+@dataclass(frozen=True)
+class _Description:
+    """A factor along one coordinate beside a set of effects.
+
+    Parameters
+    ----------
+    score : float
+        Chi-square in units of the noise, plus ln(n) for every number beside the base model's.
+    explained : float
+        Part of what is left beside the effects that it takes away.
+    prediction : array, shape (n,)
+        Of the effects alone.
+    """
+
+    score: float
+    explained: float
+    misfit: Misfit
+    prediction: Array
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """A forward model near a fit, by its slopes there: other factors move what was fitted but little."""
+
+    parameters: tuple[FitParameter, ...]
+    fit: Fit
+    slopes: Array
+
+    def predict(self, values: Mapping[str, float]) -> Array:
+        u = np.array([p.coordinate_of(values[p.path]) for p in self.parameters])
+        return np.asarray(self.fit.prediction + self.slopes @ (u - self.fit.u))
+
+
+def unexplained(
+    prepared: Prepared, finding: Finding, local: Sequence[Local]
+) -> tuple[Misfit | None, NextMeasurement]:
+    """On what the rest depends, where it is a function of one coordinate, and where to read again.
+
+    Parameters
+    ----------
+    local : sequence of Local
+        Local unknowns that describe what the best set leaves, the best first.
+    """
+    problem = prepared.problem
+    # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
+    scale, plain = error_scale(prepared, finding), Whitener(prepared.noise, 0.0, 1.0, 0.0)
+    beside = [_refitted(problem, finding, plain)]
+    if finding.closest is not None:
+        beside.append((finding.closest.explanation, _linear(problem, finding.closest.fit, plain)))
+    found = [d for effects, fit in beside for d in _factors(problem, plain, effects, fit, scale)]
+    if local:
+        found.append(_local(problem, plain, local[0], beside[-1][1], scale))
+    best = min(found, key=lambda d: d.score, default=None)
+    prediction = beside[0][1].prediction if best is None else best.prediction
+    z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
+    spot = _spot(problem, int(z.argmax()))
+    misfit = best.misfit if best is not None and best.explained > NAMED else None
+    return misfit, NextMeasurement(sentence=words.repeat(spot, misfit), readings=[spot])
+
+
+def along(misfit: Misfit | None, left: Sequence[LeftOver]) -> list[LeftOver]:
+    """Local unknowns along the coordinate that is named first: they are drawn and told."""
+    return sorted(left, key=lambda one: misfit is not None and one.coordinate != misfit.coordinate)
+
+
+def _spot(problem: Problem, at: int) -> Spot:
+    lay = problem.layout
+    return Spot(
+        x_m=float(lay.x_m[at]), y_m=float(lay.y_m[at]), z_m=float(lay.z_m[at]),
+        medium="air" if lay.air[at] else "water", repeats=aside_words.REPEATS,
+    )  # fmt: skip
+
+
+def _refitted(problem: Problem, finding: Finding, plain: Whitener) -> tuple[Explanation, Fit]:
+    """The base model, and what is certain all the same."""
+    known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
+    like = finding.closest.fit if known and finding.closest else finding.level.base
+    place = dict(zip(like.paths, like.u, strict=True))
+    start = np.array([place[p.path] for p in problem.model(known).parameters])
+    return known, problem.fit(known, plain, [start])
+
+
+def _linear(problem: Problem, fit: Fit, plain: Whitener) -> Fit:
+    """A fit as it is, whitened plainly, in the model that is linear about it."""
+    own = fit.model
+    slopes = own.jacobian(fit.u, fit.prediction)
+    model = Model(_Linear(own.parameters, fit, slopes), own.parameters)
+    residual = plain(problem.keep * (problem.value - fit.prediction))
+    whitened = np.asarray(plain(problem.keep[:, None] * slopes))
+    chi2 = float(residual @ residual)
+    return replace(fit, model=model, residual=residual, chi2=chi2, differentiate=lambda: whitened)
+
+
+def _numbers(problem: Problem, effects: Explanation) -> float:
+    """What the parameters of effects add to a score."""
+    return float(np.log(problem.keep.sum()) * sum(len(c.parameters) for c in effects))
+
+
+def _factors(
+    problem: Problem, plain: Whitener, effects: Explanation, fit: Fit, scale: float
+) -> list[_Description]:
+    """Free factors along every coordinate."""
+    more = _numbers(problem, effects)
+    return [
+        _Description(
+            one.score + more, one.explained,
+            Misfit(coordinate=one.name, worst_at=one.worst_at, period_deg=one.period_deg), fit.prediction,
+        )
+        for one in coordinates(problem, plain, fit, scale)
+    ]  # fmt: skip
+
+
+def _local(problem: Problem, plain: Whitener, one: Local, best: Fit, scale: float) -> _Description:
+    """A local unknown, on the same footing."""
+    residual = plain(problem.keep * (problem.value - one.fit.prediction))
+    score = float(residual @ residual) / scale + _numbers(problem, one.explanation)
+    record = one.record
+    worst = int(np.argmax(np.abs(np.array(record.factor) - 1.0)))
+    period = record.parameters.get("period")
+    misfit = Misfit(
+        coordinate=record.coordinate,
+        worst_at=record.at[worst],
+        period_deg=None if period is None else period.value,
+    )
+    return _Description(score, record.removed_percent / 100, misfit, best.prediction)

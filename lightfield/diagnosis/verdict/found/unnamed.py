@@ -1,0 +1,119 @@
+"""Effects that are too small to be named, and what they would change: a warning beside the stated errors.
+
+An effect that the readings ask for a little, less than its price, is not in the best set: a claim would be
+wrong too often. But the water and the beam that are fitted without it carry it, and their standard errors,
+those of the best set alone, do not know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import MANY
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.evidence import Weighing
+from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
+from lightfield.diagnosis.verdict.words import join
+from lightfield.fitting.light_source import GAIN
+
+#: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
+#: any. Chosen: a warning in three of ten such verdicts, and only where it also changes something.
+LEVEL = 0.3
+#: A change is spoken of from so many stated errors on. Chosen: within two a value is as it was said to be.
+CHANGED = 2.0
+#: So many effects are fitted, of those that promise most, and so many are told.
+_FITTED, _TOLD = 4, 2
+
+
+def unnamed(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
+    """Named effects that are absent from the best set for their price alone, those first that save most.
+
+    None of many readings, where fits take their time, and none beside an unexplained rest, whose own size is
+    told.
+
+    Parameters
+    ----------
+    units : mapping
+        Unit of every parameter.
+    """
+    many, best = finding.many, finding.best
+    if many is None or best is None or many.pool.problem.layout.size > MANY:
+        return []
+    pool = many.pool
+    node = pool.nodes.get(many.best.key)
+    if node is None or {c.key for c in best.explanation} != node.key:
+        return []
+    weighing = Weighing.of(pool, node)
+    out = []
+    for other, candidate in _with_one_more(pool, node, weighing.phi):
+        saved = (node.fit.chi2 - other.fit.chi2) / weighing.phi
+        if saved > _asked(pool, candidate) and (changed := _changed(node, other, weighing.phi, units)):
+            out.append(Unnamed(effect=candidate.name, sigma=float(np.sqrt(saved)), with_it=changed))
+    return sorted(out, key=lambda one: -one.sigma)[:_TOLD]
+
+
+def _asked(pool: Pool, candidate: Candidate) -> float:
+    """Chi-square that one effect of all saves by chance with that probability, in units of the noise."""
+    ground, d = pool.ground, len(candidate.parameters)
+    names = {c.name for c in ground.problem.candidates}
+    return d * float(special.fdtri(d, ground.nu, 1 - LEVEL / len(names)))
+
+
+def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candidate]]:
+    """The best set with a named effect more, of those that promise most one form each."""
+    promises = [
+        p
+        for p in pool.promises(node)
+        if not p.candidate.effect.is_free_form and p.starts[0].gain > phi * _asked(pool, p.candidate)
+    ]
+    chosen: dict[str, tuple[Node, Candidate]] = {}
+    for promise in sorted(promises, key=lambda p: p.cost):
+        wanted = promise.candidate.name not in chosen and len(chosen) < _FITTED
+        if wanted and pool.affordable((*node.explanation, promise.candidate)):
+            chosen[promise.candidate.name] = pool.settled(pool.add(promise)), promise.candidate
+    return list(chosen.values())
+
+
+def _changed(node: Node, other: Node, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
+    """Water, beam and effects that would be other ones by more than their stated errors."""
+    stated, wider = node.fit.stderr(phi), other.fit.stderr(phi)
+    before, after = node.fit.values, other.fit.values
+    return {
+        path: Estimate(
+            value=after[path],
+            stderr=wider[path] if np.isfinite(wider[path]) else None,
+            unit=units.get(path, "reading"),
+        )
+        for path in node.fit.paths
+        if not path.startswith(GAIN) and abs(after[path] - before[path]) > CHANGED * stated[path]
+    }
+
+
+def warnings(told: Sequence[Unnamed], values: dict[str, Estimate]) -> list[str]:
+    """One sentence for each.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the best set by path, as stated.
+    """
+    out = []
+    for one in told:
+        changes = [
+            f"{path} from {values[path].value:.3g} to {e.value:.3g}"
+            + ("" if e.stderr is None else f" ± {e.stderr:.1g}")
+            + ("" if e.unit == "1" else f" {e.unit}")
+            for path, e in one.with_it.items()
+            if path in values
+        ]
+        if changes:
+            out.append(
+                f"{join([one.effect])} is too small to be named ({one.sigma:.1f} sigma), but if it is there "
+                f"it changes {', '.join(changes)}: more than the stated errors say"
+            )
+    return out

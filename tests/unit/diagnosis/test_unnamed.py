@@ -1,0 +1,86 @@
+"""Effects too small to be named: what they would change, against regression with them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from toy_problem import Toy, candidate, layout, waves
+
+from lightfield.diagnosis.search.pool.nodes import Ground, Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.verdict.found import unnamed
+from lightfield.diagnosis.verdict.parts import Estimate
+
+#: So many sigma of chi-square without it: below the price of one of five, which is 3.1 (chi-square 9.5).
+SIZE = 2.8
+
+
+def columns() -> dict[str, np.ndarray]:
+    """ "lean" is half the slope of the base model; "odd" and others are like nothing in it."""
+    lay = layout()
+    bell = np.exp(-2 * lay.x_m**2)
+    lean = bell * (lay.z_m - lay.z_m.mean()) / (0.01 * bell + 0.001) / 10
+    return {**waves(lay), "lean": lean + np.cos(5 * lay.x_m + lay.z_m)}
+
+
+def finding(size: float) -> tuple[Toy, SimpleNamespace]:
+    """Readings without noise that hold a large effect and some of "lean", and what a search makes of them."""
+    found = columns()
+    made = Toy.of([candidate(name) for name in found], found)
+    hidden = {"toy.odd": 4.0, "toy.lean": size}
+    problem = made.with_value(made.base + made.problem.forward.predict(hidden))
+    pool = Pool(Ground(made.test(problem, np.random.default_rng(0).standard_normal((60, 99))), 1.0, 1000))
+    pool.fit((), [Begin({})])
+    best = pool.fit([c for c in problem.candidates if c.name == "odd"], [Begin({})])
+    return made, SimpleNamespace(
+        many=SimpleNamespace(pool=pool, best=best), best=SimpleNamespace(explanation=best.explanation)
+    )
+
+
+def sigma_of(made: Toy, size: float) -> float:
+    """By how much the readings are missed without "lean", by regression."""
+    problem = made.with_value(made.base + made.problem.forward.predict({"toy.odd": 4.0, "toy.lean": size}))
+    return float(np.sqrt(made.regression(problem, "odd")[2] - made.regression(problem, "odd", "lean")[2]))
+
+
+def test_what_a_small_effect_would_change_is_told() -> None:
+    """The slope with it is that of the regression with it, which is the truth."""
+    made, _ = finding(1.0)
+    size = SIZE / sigma_of(made, 1.0)
+    made, found = finding(size)
+    (one,) = unnamed.unnamed(found, {"slope": "1/m"})
+    assert (one.effect, one.sigma) == ("lean", pytest.approx(SIZE, rel=0.02))
+    assert list(one.with_it) == ["slope"]
+    with_it = one.with_it["slope"]
+    assert with_it.stderr is not None and abs(with_it.value - 0.1) < 0.25 * with_it.stderr
+    node = found.many.best
+    before, stderr = node.fit.values["slope"], node.fit.stderr(1.0)["slope"]
+    assert abs(before - 0.1) > 2 * stderr, "the stated error does not hold the truth"
+    said = unnamed.warnings([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
+    assert said[0].startswith("lean is too small to be named (2.8 sigma)")
+    assert f"slope from {before:.3g} to {with_it.value:.3g} ±" in said[0]
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1.5])
+def test_what_noise_would_make_is_not(sigma: float) -> None:
+    made, _ = finding(1.0)
+    _, found = finding(sigma / sigma_of(made, 1.0))
+    assert unnamed.unnamed(found, {}) == []
+
+
+def test_what_changes_nothing_is_not() -> None:
+    """An effect of the same size that is like nothing in the model: "dusk" is odd in x."""
+    found = columns()
+    made = Toy.of([candidate(name) for name in found], found)
+    size = SIZE / np.linalg.norm(found["dusk"])
+    problem = made.with_value(made.base + made.problem.forward.predict({"toy.dusk": size}))
+    pool = Pool(Ground(made.test(problem, np.random.default_rng(0).standard_normal((60, 99))), 1.0, 1000))
+    best = pool.fit((), [Begin({})])
+    told = unnamed.unnamed(
+        SimpleNamespace(many=SimpleNamespace(pool=pool, best=best), best=SimpleNamespace(explanation=())), {}
+    )
+    assert told == []
+    (promise,) = [p for p in pool.promises(best) if p.candidate.name == "dusk"]
+    assert promise.starts[0].gain > 6, "it is asked for all the same"
