@@ -31,7 +31,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.effects.local import as_file, local_unknowns
-from lightfield.fitting.fitted_curves import fitted_curves, save_lamp
+from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
@@ -195,6 +195,7 @@ class Diagnosis:
             )
         last = self.steps[-1].fit
         save_lamp(self.forward, last, target)
+        save_spectrum(self.forward, last, target)
         if curves := fitted_curves(self.forward, last, self.finding.level.phi):
             with atomic_path(target / CURVES) as temporary:
                 data = [curve.as_data() for curve in curves]

@@ -133,7 +133,7 @@ def _chosen(problem: Problem, untestable: Mapping[str, str], names: Sequence[str
             raise UsageError(
                 "a curve has no size to plan for",
                 found=name,
-                remedy=f"name one of {', '.join(effect.contains)}",
+                remedy=f"name one of {', '.join(effect.contains) or 'the named effects'}",
             )
         mine = [c for c in problem.candidates if c.name == effect.name]
         if not mine:

@@ -15,6 +15,7 @@ from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidat
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.errors import UsageError
 from lightfield.experiments import unknowns
+from lightfield.experiments.curves import draw_curve, field_to_hide
 from lightfield.experiments.layouts import LISTED, Order, scan
 from lightfield.experiments.measure import PHOTONS, Instrument, measure, rendered
 from lightfield.fitting import effects
@@ -105,8 +106,8 @@ def draw_effect(
     name: str,
     rng: np.random.Generator,
     strength: float | None = None,
-) -> dict[str, float]:
-    """Parameter values of a hidden effect.
+) -> dict[str, Any]:
+    """Parameter values of a hidden effect, nodes of a curve.
 
     Parameters
     ----------
@@ -121,14 +122,20 @@ def draw_effect(
         Unknown effect or form, or it cannot act on these readings.
     """
     effect, form = effects.get_form(name)
-    if effect.is_free_form:
+    field = field_to_hide(effect) if effect.is_free_form else None
+    if effect.is_free_form and field is None:
         raise UsageError(
             "a curve is not hidden by its name",
             found=name,
             remedy="give the true lamp's table, or hide one of " + ", ".join(effect.contains),
         )
-    setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])))
+    absolute = readings.scale == "absolute"
+    setting = Setting(scene, layout_of(readings), 1.0, float(np.ptp(scene.detector.bands_nm[0])), absolute)
     found, untestable = candidates(setting, [effect], ())
+    if field is not None and not [need for need in effect.needs if not setting.met(need)]:
+        drawn = float(np.exp(rng.uniform(*np.log(STRENGTH)))) if strength is None else strength
+        typical = effect.forms[0].amplitudes[0].typical
+        return {field: draw_curve(field, drawn * typical, readings, rng)}
     if effect.name in untestable:
         raise UsageError(
             "this effect cannot act here",
@@ -206,7 +213,7 @@ def hide(
         layout = "line" if scene.detector.positions_m is None else LISTED
     effects.all_of(scene)  # so that the scene's own are known by name
     table = scan(scene, layout, order, rng)
-    hidden: dict[str, float] = {}
+    hidden: dict[str, Any] = {}
     known = [name for name in secret.names if not name.startswith(unknowns.PREFIX)]
     for name in known:
         hidden |= draw_effect(scene, table, name, rng, secret.strength)

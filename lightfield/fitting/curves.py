@@ -8,6 +8,9 @@ itself costs no roughness and is left out, so that every curve is a departure fr
     lamp.profile_departure      s(theta), I = I_base exp(s)   int (s'' - s'/theta)^2   without 1, theta^2
     water.absorption_departure  k(z), K = K_base + k          int k'^2                 without 1
     lamp.power_departure        q(t), power = base exp(q)     int q''^2                without 1
+    lamp.spectrum_departure     p(l), power = base exp(p)     int p''^2                without 1
+    water.colour_departure      k(l), K = K_base + k          int k''^2                without 1
+    detector.plane_departure    g(z), gain = exp(g)           none: each plane's own   without 1, z
 
 An amplitude is the weighted rms of what its function changes in the logarithm of the readings.
 """
@@ -15,11 +18,12 @@ An amplitude is the weighted rms of what its function changes in the logarithm o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from lightfield.arrays import Array
@@ -36,9 +40,17 @@ PROFILE, ABSORPTION, POWER = (
     "water.absorption_departure",
     "lamp.power_departure",
 )
+SPECTRUM, COLOUR, PLANES = "lamp.spectrum_departure", "water.colour_departure", "detector.plane_departure"
+FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, PLANES)
 #: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain; K(z) at
 #: five distances has three, and hardly more are told apart at fifteen; six are a lamp's warm-up and a step.
-MOST = {PROFILE: 11, ABSORPTION: 4, POWER: 6}
+#: Eight follow the colour of a filter or of pigments 50 nm apart. Planes have a gain each, or are not asked.
+MOST = {PROFILE: 11, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, PLANES: 30}
+#: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
+#: is made of. Chosen.
+_EACH = 3
+#: Decimals in metres to which distances are one plane.
+_PLANE_DECIMALS = 3
 #: Nodes of a curve: three for each bend of the finest function. Chosen.
 NODES = 61
 #: Angles are tabulated up to so many times the largest read: tilt and offset move the axis. Chosen.
@@ -56,7 +68,8 @@ _ON_AXIS = 0.1
 _SAME = 1e-6
 #: What rounding leaves of the largest eigenvalue.
 _ROUNDING = 1e-10
-
+#: All that has no second differences: of lamps and waters over time and wavelength.
+_LINES: list[Array] = [np.ones(NODES), np.linspace(-1, 1, NODES)]
 
 #: Values by path as a scene takes them: numbers, and nodes of curves.
 Stated = Mapping[str, Any]
@@ -71,7 +84,7 @@ class Basis:
     field : str
         Dotted path of the scene's curve.
     place : array, shape (n_nodes,)
-        deg, m or s.
+        deg, m, s or nm.
     functions : array, shape (n_nodes, n_functions)
         ln of a factor, or m^-1.
     told : int
@@ -102,9 +115,12 @@ def path_of(field: str, k: int) -> str:
     return f"{field}.{k}"
 
 
+_AMPLITUDES = tuple(f"{field}." for field in FIELDS)
+
+
 def is_amplitude(path: str) -> bool:
     """Is it the name of an amplitude?"""
-    return path.startswith((f"{PROFILE}.", f"{ABSORPTION}.", f"{POWER}."))
+    return path.startswith(_AMPLITUDES)
 
 
 def field_of(path: str) -> str:
@@ -129,7 +145,8 @@ class Curves:
     def bases(self) -> dict[str, Basis]:
         """Basis of every curve that the readings can tell of, by the scene's field."""
         found = (self._profile(), self._absorption(), self._power())
-        return {basis.field: basis for basis in found if basis is not None}
+        more = (self._spectrum(), self._colour(), self._planes())
+        return {basis.field: basis for basis in (*found, *more) if basis is not None}
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -210,7 +227,8 @@ class Curves:
             return np.asarray(-integral_to(nodes, at) * steep)
 
         rough = np.diff(np.eye(NODES), axis=0)
-        return self._basis(ABSORPTION, place, z, depth, rough, [np.ones(NODES)], 1, gain=True)
+        one = np.zeros(len(z), int)
+        return self._basis(ABSORPTION, place, z, depth, rough, [np.ones(NODES)], 1, gains=one)
 
     def _power(self) -> Basis | None:
         time = np.asarray(self.readings.time_s, float)
@@ -219,9 +237,50 @@ class Curves:
             return None
         place = np.linspace(time.min(), time.max(), NODES)
         rough = np.diff(np.eye(NODES), 2, axis=0)
-        return self._basis(
-            POWER, place, time, value_at, rough, [np.ones(NODES), np.linspace(-1, 1, NODES)], 1
-        )
+        return self._basis(POWER, place, time, value_at, rough, _LINES, 1)
+
+    @cached_property
+    def _colours(self) -> Array | None:
+        """Wavelength of every reading, nm, shape (n,); None where one is unknown, or all are one."""
+        wave = np.asarray(self.readings.wavelength_nm, float)
+        return wave if np.isfinite(wave).all() and np.ptp(wave) > 0 else None
+
+    def _spectrum(self) -> Basis | None:
+        # On a relative scale each wavelength has a gain of its own, and the lamp's spectrum is part of it.
+        wave = self._colours
+        if wave is None or self.readings.scale != "absolute":
+            return None
+        place = np.linspace(wave.min(), wave.max(), NODES)
+        return self._basis(SPECTRUM, place, wave, value_at, np.diff(np.eye(NODES), 2, axis=0), _LINES, 1)
+
+    def _colour(self) -> Basis | None:
+        wave, r = self._colours, self.readings
+        wet = np.asarray(r.medium) != "air"
+        # In water without a base the absorption is free at every wavelength.
+        if wave is None or not wet.any() or self.scene.water.base == "none":
+            return None
+        ray = rays(self.scene.lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)))
+        way = np.where(wet, ray.water_m, 0.0)
+
+        def depth(nodes: Nodes, at: Array) -> Array:
+            return np.asarray(-value_at(nodes, at) * way)
+
+        place = np.linspace(wave.min(), wave.max(), NODES)
+        rough = np.diff(np.eye(NODES), 2, axis=0)
+        every = np.unique(wave, return_inverse=True)[1]
+        gains = np.zeros(len(wave), int) if r.scale == "absolute" else every
+        return self._basis(COLOUR, place, wave, depth, rough, _LINES, 1, gains=gains)
+
+    def _planes(self) -> Basis | None:
+        z = np.asarray(self.readings.z_m, float)
+        place = np.unique(np.round(z, _PLANE_DECIMALS))
+        used = int((self._weight > 0).sum())
+        if not 2 < len(place) <= MOST[PLANES] + 2 or used < _EACH * len(place):
+            return None
+        smooth = [np.ones(len(place)), place - place.mean()]
+        found = self._basis(PLANES, place, z, value_at, np.eye(len(place)), smooth, 2)
+        # What could contradict them is not other planes, but the other readings of each.
+        return found and replace(found, told=used - len(smooth))
 
     def _basis(
         self,
@@ -232,7 +291,7 @@ class Curves:
         rough: Array,
         smooth: list[Array],
         known: int,
-        gain: bool = False,
+        gains: NDArray[np.int_] | None = None,
     ) -> Basis | None:
         """Functions of Demmler and Reinsch on nodes.
 
@@ -249,22 +308,25 @@ class Curves:
             All that is not rough.
         known : int
             So many of them the base model has; the others are functions too.
-        gain : bool
-            No curve is a gain, which the base model has as well.
+        gains : array of int, shape (n,), optional
+            Readings that share a gain, which the base model has as well: no curve is one.
         """
         weight = self._weight
-        design = np.empty((len(at), NODES))
-        for j in range(NODES):
-            unit = np.zeros(NODES)
+        count = len(place)
+        design = np.empty((len(at), count))
+        for j in range(count):
+            unit = np.zeros(count)
             unit[j] = 1.0
             design[:, j] = acts(tuple(zip(place.tolist(), unit.tolist(), strict=True)), at)
-        if gain:
-            design = design - weight @ design / weight.sum()
+        if gains is not None:
+            total = np.maximum(np.bincount(gains, weight), np.finfo(float).tiny)
+            mean = np.stack([np.bincount(gains, weight * column) / total for column in design.T], axis=1)
+            design = design - mean[gains]
         metric = design.T @ (weight[:, None] * design) / weight.sum()
         functions: list[Array] = []
         taken: list[Array] = []
         for k, one in enumerate(smooth):
-            rest = one - sum((t * (t @ metric @ one) for t in taken), np.zeros(NODES))
+            rest = one - sum((t * (t @ metric @ one) for t in taken), np.zeros(count))
             size = float(np.sqrt(max(rest @ metric @ rest, 0.0)))
             if size <= _SAME * float(np.abs(design @ one).max()):
                 return None
@@ -276,7 +338,7 @@ class Curves:
         change, roughness = others.T @ metric @ others, (r := rough @ others).T @ r
         share, vectors = linalg.eigh(change, roughness)
         share, vectors = share[::-1], vectors[:, ::-1]
-        told = _levels(at[weight > 0]) - known - int(gain)
+        told = _levels(at[weight > 0]) - known - int(field == ABSORPTION)
         most = min(told, MOST[field]) - len(functions)
         more = min(most, int((share > _ROUNDING * share[0]).sum()))
         functions += [others @ vectors[:, k] / np.sqrt(share[k]) for k in range(max(more, 0))]

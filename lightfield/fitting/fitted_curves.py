@@ -10,20 +10,32 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import ABSORPTION, BEYOND, POWER, PROFILE, field_of
+from lightfield.fitting.curves import (
+    ABSORPTION,
+    BEYOND,
+    COLOUR,
+    PLANES,
+    POWER,
+    PROFILE,
+    SPECTRUM,
+    field_of,
+)
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.formula.path import attenuation_per_m
-from lightfield.formula.readout import time_factor
+from lightfield.formula.readout import plane_gain, time_factor
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import radial_intensity
-from lightfield.scene.lamp.tabulated import save_intensity
+from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.tabulated import save_intensity, save_power
 from lightfield.scene.water.layers import layers_absorption_per_m
 
 #: Places at which a curve is drawn. Chosen: twice its nodes.
 PLACES = 121
 #: The table of a fitted beam profile, beside the scene that was fitted.
 LAMP_TABLE = "lamp.csv"
+#: The table of a fitted spectrum of the lamp, there too.
+SPECTRUM_TABLE = "lamp_spectrum.csv"
 
 
 @dataclass(frozen=True)
@@ -37,9 +49,9 @@ class FittedCurve:
     coordinate, quantity : str
         Names with units, for axes.
     at : array, shape (n,)
-        deg, m or s, as far as the readings reach.
+        deg, m, s or nm, as far as the readings reach; of planes their distances.
     value, stderr : array, shape (n,)
-        Intensity over that on the axis, attenuation in 1/m, or lamp power over its mean.
+        Intensity over that on the axis, attenuation in 1/m, lamp power over its mean or in W/nm, or gain.
     without : array, shape (n,)
         The same without the departure.
     rms : float
@@ -73,10 +85,25 @@ def _attenuation(scene: Scene, z_m: Array) -> Array:
     return uniform + layers_absorption_per_m(scene.water, z_m)
 
 
+def _colour(scene: Scene, wavelength_nm: Array) -> Array:
+    return np.asarray(attenuation_per_m(scene.water, wavelength_nm))
+
+
+def _power_per_nm(scene: Scene, wavelength_nm: Array) -> Array:
+    return spectral_power(scene.lamp, wavelength_nm)
+
+
+def _plane_gain(scene: Scene, z_m: Array) -> Array:
+    return plane_gain(scene, z_m) * np.ones(z_m.size)
+
+
 _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     PROFILE: ("angle from the beam's axis (deg)", "intensity / that on the axis", _intensity),
     ABSORPTION: ("z (m)", "attenuation K (1/m)", _attenuation),
     POWER: ("time (s)", "lamp power / its mean", time_factor),
+    SPECTRUM: ("wavelength (nm)", "lamp power (W/nm)", _power_per_nm),
+    COLOUR: ("wavelength (nm)", "attenuation K (1/m)", _colour),
+    PLANES: ("z (m)", "gain of the plane", _plane_gain),
 }
 
 
@@ -106,6 +133,7 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         coordinate, quantity, shown = _SHOWN[field]
         place = curves.bases[field].place
         at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
+        at = place if field == PLANES else at
         value = shown(forward.scene_at(values, validate=False), at)
         slopes = np.empty((len(at), len(fit.u)))
         for i, parameter in enumerate(fit.model.parameters):
@@ -137,3 +165,24 @@ def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -
     to_deg = float(curves.bases[PROFILE].place[-1])
     remark = f"fitted to readings within {to_deg / BEYOND:.3g} deg of the axis; beyond it is a guess"
     return save_intensity(forward.scene_at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)
+
+
+def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
+    """Write the lamp's spectrum of a fit as a table (`spectrum = "table"`); None where none was fitted.
+
+    Parameters
+    ----------
+    folder : path-like
+        Gets lamp_spectrum.csv, whose head says the power that goes with it.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    curves = forward.light.curves
+    if curves is None or SPECTRUM not in {field_of(p) for p in fit.paths}:
+        return None
+    place = curves.bases[SPECTRUM].place
+    remark = f"fitted to readings from {place[0]:g} to {place[-1]:g} nm; beyond them it is a guess"
+    return save_power(forward.scene_at(fit.values).lamp, Path(folder) / SPECTRUM_TABLE, remark)

@@ -68,7 +68,8 @@ class SceneForward:
         air = np.asarray(readings.medium) == "air"
         spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
         overlap = analytic.halves(spectrum, readings.wavelength_nm)
-        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap)
+        z_m = np.asarray(readings.z_m, float)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap, z_m)
         self._full = float(np.max(np.abs(readings.value))) if full is None else full
 
     @property
@@ -149,7 +150,7 @@ class SceneForward:
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
-        factor = self._gain(values) * self.power(values) * self._immersed(values) * self._own(values)
+        factor = self._gain(values) * self.power(values) * self._shown(values) * self._own(values)
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
@@ -161,7 +162,7 @@ class SceneForward:
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
             there = replace(r, **moved)
             square += ((self.light.direct(scene, there) - here) / step_m) ** 2
-        return np.asarray(np.sqrt(square) * self._gain(values) * self._immersed(values))
+        return np.asarray(np.sqrt(square) * self._gain(values) * self._shown(values))
 
     def _gain(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light from an on-axis intensity of one, shape (n,)."""
@@ -185,8 +186,11 @@ class SceneForward:
         """Lamp power over its value at time zero, shape (n,)."""
         return analytic.time_factor(self._with(values, _TIME), self._time)
 
-    def _immersed(self, values: Mapping[str, float]) -> Array | float:
-        return analytic.immersed(self._with(values, READOUT), self._taken.in_air)
+    def _shown(self, values: Mapping[str, float]) -> Array | float:
+        """Factors of the readout on all light: of the plane, and of readings in water."""
+        scene = self._with(values, READOUT)
+        gain = analytic.plane_gain(scene, self._taken.z_m)
+        return gain * analytic.immersed(scene, self._taken.in_air)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""

@@ -20,7 +20,7 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula import own
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
-from lightfield.formula.readout import Taken, halves, immersed, readout, spectra, time_factor
+from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles
@@ -39,6 +39,7 @@ __all__ = [
     "immersed",
     "optical_depth",
     "paper_model",
+    "plane_gain",
     "predict",
     "rays",
     "readout",
@@ -241,7 +242,7 @@ def predict(
     if (scene.detector.stray_light or scene.detector.second_order) and wavelength is not None:
         rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
         spectrum = spectra(*places, *rest)
-    taken = Taken(in_air, spectrum, time, halves(spectrum, stated))
+    taken = Taken(in_air, spectrum, time, halves(spectrum, stated), places[2])
     if not scene.effect:
         return readout(scene, light, full, taken)
     where = (*places, stated, time)

@@ -75,12 +75,29 @@ class Taken:
         NaN (unknown) counts as 0, as if absent.
     halves : Halves, optional
         Where readings of half the wavelength are; absent, or no overlap, there is no second order.
+    z_m : array, m, optional
+        Distances; absent, every plane has the same gain.
     """
 
     in_air: ArrayLike | None = None
     spectrum: NDArray[np.int_] | None = None
     time_s: ArrayLike | None = None
     halves: Halves | None = None
+    z_m: ArrayLike | None = None
+
+
+def plane_gain(scene: Scene, z_m: ArrayLike | None) -> Array | float:
+    """Gain of the readings at each distance over what it should be: exp(departure(z)).
+
+    Parameters
+    ----------
+    scene : Scene
+        detector.plane_departure.
+    z_m : array, m, optional
+        Absent, every plane has the same gain.
+    """
+    nodes = scene.detector.plane_departure
+    return np.exp(value_at(nodes, np.asarray(z_m, dtype=float))) if nodes and z_m is not None else 1.0
 
 
 def ambient(scene: Scene, time_s: ArrayLike | None = None) -> Array | float:
@@ -160,7 +177,7 @@ _AS_USUAL = Taken()
 
 
 def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: Taken = _AS_USUAL) -> Array:
-    """What an instrument shows: immersion, second order, stray light, background added, then saturation.
+    """What an instrument shows: planes' gain, immersion, second order, stray light, background, saturation.
 
     A grating sends half a wavelength, in its second order, to where it sends the wavelength in its first
     (Palmer and Loewen 2005, Diffraction Grating Handbook, section 2.2): x(l) becomes x(l) + f x(l / 2).
@@ -172,8 +189,8 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     Parameters
     ----------
     scene : Scene
-        detector.immersion_factor, second_order, stray_light, background and its drift, saturation,
-        saturation_quadratic.
+        detector.plane_departure, immersion_factor, second_order, stray_light, background and its drift,
+        saturation, saturation_quadratic.
     signal : array
         Gain x light, in units of readings in air.
     full : float, optional
@@ -182,6 +199,8 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     """
     detector = scene.detector
     reading = np.asarray(signal, dtype=float)
+    if detector.plane_departure:
+        reading = reading * plane_gain(scene, taken.z_m)
     if detector.immersion_factor != 1.0:
         reading = reading * immersed(scene, taken.in_air)
     if detector.second_order and taken.halves is not None:

@@ -8,6 +8,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
+from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
 from lightfield.scene.spectral.peaks import Peak, kind_of
 from lightfield.scene.spectral.response import COLUMNS, response_at, response_knots_nm
@@ -140,6 +141,12 @@ class Detector(Part):
         low=0.0,
         high=0.5,
         neutral=0.0,
+    )
+    plane_departure: Curve = declare(
+        (),
+        "[[z_m, ln of a factor], ...] on the signal at each distance: linear between, constant beyond",
+        Acts.READOUT,
+        neutral=(),
     )
     immersion_factor: float = number(
         1.0,

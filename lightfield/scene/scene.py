@@ -25,8 +25,8 @@ from lightfield.scene.in_tank import (
 )
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
-    AT_FIELD,
     OWN_FIELD,
+    drop_later,
     is_listed,
     listed_parameters,
     listed_value,
@@ -43,10 +43,6 @@ from lightfield.storage.files import atomic_path
 
 __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
-#: Fields that the first scenes did not have; empty, they say nothing.
-CURVES = (("lamp", "profile_departure"), ("lamp", "power_departure"), ("water", "absorption_departure"))
-_OF_DETECTOR = ("response", "response_table", "second_order")
-LATER = (("water", AT_FIELD), *CURVES, *(("detector", name) for name in _OF_DETECTOR))
 TABLES = tuple(
     tuple(path.split("."))
     for path in (
@@ -336,11 +332,7 @@ class Scene(Part):
                 owner = owner[key]
             if owner.get(leaf):
                 owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
-        for part, name in LATER:
-            if not data[part][name]:
-                del data[part][name]  # as if the field did not exist: results of older scenes stay
-        if not data[OWN_FIELD]:
-            del data[OWN_FIELD]
+        drop_later(data)
         data["detector"]["width_m"] = self.plane_size_m[0]
         text = json.dumps(without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()

@@ -43,7 +43,8 @@ MORE = (
     '[detector]\nquantity = "radiance"\nfull_angle_deg = 5.0\naim = "axis"',
     "[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.1, 0.0, 4.5]]",
     "[lamp]\nprofile_departure = [[0.0, 0.1], [5.0, -0.2]]\npower_departure = [[0.0, 0.0], [60.0, 0.1]]",
-    "[water]\nabsorption_departure = [[4.0, 0.01], [7.0, 0.0]]",
+    "[water]\nabsorption_departure = [[4.0, 0.01], [7.0, 0.0]]\ncolour_departure = [[450.0, 0.01]]",
+    "[lamp]\nspectrum_departure = [[450.0, 0.1], [600.0, -0.1]]\n[detector]\nplane_departure = [[4.5, 0.01]]",
     "[array]\nradius_m = 0.5\ncount = [3, 3]\nadc_bits = 8\n[follower]\nx_m = 0.1\nyaw_deg = 5.0",
     '[array]\nradius_m = 0.5\nsample_hz = 200.0\n[follower.mission]\ntask = "dock"\nlaw = "lqr"\n'
     "duration_s = 0.5\ndark_for_s = 0.1\nturbid_factor = 2.0\ncurrent_x_m_per_s = 0.1",

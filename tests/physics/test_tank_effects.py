@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.light_source import LightSource
 from lightfield.formula.field import direct_field, predict
 from lightfield.readings import Readings
-from lightfield.render.at_readings import rendered_light
+from lightfield.render.at_readings import render_positions, rendered_light
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.ageing import at_time
@@ -250,6 +251,24 @@ def test_the_render_reads_with_the_same_shifted_scale() -> None:
     light, _ = rendered_light(scene, table, max_photons=2e4)
     c = [absorption_per_m(scene.water, w) + scattering_per_m(scene.water, w) for w in (577.0, 602.0)]
     assert light == pytest.approx(np.exp(-5.0 * np.array(c)) / 25, rel=5e-3)  # and little that is scattered
+
+
+def test_the_render_sees_the_colour_of_water_and_lamp() -> None:
+    """Over a base of 0.1 per m: 0.05 more at 500 nm, 0.02 less at 600; the lamp 20 % brighter at 600 nm."""
+    scene = Scene.from_dict(
+        {
+            "lamp": {"spectrum_departure": [[500.0, 0.0], [600.0, math.log(1.2)]]},
+            "water": {"absorption_per_m": 0.1, "colour_departure": [[500.0, 0.05], [600.0, -0.02]]},
+            "detector": {"positions_m": [[0.0, 0.0, 5.0]]},
+        }
+    )
+    table = Readings.from_arrays(z_m=np.full(2, 5.0), value=np.ones(2), wavelength_nm=[500.0, 600.0])
+    light, _ = rendered_light(scene, table, max_photons=2e4)
+    assert light == pytest.approx(np.exp(-5.0 * np.array([0.15, 0.08])) / 25, rel=1e-6)
+    plain = scene.with_values({"lamp.spectrum_departure": ()})
+    at = np.array([500.0, 600.0])
+    bright, before = (render_positions(s, max_photons=2e4).maps(at)[0] for s in (scene, plain))
+    np.testing.assert_allclose((bright / before).ravel(), [1.0, 1.2], rtol=1e-6)
 
 
 @pytest.mark.parametrize("hidden", [{"detector.stray_light": 0.005}, {"detector.wavelength_shift_nm": -0.8}])

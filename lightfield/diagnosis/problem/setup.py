@@ -132,7 +132,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     scene, names = forward.scene, forward.gain_names
     # A gain is found from the light: a background would hide it.
     known = scene.parameters()
-    start = {path: known[path].neutral or 0.0 for path in READOUT}
+    start = {path: known[path].neutral or 0.0 for path in READOUT if path in known}
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > SAME and scene.lamp.profile not in ("isotropic", "pencil", "table"):

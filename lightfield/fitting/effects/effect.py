@@ -103,7 +103,7 @@ class Effect:
     instead_of : tuple of str
         Parameters of the base model that it takes the place of: held in the middle of their range.
     contains : tuple of str
-        Effects that are special cases of it, and are never combined with it: it is a free-form curve.
+        Of a free-form curve: effects that are special cases of it, and are never combined with it.
     """
 
     name: str
@@ -118,8 +118,8 @@ class Effect:
 
     @property
     def is_free_form(self) -> bool:
-        """Is it a curve that other effects are special cases of?"""
-        return bool(self.contains)
+        """Is it a curve: are others special cases of it, or its amplitudes numbered?"""
+        return bool(self.contains) or any(path.rpartition(".")[2].isdigit() for path in self.paths)
 
     @cached_property
     def diffuse(self) -> bool:

@@ -55,4 +55,37 @@ EFFECTS = (
         needs=("time",),
         contains=("lamp_drift",),
     ),
+    Effect(
+        "plane_gain",
+        "detector response",
+        _forms("detector.plane_departure", (30,)),
+        "Each distance has a gain of its own: the stage, fibre or integration time was set anew there.",
+        "A factor on all readings at one distance, in air as in water, with no order from plane to plane; at "
+        "five distances an attenuation that changes along the tank, at every number of them one that jumps, "
+        "and a lamp that changes while planes are read in turn, do the same.",
+        "Return to the first plane at the end, or read all planes twice in another order; read a fixed lamp.",
+        needs=("vary_z",),
+        contains=("water_gradient", "spectral_hardening", "attenuation_profile"),
+    ),
+    Effect(
+        "attenuation_spectrum",
+        "path and attenuation",
+        _forms("water.colour_departure", (2, 4, 8)),
+        "The water has a colour of its own: K(wavelength) departs from that of its base.",
+        "Extra decay at some wavelengths, less at others, the same along the tank. In water without a base "
+        "the absorption is free at every wavelength in any case.",
+        "Measure a sample in a spectrophotometer, filtered and unfiltered, and use that table as the base.",
+        needs=("vary_z", "water", "spectral", "known_base"),
+        contains=("cdom", "chlorophyll", "sediment", "wavelength_shift"),
+    ),
+    Effect(
+        "lamp_spectrum",
+        "lamp power",
+        _forms("lamp.spectrum_departure", (2, 4, 8)),
+        "The lamp has a spectrum of its own, which is not that of the scene.",
+        "A factor on all readings of a wavelength, wherever they are: also that of a detector whose response "
+        "is calibrated wrongly over the spectrum. On a relative scale it is part of the gains.",
+        "Measure the lamp's spectrum in air with a calibrated spectrometer and use that table.",
+        needs=("spectral", "absolute"),
+    ),
 )

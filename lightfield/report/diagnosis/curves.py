@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.words import UNITS
-from lightfield.fitting.fitted_curves import FittedCurve
+from lightfield.fitting.fitted_curves import PLACES, FittedCurve
 from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label, percent_axis
 
 DASHED = (0, (5, 2))
@@ -36,7 +36,8 @@ def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
                 curve.at, curve.value - wide, curve.value + wide, color=RENDER, alpha=0.25, linewidth=0
             )
             upper.plot(curve.at, curve.without, color=FORMULA, linestyle=DASHED, label="without the curve")
-            upper.plot(curve.at, curve.value, color=RENDER, label="fitted curve")
+            marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
+            upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)
             upper.set_title(f"changes readings by {100 * curve.rms:.2g} % rms")
             lower.fill_between(

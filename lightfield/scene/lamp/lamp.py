@@ -120,6 +120,12 @@ class Lamp(Part):
         Acts.BEAM,
         neutral=(),
     )
+    spectrum_departure: Curve = declare(
+        (),
+        "[[wavelength_nm, ln of a factor], ...] on the spectral power: linear between, constant beyond",
+        Acts.POWER,
+        neutral=(),
+    )
     power_departure: Curve = declare(
         (),
         "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",

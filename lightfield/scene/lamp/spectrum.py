@@ -1,4 +1,4 @@
-"""Spectral power of the lamp: Planck, CIE illuminant A, peaks, or a table."""
+"""Spectral power of the lamp: Planck, CIE illuminant A, peaks, or a table; and what departs from it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
+from lightfield.scene.curve import value_at
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.spectral import peaks
 from lightfield.storage.tables import read_columns
@@ -44,16 +45,22 @@ def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
     Parameters
     ----------
     lamp : Lamp
-        Spectrum, temperature, power.
+        Spectrum, temperature, power, spectrum_departure.
     wavelength_nm : array, nm
         Where.
 
     Returns
     -------
     array, W/nm
-        Integrates to `power_w`; a table is zero outside its range.
+        Integrates to `power_w`, but for a departure; a table is zero outside its range.
     """
     at = np.asarray(wavelength_nm, dtype=float)
+    factor = np.exp(value_at(lamp.spectrum_departure, at)) if lamp.spectrum_departure else 1.0
+    return np.asarray(_stated_power(lamp, at) * factor)
+
+
+def _stated_power(lamp: Lamp, at: Array) -> Array:
+    """Without the departure."""
     if lamp.spectrum == "table":
         known, power = read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))
         total = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(known)))
@@ -66,11 +73,12 @@ def spectral_power(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:
 
 def knots_nm(lamp: Lamp) -> Array:
     """Wavelengths between which the spectrum is smooth, nm: of a table, of peaks, none of a black body."""
+    bends = np.array([at for at, _ in lamp.spectrum_departure])
     if found := peaks.peaks_of(lamp.spectrum):
-        return peaks.knots_nm(found)
+        return np.concatenate([peaks.knots_nm(found), bends])
     if lamp.spectrum != "table":
-        return np.zeros(0)
-    return read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))[0]
+        return bends
+    return np.concatenate([read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))[0], bends])
 
 
 def axial_intensity(lamp: Lamp, wavelength_nm: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""A lamp's beam as a table of intensity, the file that `profile = "table"` reads."""
+"""A lamp's beam and its spectrum as tables, the files that `profile` and `spectrum` = "table" read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.profile import sections_of
+from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
 from lightfield.storage.files import atomic_path
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 #: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
 #: is right to 1e-4 of its axis (test_tabulated.py).
 EVEN, LARGER = 401, 100
+#: Wavelengths of a scene, and steps of a table of power: a black body is right to 1e-3 (test_more_curves.py).
+FIRST_NM, LAST_NM, STEP_NM = 200.0, 2000.0, 5.0
 
 
 def intensity_rows(lamp: Lamp, to_deg: float) -> dict[str, Array]:
@@ -58,4 +61,31 @@ def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], rema
     lines = [*([f"# {remark}"] if remark else []), ",".join(columns), *rows]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return Path(path)
+
+
+def save_power(lamp: Lamp, path: str | os.PathLike[str], remark: str = "") -> Path:
+    """Write the lamp's power per nanometre with what departs from it, whole or not at all.
+
+    A table is scaled to the lamp's power: the head says which, of what the table holds.
+
+    Parameters
+    ----------
+    remark : str
+        One line on where it comes from.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    even = np.arange(FIRST_NM, LAST_NM + STEP_NM / 2, STEP_NM)
+    bends = knots_nm(lamp)
+    at = np.unique(np.concatenate([even, bends[(bends >= FIRST_NM) & (bends <= LAST_NM)]]))
+    power = spectral_power(lamp, at)
+    whole = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(at)))
+    rows = [f"{w:.8g},{p:.8g}" for w, p in zip(at, power, strict=True)]
+    head = [f"# {line}" for line in (remark, f"power_w = {whole:.8g}") if line]
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join([*head, "wavelength_nm,power", *rows]) + "\n", encoding="utf-8")
     return Path(path)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.acts import Acts
+from lightfield.scene.curve import value_at
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
@@ -41,7 +42,7 @@ def is_grey(water: Water) -> bool:
 
 
 def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
-    """Absorption coefficient a: base + grey part + points + chlorophyll + CDOM + sediment.
+    """Absorption coefficient a: base + grey part + points + chlorophyll + CDOM + sediment + departure.
 
     Parameters
     ----------
@@ -73,6 +74,8 @@ def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
         a = a + cdom_absorption_per_m(water.cdom_440_per_m, water.cdom_slope_per_nm, w)
     if water.sediment_g_per_m3:
         a = a + sediment_absorption_per_m(water.sediment_g_per_m3, w)
+    if water.colour_departure:  # a curve that is fitted may ask for less than nothing
+        a = np.maximum(a + value_at(water.colour_departure, w), 0.0)
     return a
 
 

@@ -72,6 +72,13 @@ class Water(Part):
         Acts.ABSORPTION | Acts.COLOUR,
         neutral=(),
     )
+    colour_departure: Curve = declare(
+        (),
+        "[[wavelength_nm, absorption in 1/m], ...] added to all of it, which stays >= 0: linear between, "
+        "constant beyond",
+        Acts.ABSORPTION | Acts.COLOUR,
+        neutral=(),
+    )
     temperature_c: float = number(20.0, "degC", "of the water", Acts.BASE | COEFFICIENTS, low=-2.0, high=40.0)
     salinity_psu: float = number(
         0.0, "1", "practical salinity", Acts.BASE | Acts.SCATTERING | Acts.COLOUR, low=0.0, high=45.0

@@ -24,7 +24,7 @@ from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
-from lightfield.fitting.fitted_curves import save_lamp
+from lightfield.fitting.fitted_curves import save_lamp, save_spectrum
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.light_source import DiffuseSource
@@ -131,6 +131,7 @@ class FitReport:
         path = target / f"rung{number}.toml"
         self.model.scene.save(path)
         save_lamp(self.model.forward, self.model.fit, target)
+        save_spectrum(self.model.forward, self.model.fit, target)
         row = {
             "label": "+ " + " + ".join(self.model.effects) if self.model.effects else "base",
             "effects": self.model.effects,

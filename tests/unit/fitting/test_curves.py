@@ -233,14 +233,16 @@ def test_a_lamp_that_changes_in_its_own_way_is_found() -> None:
 def test_curves_are_kept_apart_from_named_effects() -> None:
     """They are no candidates of a search among named effects, and never stand beside what they contain."""
     table = readings()
+    told = {"beam_profile", "attenuation_profile", "lamp_power_curve", "plane_gain"}  # by one colour
     names = [*effects.table(), *effects.curves()]
     found = problem(table, *names)
     assert not any(c.effect.is_free_form for c in found.candidates)
-    assert {c.name for c in found.curves} == set(effects.curves())
+    assert {c.name for c in found.curves} == told
     assert not set(effects.curves()) & set(effects.table())
-    sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in effects.curves()}
+    sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in told}
     # Five distances tell of three functions beside gain and absorption.
-    assert sizes == {"beam_profile": [2, 4, 7, 11], "attenuation_profile": [2, 3], "lamp_power_curve": [3, 6]}
+    few = {"attenuation_profile": [2, 3], "plane_gain": [3]}
+    assert sizes == {"beam_profile": [2, 4, 7, 11], "lamp_power_curve": [3, 6], **few}
     # Of these two leave one distance over, that could contradict them; and three none.
     spare = [c.spare for c in found.curves if c.name == "attenuation_profile"]
     assert spare == [1, 0]
@@ -255,7 +257,8 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     there = table.z_m < 5
     one_plane = replace(table.subset(there), time_s=np.full(there.sum(), np.nan))
     _, why = problem_of(SceneForward(believed(), one_plane), one_plane, effects.curves().values(), None)
-    assert set(why) == {"attenuation_profile", "lamp_power_curve"}
+    of_colours = {"attenuation_spectrum", "lamp_spectrum"}
+    assert set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain"} | of_colours
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)
     assert why["attenuation_profile"] == "the readings are at too few different places or times"

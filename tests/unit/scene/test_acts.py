@@ -88,6 +88,7 @@ TAKEN = Taken(
     spectrum=np.zeros(3, int),
     time_s=np.array([0.0, 900.0, 1800.0]),
     halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
+    z_m=np.array([4.5, 5.5, 6.5]),
 )
 WORDS: dict[str, Any] = {
     "lamp.profile": "isotropic",
@@ -96,6 +97,9 @@ WORDS: dict[str, Any] = {
     "water.base": "petzold-coastal",
     "lamp.profile_departure": ((0.0, 0.1), (10.0, -0.2)),
     "lamp.power_departure": ((0.0, 0.0), (1000.0, 0.1)),
+    "lamp.spectrum_departure": ((480.0, 0.0), (580.0, 0.1)),
+    "water.colour_departure": ((480.0, 0.02), (580.0, -0.01)),
+    "detector.plane_departure": ((4.5, 0.02), (6.5, -0.01)),
     "water.absorption_departure": ((4.0, -0.02), (7.0, 0.03)),
     "water.absorption_at": ((480.0, 0.15), (580.0, 0.2)),
     "water.phase": {"type": "petzold"},

@@ -34,7 +34,8 @@ def test_a_scene_with_curves_is_the_same_after_writing_and_reading() -> None:
     scene = Scene.from_dict(
         {
             "lamp": {"profile_departure": [[0, 0.1], [5, -0.2]], "power_departure": [[0, 0], [60.5, 0.02]]},
-            "water": {"absorption_departure": [[2, 0.01], [3, 0.0]]},
+            "water": {"absorption_departure": [[2, 0.01], [3, 0.0]], "colour_departure": [[450, 0.01]]},
+            "detector": {"plane_departure": [[4.5, 0.01], [5.5, -0.02]]},
         }
     )
     assert Scene.from_toml(scene.to_toml()) == scene

@@ -14,6 +14,7 @@ import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.planes import water_may_do_it
 
 Level = Literal["certain", "simplest", "one of", "partial"]
 
@@ -27,6 +28,10 @@ NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 #: Sets that cost no more than this above the best are accepted beside it: e^-5 of its weight.
 FAMILY = 10.0
+
+
+#: What stands in for gains of planes: an attenuation that changes along the tank.
+_K_OF_Z = ("attenuation_profile",)
 
 
 @dataclass(frozen=True)
@@ -139,7 +144,8 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
     rest = pool.nodes.get(best.key - {candidate.key})
     sigma = np.sqrt(max(rest.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi) if rest else float("nan")
     level: Level
-    if candidate.is_hardly_tested:  # that it fits says nothing: any would
+    like_water = water_may_do_it(pool, best, candidate)
+    if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
         level = "one of"
     elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
@@ -150,7 +156,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
         level = "certain" if gap_plus > PLUS_GAP else "simplest"
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
-        _alternatives(weighing, name), rest, weighing.weight(name),
+        _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name),
     )  # fmt: skip
 
 
@@ -176,15 +182,18 @@ def _at_edge(node: Node, candidate: Candidate) -> bool:
     return any(bounded[p.path] for p in candidate.amplitudes)
 
 
-def _alternatives(weighing: Weighing, name: str) -> tuple[tuple[str, ...], ...]:
-    """What other accepted sets, and sets of one effect more that do as well, hold in place of an effect."""
-    best, out = weighing.best, list[tuple[str, ...]]()
+def _alternatives(
+    weighing: Weighing, name: str, known: tuple[tuple[str, ...], ...] = ()
+) -> tuple[tuple[str, ...], ...]:
+    """What other accepted sets, and sets of one effect more that do as well, hold in place of an effect;
+    after what is known to do so."""
+    best, out = weighing.best, list(known)
     near = [n for n in weighing.family() if name not in n.names]
     others = [n for n in weighing.pool.nodes.values() if name not in n.names and not contained(name, n)]
     plus = sorted(weighing.with_one_more(others), key=weighing.above_unpriced)
     near += [n for n in plus[:1] if weighing.above_unpriced(n) <= PLUS_GAP]
     for node in near:
         instead = tuple(sorted(node.names - best.names))
-        if instead and not any(set(known) <= set(instead) for known in out):
+        if instead and not any(set(other) <= set(instead) for other in out):
             out.append(instead)
     return tuple(out)
