@@ -7,6 +7,8 @@ from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
 from lightfield.errors import OutputError, UsageError
+from lightfield.readings import read_table
+from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -45,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--seed", 0)
     add(
         "--layout",
-        help="line, half, grid, fine, column or air (default: line, or the positions that the scene lists)",
+        help="line, half, grid, fine, column or air, or a table of places, FILE.csv (default: line, or the "
+        "positions that the scene lists)",
     )
     add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
     add(
@@ -94,13 +97,16 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     from lightfield.experiments.measure import Instrument
 
     output_file(args.output / "scene.toml", args.scene)
+    layout = args.layout
+    if layout is not None and layout.lower().endswith(".csv"):
+        layout = read_table(Path(layout), scene, LAYOUT)
     replaced = _replaced(args.output)
     made = hide(
         scene,
         Secret(args.effect, args.strength, values, args.lamp),
         args.seed or 0,
         Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
-        layout=args.layout,
+        layout=layout,
         order="plane" if args.plane_order else "random",
         **given(args, "max_photons"),
     )

@@ -7,7 +7,16 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import LightfieldError
-from lightfield.experiments.new_tank import LAYOUT, QUESTIONS, READINGS, SCENE, NewTank, Question, new_tank
+from lightfield.experiments.new_tank import (
+    LAYOUT,
+    QUESTIONS,
+    READINGS,
+    SCENE,
+    NewTank,
+    Question,
+    new_tank,
+    sizes_told,
+)
 from lightfield.storage.files import output_folder
 
 
@@ -43,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         assumed = [f"{q.name} {q.default}" for q in QUESTIONS if q.name not in answers and q.default]
         if assumed:
             print(f"assumed: {', '.join(assumed)}")
+        print(f"tank: {sizes_told(made.scene)}")
     print(f"scene: {scene}\nreadings: {readings}, {made.rows} places to read")
     print("next, what this layout could tell, and then, with its values filled in, what they tell:")
     print(f"  lightfield plan {files[LAYOUT]} --scene {scene}")
@@ -57,6 +67,8 @@ def asked(name: str) -> NewTank:
         if answers.get("tank", "").lower() == "none" and question.name in ("lamp_depth", "walls", "surface"):
             continue
         made = _answer(question, answers, name)
+        if question.name == "tank":
+            print(f"  {sizes_told(made.scene)}")
     return made
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option
 from lightfield.errors import OutputError, UsageError
 from lightfield.maps.colour import CHROMATICITIES
@@ -51,9 +52,16 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.render.picture import exposure, take_picture, tone_mapped
     from lightfield.report.style import save_pixels
 
-    taken = take_picture(
-        scene, width=width, height=height, samples=args.samples, seed=args.seed or 0, lend=not args.as_is
-    )
+    with stage_line("the picture") as told:
+        taken = take_picture(
+            scene,
+            width=width,
+            height=height,
+            samples=args.samples,
+            seed=args.seed or 0,
+            lend=not args.as_is,
+            progress=told,
+        )
     for note in taken.notes:
         print(f"note: {note}")
     for path in (

@@ -30,6 +30,8 @@ GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
+#: What the truth says of places that were given.
+TABLE = "table"
 #: Where a scene says that its lamp is that of a table.
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
@@ -184,7 +186,7 @@ def hide(
     seed: int,
     instrument: Instrument,
     *,
-    layout: str | None = None,
+    layout: str | Readings | None = None,
     order: Order = "random",
     max_photons: float = PHOTONS,
 ) -> Hidden:
@@ -198,8 +200,11 @@ def hide(
     seed : int
     instrument : Instrument
         Its errors of planes and positions are stated in the table's error budget.
-    layout, order : str
-        As `layouts.scan` takes them; without a layout "line", or the positions that the scene lists.
+    layout : str or Readings, optional
+        One of `layouts.LAYOUTS`, or a table with the places to read; else "line", or the positions that the
+        scene lists.
+    order : str
+        As `layouts.scan` takes it.
     max_photons : float
         Budget of the render.
 
@@ -237,7 +242,7 @@ def hide(
         "lamp.hwhm_deg": truth.lamp.hwhm_deg,
         "lamp.radius_m": truth.lamp.radius_m,
         "water.absorption_per_m": truth.water.absorption_per_m,
-        "layout": layout,
+        "layout": layout if isinstance(layout, str) else TABLE,
         "order": order,
         "noise": instrument.noise,
         "plane_gain_percent": 100 * instrument.plane_gain,

@@ -39,7 +39,11 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     known = LAYOUTS if single is None else (LISTED,)
     if kind not in known:
         kinds = "has planes" if single is None else "lists single positions"
-        raise UsageError("unknown layout", found=kind, rule=f"this scene {kinds}: {', '.join(known)}")
+        raise UsageError(
+            "unknown layout",
+            found=kind,
+            rule=f"this scene {kinds}: {', '.join(known)}, or a table of places, FILE.csv",
+        )
     if single is not None:
         listed = dict(zip(("x_m", "y_m", "z_m"), np.array(single, float).T, strict=True))
         return {**listed, "medium": np.repeat("water", len(single))}
@@ -70,11 +74,18 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
     return {"x_m": gx, "y_m": gy, "z_m": gz, "medium": np.repeat(media, gx.size // len(media))}
 
 
-def scan(scene: Scene, kind: str, order: Order, rng: np.random.Generator) -> Readings:
-    """A layout with times, and no values yet; all bands of the scene are read at once."""
+def scan(scene: Scene, kind: str | Readings, order: Order, rng: np.random.Generator) -> Readings:
+    """A layout, or the places of a table, with times and no values yet; all bands are read at once."""
     bands = scene.detector.bands_nm
     centres = [float(np.mean(band)) for band in bands] if len(bands) > 1 else [np.nan]
-    return table_at(positions(scene, kind), centres, scene, order, rng)
+    places = positions(scene, kind) if isinstance(kind, str) else places_of(kind)
+    return table_at(places, centres, scene, order, rng)
+
+
+def places_of(table: Readings) -> dict[str, Array]:
+    """Where a table is read, in its order; several wavelengths at one place are one reading."""
+    rows = np.isnan(table.wavelength_nm) | (table.wavelength_nm == table.wavelength_nm[0])
+    return {name: getattr(table, name)[rows] for name in ("x_m", "y_m", "z_m", "medium")}
 
 
 def table_at(

@@ -50,10 +50,17 @@ class Question:
     default: str
 
 
+# fmt: off
 QUESTIONS = (
-    Question("tank", "Width, depth and length of the water, m", "WxDxL, or none for open water", "2x1x6"),
+    Question(
+        "tank", "Width, depth and length of the water, m",
+        "WxDxL, the beam runs along L; or none for open water", "2x1x6",
+    ),
     Question("lamp_depth", "Lamp below the surface, m", "a number; half the depth if not given", ""),
-    Question("walls", "Part of the light that walls and floor send back", "0 black to 0.9 white", "0.1"),
+    Question(
+        "walls", "Part of the light that walls and floor send back",
+        "0 to 0.9: black paint or cloth 0.03, dark paint 0.1, white tiles 0.7", "0.1",
+    ),
     Question("surface", "Is there a free water surface above", "yes or no", "yes"),
     Question("lamp", "Spectrum of the lamp", "a name such as led-green, or PEAK/WIDTH in nm", "led-green"),
     Question("beam", "Half width of the beam at half maximum, degrees", "a number", "10"),
@@ -64,6 +71,7 @@ QUESTIONS = (
     Question("planes", "Distances from the lamp to read at, m", "Z,Z,...", ""),
     Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
 )
+# fmt: on
 
 
 @dataclass(frozen=True)
@@ -176,6 +184,17 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     return NewTank(scene, text, table(scene, places), table(scene, places, blank=True), len(places))
 
 
+def sizes_told(scene: Scene) -> str:
+    """The tank in words, so that sizes in another order are seen before anything is measured."""
+    tank = scene.tank
+    if tank is None:
+        return "open water, without walls or a surface"
+    told = f"{tank.width_m:g} m wide, {tank.depth_m:g} m deep, {tank.length_m:g} m along the beam"
+    if tank.length_m < max(tank.width_m, tank.depth_m):
+        told += "; that is across the tank: is it WxDxL?"
+    return told
+
+
 def tank_lines(given: Mapping[str, str]) -> list[str]:
     """The scene's tank; nothing for open water."""
     if given["tank"].lower() == "none":
@@ -192,7 +211,10 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
         raise UsageError("neither yes nor no", where="surface", found=given["surface"], rule="yes or no")
     named = zip(("width_m", "depth_m", "length_m"), sizes, strict=True)
     top = "flat" if given["surface"].lower() == "yes" else "none"
-    depth = "# lamp_depth_m = 0.5    # from the surface down to the beam's axis: half the depth unless given"
+    half = f"{sizes[1] / 2:g}"
+    depth = (
+        f"# lamp_depth_m = {half}    # from the surface down to the beam's axis: half the depth unless given"
+    )
     if given["lamp_depth"]:
         depth = f"lamp_depth_m = {number(given['lamp_depth'], 'lamp_depth')}"
     return [
@@ -222,7 +244,7 @@ def water_lines(answer: str) -> list[str]:
     """The water as TOML."""
     if answer in ("pure", *list_presets()):
         return [f'base = "{answer}"', "# absorption_per_m = 0.0    # beyond that; it is fitted"]
-    values = answer.split(",")
+    values = answer.replace(",", " ").split()
     if len(values) != 2:
         raise UsageError(
             "not a water", where="water", found=answer,

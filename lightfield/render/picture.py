@@ -7,6 +7,7 @@ lent, and said so.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import acos, atan, degrees, radians, tan
 from typing import Any
@@ -24,6 +25,9 @@ from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_
 
 RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
+#: A colour with less than this part of the brightest one's power is black in the picture: half a step of the
+#: dark end of sRGB (slope 12.92 over 255 steps) beside white.
+UNSEEN = 0.5 / 255 / 12.92
 BEAM_PIXELS = 256
 MAX_DEPTH = 10
 MIDDLE, BELOW = 0.25, 0.8
@@ -47,7 +51,14 @@ class Picture:
 
 
 def take_picture(
-    scene: Scene, *, width: int = 960, height: int = 540, samples: int = 64, seed: int = 0, lend: bool = True
+    scene: Scene,
+    *,
+    width: int = 960,
+    height: int = 540,
+    samples: int = 64,
+    seed: int = 0,
+    lend: bool = True,
+    progress: Callable[[str], None] | None = None,
 ) -> Picture:
     """Look along the tank from behind the lamp, above one side.
 
@@ -61,6 +72,8 @@ def take_picture(
     seed : int
     lend : bool
         Give black walls and clear water a little albedo and scattering, for else there is nothing to see.
+    progress : callable, optional
+        Takes how far it is, in words.
     """
     use_backend()
     import mitsuba as mi
@@ -77,16 +90,22 @@ def take_picture(
     absorption, power = absorption_per_m(scene.water, RGB_NM), spectral_power(scene.lamp, RGB_NM)
     molecular = molecular_per_m(scene.water, RGB_NM)
     planes = []
+    lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
     for k in range(3):
+        if k not in lit_colours:
+            planes.append(np.zeros((height, width)))
+            continue
         water = float(absorption[k]), float(scattering[k])
         molecules = float(molecular[k]) / water[1] if water[1] else 0.0
         described = picture_dict(scene, *water, albedo, width, height, molecules)
         loaded = mi.load_dict(described)
         # The same seed for all colours: what noise is left is grey, not speckled.
-        halves = [
-            np.array(mi.render(loaded, spp=max(1, samples // 2), seed=2 * seed + half))[..., 0]
-            for half in (0, 1)
-        ]
+        halves = []
+        for half in (0, 1):
+            if progress is not None:
+                done = 2 * lit_colours.index(k) + half
+                progress(f"image {done + 1} of {2 * len(lit_colours)}")
+            halves.append(np.array(mi.render(loaded, spp=max(1, samples // 2), seed=2 * seed + half))[..., 0])
         image = calm(*halves)
         planes.append(image * power[k] / power.max())
     return Picture(np.stack(planes, axis=-1), tuple(notes))

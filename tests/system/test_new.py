@@ -19,12 +19,18 @@ def test_options_make_a_tank_and_what_was_assumed_is_said(tmp_path, monkeypatch,
     assert main(["new", "tank", "--tank", "1.2x0.8x3", "--lamp", "led-blue", "-o", "pool"]) == 0
     printed = capsys.readouterr().out
     assert "beam 10" in printed and "lightfield diagnose pool/readings.csv" in printed
-    assert "tank 2x1x6" not in printed
+    assert "tank 2x1x6" not in printed and "1.2 m wide, 0.8 m deep, 3 m along the beam\n" in printed
     scene = Scene.load("pool/scene.toml")
     assert scene.name == "pool" and scene.tank.width_m == 1.2 and scene.lamp.spectrum == "led-blue"
     assert main(["plan", "pool/layout.csv", "--scene", "pool/scene.toml", "--no-trace"]) == 0
     assert main(["new", "tank", "-o", "pool"]) == 2
     assert "choose another folder" in capsys.readouterr().err
+
+
+def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
+    """Length x width x depth makes a tank too, and a useless one: it is told, not refused."""
+    assert main(["new", "tank", "--tank", "3x1.2x0.8", "-o", str(tmp_path / "pool")]) == 0
+    assert "0.8 m along the beam; that is across the tank: is it WxDxL?" in capsys.readouterr().out
 
 
 class Terminal(io.StringIO):

@@ -13,6 +13,9 @@ from matplotlib.image import imread
 from lightfield.cli import main
 from lightfield.maps.dataset import read_netcdf
 from lightfield.maps.exr import read_spectral_exr
+from lightfield.render.backend import use_backend
+from lightfield.render.picture import take_picture
+from lightfield.scene import Scene
 
 SCENE = """
 name = "small"
@@ -174,6 +177,22 @@ def test_picture_shows_the_beam(scene, tmp_path, capsys):
     assert pixels.shape[:2] == (36, 64)
     assert pixels[..., :3].mean(axis=2).max() > 0.5
     assert target.with_suffix(".exr").is_file()
+
+
+def test_a_colour_that_the_lamp_lacks_is_black_and_not_traced(monkeypatch):
+    """A narrow green lamp: red and blue are nothing, and the time they would take is saved."""
+    use_backend()
+    import mitsuba as mi
+
+    rendered = []
+    render = mi.render
+    monkeypatch.setattr(mi, "render", lambda *a, **k: rendered.append(1) or render(*a, **k))
+    lamp = {"spectrum": {"peak_nm": 545.0, "fwhm_nm": 20.0}}
+    scene = Scene.from_dict({"lamp": lamp, "water": {"scattering_per_m": 0.1}})
+    said: list[str] = []
+    taken = take_picture(scene, width=16, height=16, samples=2, progress=said.append)
+    assert (taken.rgb[..., [0, 2]] == 0).all() and taken.rgb[..., 1].max() > 0
+    assert len(rendered) == 2 and said == ["image 1 of 2", "image 2 of 2"]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 from lightfield.experiments.hide import Secret, draw_effect, hide, true_scene
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 
@@ -50,3 +51,15 @@ def test_any_number_of_effects_and_another_lamp(tmp_path: Path) -> None:
         plane = far.z_m == z
         bright = made.noise_free[plane & (angle < 3.5)]
         assert bright.min() > 5 * made.noise_free[plane & (angle > 4.5)].max()
+
+
+def test_it_reads_at_the_places_of_a_table() -> None:
+    """In its order where it is read as listed; the colours of one place are one reading."""
+    scene = Scene.from_dict({"detector": {"planes_m": [4.5]}})
+    table = Readings.from_arrays(
+        x_m=[0.3, 0.3, -0.2], z_m=[5.0, 5.0, 4.0], wavelength_nm=[500, 540, 500], value=np.ones(3),
+        quantity="irradiance", scale="relative",
+    )  # fmt: skip
+    made = hide(scene, Secret(), 0, Instrument(0.005), layout=table, order="plane", max_photons=1e3)
+    assert made.readings.x_m.tolist() == [0.3, -0.2] and made.readings.z_m.tolist() == [5.0, 4.0]
+    assert made.truth["layout"] == "table"
