@@ -21,9 +21,12 @@ if TYPE_CHECKING:
     from lightfield.api.band import Band, band
     from lightfield.api.diagnosis import Diagnosis, Plan, Together, diagnose, plan
     from lightfield.api.following import Following, follow
-    from lightfield.api.given import load
+    from lightfield.api.given import import_, load, save
+    from lightfield.api.hide import Riddle, hide
+    from lightfield.api.light.compare import Comparison, Fit, compare
+    from lightfield.api.light.maps import Maps, render
+    from lightfield.api.light.picture import Picture, picture
     from lightfield.api.link import Link, link
-    from lightfield.api.maps import Comparison, Fit, Maps, compare, render
     from lightfield.api.regime import Regime, regime
     from lightfield.api.result import Result
     from lightfield.api.sweep import Sweep, sweep
@@ -37,8 +40,11 @@ __version__ = "0.1.0"
 #: Public names, and where each is defined.
 PUBLIC = {
     "Scene": "scene", "Readings": "readings", "LightfieldError": "errors", "load": "api.given",
-    "render": "api.maps", "Maps": "api.maps",
-    "compare": "api.maps", "Comparison": "api.maps", "Fit": "api.maps",
+    "save": "api.given", "import_": "api.given",
+    "render": "api.light.maps", "Maps": "api.light.maps",
+    "compare": "api.light.compare", "Comparison": "api.light.compare", "Fit": "api.light.compare",
+    "picture": "api.light.picture", "Picture": "api.light.picture",
+    "hide": "api.hide", "Riddle": "api.hide",
     "diagnose": "api.diagnosis", "Diagnosis": "api.diagnosis",
     "plan": "api.diagnosis", "Plan": "api.diagnosis", "Together": "api.diagnosis",
     "sweep": "api.sweep", "Sweep": "api.sweep",
@@ -61,11 +67,13 @@ __all__ = [
     "LightfieldError",
     "Link",
     "Maps",
+    "Picture",
     "Plan",
     "Range",
     "Readings",
     "Regime",
     "Result",
+    "Riddle",
     "Scene",
     "Sweep",
     "Together",
@@ -75,12 +83,16 @@ __all__ = [
     "compare",
     "diagnose",
     "follow",
+    "hide",
+    "import_",
     "link",
     "load",
+    "picture",
     "plan",
     "pose",
     "regime",
     "render",
+    "save",
     "sweep",
 ]
 

@@ -37,6 +37,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         help="render: correct the fast model by fresh traces of the fitted scene, as well as --rel-error, "
         "--max-photons (here 0.01 and 3e6 if not given) and --seed say",
     )
+    add_option(group, "--no-trace")
     group.add_argument("--fit-json", type=Path, metavar="OUT", help="write fit and residuals as JSON")
 
 
@@ -49,6 +50,13 @@ def run(args: argparse.Namespace) -> int:
             found=", ".join("--" + name.replace("_", "-") for name in options),
             rule="these belong to --solver render",
             remedy="add --solver render, or leave them out",
+        )
+    if args.no_trace and (args.solver == "render" or args.no_cache):
+        raise UsageError(
+            "nothing is traced",
+            where="--no-trace",
+            found="--no-cache" if args.no_cache else "--solver render",
+            remedy="leave one of them out",
         )
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.what, scene)
@@ -73,14 +81,17 @@ def _page(report: FitReport, args: argparse.Namespace) -> Path:
 def _fit(
     readings: Readings, scene: Scene, names: list[str], options: dict[str, Any], args: argparse.Namespace
 ) -> int:
-    from lightfield.render.diffuse.source import response_for
     from lightfield.studies.compare.readings import fit_readings
     from lightfield.studies.compare.text import as_data, as_text
 
     if "seed" in options:
         # Seed 0 is that of the response which the render is to check.
         options["seed"] = options["seed"] % LARGEST_SEED + 1
-    source = partial(response_for, cache=not args.no_cache)
+    source = None
+    if not args.no_trace:
+        from lightfield.render.diffuse.source import response_for
+
+        source = partial(response_for, cache=not args.no_cache)
     report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))
     if args.output:
@@ -89,6 +100,8 @@ def _fit(
             command += f" --with {','.join(names)}"
         if args.solver != "analytic":
             command += f" --solver {args.solver}"
+        if args.no_trace:
+            command += " --no-trace"
         print(f"stored: {report.save(args.output, command)}")
         print(_page(report, args))
     if args.fit_json:

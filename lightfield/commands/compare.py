@@ -36,11 +36,12 @@ def run(args: argparse.Namespace) -> int:
     kind = args.what.suffix.lower()
     if args.scene is not None or kind == ".csv":
         return _readings(args)
-    if args.with_effects or args.effects_file or args.solver != "analytic" or args.fit_json:
+    fitted = args.with_effects or args.effects_file or args.fit_json
+    if fitted or args.solver != "analytic" or args.no_trace:
         raise UsageError(
             "nothing is fitted here",
             where=str(args.what),
-            rule="--with, --effects-file, --solver and --fit-json belong to readings",
+            rule="--with, --effects-file, --solver, --no-trace and --fit-json belong to readings",
             remedy=f"lightfield compare DATA.csv --scene {args.what if kind == '.toml' else 'SCENE.toml'}",
         )
     if kind == ".nc":

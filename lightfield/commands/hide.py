@@ -6,15 +6,9 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
-from lightfield.errors import OutputError, UsageError
-from lightfield.readings import read_table
-from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
-
-#: What is written; the last tells that the others are a riddle.
-WRITTEN = ("scene.toml", "data.csv", "truth.json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,20 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Hide, and write scene.toml, data.csv, truth.json."""
-    if not 1e-5 <= args.noise <= 0.5:
-        raise UsageError(
-            "impossible relative noise", where="--noise", found=args.noise, rule="0.00001 to 0.5"
-        )
-    if args.strength is not None and not args.strength > 0:
-        raise UsageError("impossible strength", where="--strength", found=args.strength, rule="above 0")
-    for option, size, largest in (("--plane-gain", args.plane_gain, 50), ("--position", args.position, 100)):
-        if not 0 <= size <= largest:
-            raise UsageError("impossible error", where=option, found=size, rule=f"0 to {largest}")
-    doubled = sorted({name for name in args.effect if args.effect.count(name) > 1})
-    if doubled:
-        raise UsageError(
-            "an effect is hidden twice", where="--effect", found=", ".join(doubled), rule="each once"
-        )
+    from lightfield.experiments.hide import check_request
+
+    check_request(
+        args.effect, args.strength, args.noise, args.plane_gain, args.position,
+        spelled=lambda word: f"--{word.replace('_', '-')}",
+    )  # fmt: skip
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     values = dict(map(assignment, args.size))
     with locked_folder(args.output):
@@ -93,20 +79,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.experiments.hide import Secret, hide
+    from lightfield.experiments.hide import Secret, hide, replaced_in
+    from lightfield.experiments.layouts import layout_named
     from lightfield.experiments.measure import Instrument
 
     output_file(args.output / "scene.toml", args.scene)
-    layout = args.layout
-    if layout is not None and layout.lower().endswith(".csv"):
-        layout = read_table(Path(layout), scene, LAYOUT)
-    replaced = _replaced(args.output)
+    replaced = replaced_in(args.output)
     made = hide(
         scene,
         Secret(args.effect, args.strength, values, args.lamp),
         args.seed or 0,
         Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
-        layout=layout,
+        layout=layout_named(args.layout, scene),
         order="plane" if args.plane_order else "random",
         **given(args, "max_photons"),
     )
@@ -119,23 +103,3 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
         print(f"the light is known to {light:.2g} % only, stated with the errors; more: --max-photons")
     print(f"do not look: {folder / 'truth.json'}")
     return 0
-
-
-def _replaced(folder: Path) -> list[str]:
-    """Files that will be written over; they must be those of a riddle, not somebody's own readings.
-
-    Raises
-    ------
-    OutputError
-        Readings are there, and no truth that they were made from.
-    """
-    there = [str(folder / name) for name in WRITTEN if (folder / name).exists()]
-    if there and not (folder / WRITTEN[-1]).exists():
-        raise OutputError(
-            "files of an experiment are here already",
-            where=str(folder),
-            found=", ".join(there),
-            rule="only a riddle is replaced by another",
-            remedy="choose another folder",
-        )
-    return there

@@ -5,18 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-import OpenEXR
-
 from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option
-from lightfield.errors import OutputError, UsageError
-from lightfield.maps.colour import CHROMATICITIES
+from lightfield.errors import UsageError
+from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.scene import Scene
-from lightfield.storage.files import MAKE_ROOM, atomic_path, output_file
-
-#: What the numbers of the EXR are.
-UNITS = "relative radiance x lightfield.exposure; 1 is white"
+from lightfield.storage.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,9 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Take the picture, write it, say what was lent."""
     width, height = size_of(args.size)
-    if not 2 <= args.samples <= 100_000:
+    low, high = PICTURE_SAMPLES
+    if not low <= args.samples <= high:
         raise UsageError(
-            "impossible number of samples", where="--samples", found=args.samples, rule="2 to 100000"
+            "impossible number of samples", where="--samples", found=args.samples, rule=f"{low} to {high}"
         )
     if args.output.suffix.lower() != ".png":
         raise UsageError(
@@ -49,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
         )
     scene = Scene.load(args.scene)
     output_file(args.output, args.scene)
-    from lightfield.render.picture import exposure, take_picture, tone_mapped
-    from lightfield.report.style import save_pixels
+    from lightfield.render.picture import take_picture
+    from lightfield.report.light import write_picture
 
     with stage_line("the picture") as told:
         taken = take_picture(
@@ -64,10 +59,7 @@ def run(args: argparse.Namespace) -> int:
         )
     for note in taken.notes:
         print(f"note: {note}")
-    for path in (
-        save_pixels(tone_mapped(taken.rgb), args.output),
-        write_rgb_exr(taken.rgb, exposure(taken.rgb), args.output, taken.notes),
-    ):
+    for path in write_picture(taken, args.output):
         print(path)
     return 0
 
@@ -78,32 +70,9 @@ def size_of(text: str) -> tuple[int, int]:
     Raises
     ------
     UsageError
-        Not two numbers, or not 16 to 8192.
+        Not two numbers, or not as many pixels as a picture has.
     """
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() and 16 <= int(part) <= 8192 for part in parts):
-        raise UsageError("not a size", where="--size", found=text, rule="WIDTHxHEIGHT, each 16 to 8192")
+    parts, (low, high) = text.lower().split("x"), PICTURE_PIXELS
+    if len(parts) != 2 or not all(part.isdecimal() and low <= int(part) <= high for part in parts):
+        raise UsageError("not a size", where="--size", found=text, rule=f"WIDTHxHEIGHT, each {low} to {high}")
     return int(parts[0]), int(parts[1])
-
-
-def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: tuple[str, ...]) -> Path:
-    """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
-    path = beside.with_suffix(".exr")
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "comments": "; ".join(notes),
-        "chromaticities": CHROMATICITIES,
-        "lightfield.exposure": np.array([factor]),
-        "lightfield.units": UNITS,
-    }
-    try:
-        with atomic_path(path) as temporary:
-            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}).write(
-                str(temporary)
-            )
-    except RuntimeError as error:
-        raise OutputError(
-            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
-        ) from error
-    return path

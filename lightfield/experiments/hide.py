@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import layout_of
-from lightfield.errors import UsageError
+from lightfield.errors import OutputError, UsageError
 from lightfield.experiments import unknowns
 from lightfield.experiments.curves import draw_curve, field_to_hide
 from lightfield.experiments.layouts import LISTED, Order, scan
@@ -32,6 +32,8 @@ GUESS = (0.10, 0.25)
 WINDOW_M, WINDOW_PART = 0.02, 0.005
 #: What the truth says of places that were given.
 TABLE = "table"
+#: Files of a riddle; the last tells that the others are one.
+WRITTEN = ("scene.toml", "data.csv", "truth.json")
 #: Where a scene says that its lamp is that of a table.
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
@@ -79,13 +81,87 @@ class Hidden:
     noise_free: Array
 
     def save(self, folder: str | Path) -> Path:
-        """Write scene.toml and data.csv, and truth.json beside them."""
+        """Write scene.toml and data.csv, and truth.json beside them.
+
+        Raises
+        ------
+        OutputError
+            As `replaced_in` says.
+        """
         target = Path(folder)
+        replaced_in(target)
         self.believed.save(target / "scene.toml")
         write_table(self.readings, target / "data.csv")
         with atomic_path(target / "truth.json") as temporary:
             temporary.write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
         return target
+
+
+def check_request(
+    names: Sequence[str],
+    strength: float | None,
+    noise: float,
+    plane_gain_percent: float,
+    position_mm: float,
+    *,
+    spelled: Callable[[str], str] = str,
+) -> None:
+    """Refuse numbers that no measurement has, and an effect that is named twice.
+
+    Parameters
+    ----------
+    names, strength
+        As `Secret` takes them.
+    noise : float
+        Relative.
+    plane_gain_percent : float
+        Error of every stay at a plane, %.
+    position_mm : float
+        Error of every position, mm.
+    spelled : callable, optional
+        Makes of a word (effect, strength, noise, plane_gain, position) how the user wrote it.
+
+    Raises
+    ------
+    UsageError
+        What is wrong, and where.
+    """
+    for name, size, low, high in (
+        ("noise", noise, 1e-5, 0.5),
+        ("plane_gain", plane_gain_percent, 0, 50),
+        ("position", position_mm, 0, 100),
+    ):
+        if not low <= size <= high:
+            raise UsageError(
+                "impossible error", where=spelled(name), found=size, rule=f"{low:.5g} to {high:g}"
+            )
+    if strength is not None and not 0 < strength < np.inf:
+        raise UsageError("impossible strength", where=spelled("strength"), found=strength, rule="above 0")
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    if doubled:
+        raise UsageError(
+            "an effect is hidden twice", where=spelled("effect"), found=", ".join(doubled), rule="each once"
+        )
+
+
+def replaced_in(folder: Path) -> list[str]:
+    """Files that will be written over; they must be those of a riddle, not somebody's own readings.
+
+    Raises
+    ------
+    OutputError
+        Readings are there, and no truth that they were made from.
+    """
+    there = [str(folder / name) for name in WRITTEN if (folder / name).exists()]
+    if there and not (folder / WRITTEN[-1]).exists():
+        raise OutputError(
+            "files of an experiment are here already",
+            where=str(folder),
+            found=", ".join(there),
+            rule="only a riddle is replaced by another",
+            remedy="choose another folder",
+        )
+    return there
 
 
 def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator) -> dict[str, float]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -10,7 +12,8 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
-from lightfield.readings import Readings
+from lightfield.readings import Readings, read_table
+from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 
 Order = Literal["random", "plane"]
@@ -80,6 +83,13 @@ def scan(scene: Scene, kind: str | Readings, order: Order, rng: np.random.Genera
     centres = [float(np.mean(band)) for band in bands] if len(bands) > 1 else [np.nan]
     places = positions(scene, kind) if isinstance(kind, str) else places_of(kind)
     return table_at(places, centres, scene, order, rng)
+
+
+def layout_named(name: str | PathLike[str] | None, scene: Scene) -> str | Readings | None:
+    """A layout by its name, or the table of places that a file holds."""
+    if name is None or not fspath(name).lower().endswith(".csv"):
+        return None if name is None else fspath(name)
+    return read_table(Path(name), scene, LAYOUT)
 
 
 def places_of(table: Readings) -> dict[str, Array]:

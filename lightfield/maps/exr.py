@@ -280,3 +280,30 @@ def _spacing(centres: NDArray[np.float64]) -> float:
 
 def _to_file(rows_upwards: ArrayLike) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.asarray(rows_upwards)[::-1], dtype=np.float32)
+
+
+#: What the numbers of a picture are.
+PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
+
+
+def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: tuple[str, ...]) -> Path:
+    """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
+    path = beside.with_suffix(".exr")
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "comments": "; ".join(notes),
+        "chromaticities": CHROMATICITIES,
+        "lightfield.exposure": np.array([factor]),
+        "lightfield.units": PICTURE_UNITS,
+    }
+    try:
+        with atomic_path(path) as temporary:
+            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}).write(
+                str(temporary)
+            )
+    except RuntimeError as error:
+        raise OutputError(
+            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
+        ) from error
+    return path

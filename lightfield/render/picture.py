@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from lightfield.errors import RenderError
 from lightfield.formula.own import lit
 from lightfield.render.backend import use_backend
+from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
@@ -74,7 +76,21 @@ def take_picture(
         Give black walls and clear water a little albedo and scattering, for else there is nothing to see.
     progress : callable, optional
         Takes how far it is, in words.
+
+    Raises
+    ------
+    RenderError
+        Pixels or samples that no picture has.
+    BackendError
+        Nothing to render on.
     """
+    for name, found, (low, high) in (
+        ("width", width, PICTURE_PIXELS),
+        ("height", height, PICTURE_PIXELS),
+        ("samples", samples, PICTURE_SAMPLES),
+    ):
+        if not low <= found <= high:
+            raise RenderError("impossible number", where=name, found=found, rule=f"{low} to {high}")
     use_backend()
     import mitsuba as mi
 

@@ -11,6 +11,9 @@ OnProgress = Callable[
     [int, float, float], None
 ]  # photons so far, relative error so far, requested relative error
 
+#: Least and most pixels of a side of a camera view, and paths per pixel and colour.
+PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)
+
 
 @dataclass(frozen=True)
 class Settings:

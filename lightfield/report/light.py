@@ -1,14 +1,18 @@
-"""The rendered light on every plane."""
+"""Rendered light: on every plane, and as a camera sees it."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from lightfield.maps.exr import write_rgb_exr
+from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
-from lightfield.report.style import MUTED, figure
+from lightfield.report.style import MUTED, figure, save_pixels
 
 DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
@@ -66,3 +70,11 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
 
 def _some(count: int, most: int) -> list[int]:
     return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
+
+def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:
+    """Write a camera view as PNG and, exposed alike, its linear light as EXR beside it, each whole."""
+    return (
+        save_pixels(tone_mapped(taken.rgb), path),
+        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, taken.notes),
+    )

@@ -14,6 +14,7 @@ from matplotlib.colors import LogNorm
 from lightfield.arrays import Array
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.readings import Readings
+from lightfield.render.picture import Picture, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
 from lightfield.report.light import DECADES
 from lightfield.report.style import (
@@ -109,6 +110,15 @@ def plot_map(ax: Axes | None, plane: xr.Dataset) -> Axes:
     return ax
 
 
+def plot_picture(ax: Axes | None, taken: Picture) -> Axes:
+    """A camera view, exposed for the eye."""
+    ax = axes_for(ax)
+    ax.imshow(tone_mapped(taken.rgb))
+    ax.set_axis_off()
+    ax.set_title("; ".join(taken.notes), fontsize=8, fontweight="normal")
+    return ax
+
+
 def plot_positions(ax: Axes | None, places: xr.Dataset) -> Axes:
     """Light of single positions against their distance, with errors."""
     ax, quantity = axes_for(ax), places.attrs["quantity"]
@@ -141,6 +151,26 @@ def plot_formula_error(ax: Axes | None, planes: Sequence[PlaneComparison]) -> Ax
     percent_axis(ax.yaxis)
     ax.legend()
     label(ax, "radius (m)", "formula / render \N{MINUS SIGN} 1", "Error of the formula")
+    return ax
+
+
+def plot_readings(ax: Axes | None, readings: Readings) -> Axes:
+    """Readings against their distance from the lamp; those of air apart."""
+    ax = axes_for(ax)
+    away = np.sqrt(readings.x_m**2 + readings.y_m**2 + readings.z_m**2)
+    media = np.unique(readings.medium).tolist()
+    for medium, shade in zip(media, SERIES, strict=False):
+        here = readings.medium == medium
+        error = np.where(np.isfinite(readings.stderr[here]), readings.stderr[here], 0.0)
+        ax.errorbar(
+            away[here], readings.value[here], error, fmt="o", markersize=3.5, color=shade, label=medium
+        )
+    if np.all(readings.value > 0):
+        ax.set_yscale("log")
+    if len(media) > 1:
+        ax.legend()
+    what = readings.quantity.replace("_", " ") or "value"
+    label(ax, "distance from the lamp (m)", f"{what} ({readings.units or readings.scale})", "Readings")
     return ax
 
 

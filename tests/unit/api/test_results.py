@@ -10,7 +10,8 @@ from analytic_readings import readings
 from matplotlib.figure import Figure
 
 import lightfield as lf
-from lightfield.api.maps import Comparison, Fit, Maps
+from lightfield.api.light.compare import Comparison, Fit
+from lightfield.api.light.maps import Maps
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.maps.dataset import to_dataset
 from lightfield.studies.compare.maps import compare

@@ -12,11 +12,16 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from lightfield.commands.picture import write_rgb_exr
 from lightfield.errors import OutputError
 from lightfield.maps.colour import colour_matching
 from lightfield.maps.dataset import to_dataset, write_exr_planes
-from lightfield.maps.exr import SpectralImage, channel_name, read_spectral_exr, write_spectral_exr
+from lightfield.maps.exr import (
+    SpectralImage,
+    channel_name,
+    read_spectral_exr,
+    write_rgb_exr,
+    write_spectral_exr,
+)
 from lightfield.render.picture import exposure
 from lightfield.report.compare.layers import write_layers
 from lightfield.studies.compare.maps import compare

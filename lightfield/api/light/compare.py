@@ -1,4 +1,4 @@
-"""Light on the detectors: `render`, and `compare` with the closed-form model."""
+"""Light against the closed-form model: `compare`, with the render of a scene or with readings."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-import xarray as xr
 
 from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.light.maps import Maps, nearest, render
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
-from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.readings import Readings
-from lightfield.render.at_readings import render_positions
-from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
@@ -25,163 +22,9 @@ from lightfield.studies.compare import text
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
     from lightfield.report.style import Axes
-
-#: What the tracing of `render` and `compare` asks for unless told otherwise; the same as their commands'.
-REL_ERROR, MAX_PHOTONS = 0.02, 1e8
-#: The same where a fit is corrected by a fresh trace.
-FIT_REL_ERROR, FIT_MAX_PHOTONS = 0.01, 3e6
-
-
-class Maps(Result[xr.Dataset]):
-    """Rendered light on planes, or at single positions, with its Monte Carlo errors."""
-
-    @classmethod
-    def load(cls, path: AnyPath) -> Maps:
-        """Maps of a file that `save` or `lightfield render` wrote (NetCDF).
-
-        Raises
-        ------
-        OutputError
-            Not such a file.
-        """
-        return cls(read_netcdf(fspath(path)))
-
-    @property
-    def quantity(self) -> str:
-        """Name of the variable: irradiance, scalar_irradiance or radiance."""
-        return str(self.details.attrs["quantity"])
-
-    @property
-    def scene(self) -> Scene:
-        """The scene that was rendered."""
-        return Scene.from_toml(self.details.attrs["scene_toml"], where="scene of the maps")
-
-    @property
-    def headline(self) -> str:
-        data = self.details
-        several = data.sizes["wavelength_nm"] > 1
-        at = data.wavelength_nm.values
-        colours = f"{len(at)} wavelengths, {at[0]:g} to {at[-1]:g} nm" if several else f"{at[0]:g} nm"
-        places = (
-            f"{data.sizes['z_m']} planes" if "z_m" in data.dims else f"{data.sizes['position']} positions"
-        )
-        error = data.attrs.get("reached_relative_error")
-        known = "" if error is None else f", relative error {100 * float(error):.2g} %"
-        return f"{self.quantity.replace('_', ' ')} on {places} at {colours}{known}"
-
-    def _relative_error(self) -> np.ndarray:
-        value, stderr = (self.details[name].values for name in (self.quantity, f"{self.quantity}_stderr"))
-        return np.divide(stderr, value, out=np.full(value.shape, np.nan), where=value > 0)
-
-    def as_text(self) -> str:
-        return f"{self.headline}\n{self.summary().to_string(index=False)}"
-
-    def as_data(self) -> dict[str, Any]:
-        return {"attributes": dict(self.details.attrs), "places": self.summary().to_dict("records")}
-
-    def plot(
-        self, ax: Axes | None = None, *, z_m: float | None = None, wavelength_nm: float | None = None
-    ) -> Axes:
-        """Draw one plane (the first unless told), or the light of single positions against z.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-        z_m, wavelength_nm : float, optional
-            The plane and the wavelength nearest to these.
-        """
-        from lightfield.report.plots import plot_map, plot_positions
-
-        wave = 0 if wavelength_nm is None else _nearest(self.details.wavelength_nm.values, wavelength_nm)
-        data = self.details.isel(wavelength_nm=wave)
-        if "z_m" not in data.dims:
-            return plot_positions(ax, data)
-        return plot_map(ax, data.isel(z_m=0 if z_m is None else _nearest(data.z_m.values, z_m)))
-
-    def to_xarray(self) -> xr.Dataset:
-        """The maps with coordinates, units, parts, errors and provenance."""
-        return self.details
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per cell and wavelength."""
-        names = [str(name) for name in self.details.data_vars if str(name).startswith(self.quantity)]
-        return self.details[names].to_dataframe().reset_index()
-
-    def summary(self) -> pd.DataFrame:
-        """A row per plane and wavelength: brightest cell, and the median relative error of the cells."""
-        import pandas as pd
-
-        data, error = self.details[self.quantity], self._relative_error()
-        unit = data.attrs["units"]
-        rows = []
-        for w, wavelength in enumerate(self.details.wavelength_nm.values):
-            for k, z in enumerate(np.atleast_1d(self.details.z_m.values)):
-                rows.append({
-                    "wavelength_nm": float(wavelength),
-                    "z_m": float(z),
-                    f"largest ({unit})": float(np.nanmax(data.values[w, k])),
-                    "median_error_percent": 100 * float(np.nanmedian(error[w, k])),
-                })  # fmt: skip
-        return pd.DataFrame(rows)
-
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.light import light_figure
-        from lightfield.report.result import write_result
-
-        figures = [light_figure(self.details)] if "z_m" in self.details.dims else None
-        return write_result(self, path, "Rendered light", figures, self.details.attrs["scene_toml"])
-
-    def save(self, path: AnyPath) -> Path:
-        """Write the maps as NetCDF; `Maps.load` reads them back."""
-        return write_netcdf(self.details, Path(path))
-
-
-def _nearest(values: np.ndarray, wanted: float) -> int:
-    return int(np.abs(values - wanted).argmin())
-
-
-def render(
-    scene: Scene | AnyPath,
-    *,
-    wavelengths: Sequence[float] | None = None,
-    rel_error: float = REL_ERROR,
-    max_photons: float = MAX_PHOTONS,
-    seed: int = 0,
-    cache: bool = True,
-) -> Maps:
-    """Trace a scene: its light on the detector's planes or at its single positions.
-
-    Parameters
-    ----------
-    scene : Scene or path-like
-    wavelengths : sequence of float, nm, optional
-        Default: one map per band of the detector, averaged over the band.
-    rel_error : float
-        Relative standard error asked of a trace, in 95 % of its lit cells.
-    max_photons : float
-        A trace ends there even if the error is not reached.
-    seed : int
-        Same seed, same result.
-    cache : bool
-        Look for the response on disk, and leave it there.
-
-    Raises
-    ------
-    SceneError
-        A scene that cannot be read.
-    RenderError
-        Impossible settings.
-    BackendError
-        Nothing to render on.
-    """
-    known = scene_of(scene)
-    single = known.detector.positions_m is not None
-    made = (render_positions if single else render_scene)(
-        known, rel_error=rel_error, max_photons=max_photons, seed=seed, cache=cache
-    )
-    return Maps(to_dataset(made, None if wavelengths is None else np.asarray(wavelengths, float)))
 
 
 class Comparison(Result[comparing.Comparison]):
@@ -206,7 +49,7 @@ class Comparison(Result[comparing.Comparison]):
         from lightfield.report.plots import plot_formula_error
 
         known = np.array(self.details.wavelengths_nm)
-        wave = float(known[0 if wavelength_nm is None else _nearest(known, wavelength_nm)])
+        wave = float(known[0 if wavelength_nm is None else nearest(known, wavelength_nm)])
         return plot_formula_error(ax, self.details.at(wave))
 
     def to_pandas(self) -> pd.DataFrame:
@@ -293,8 +136,9 @@ def compare(
 @overload
 def compare(
     what: Readings | AnyPath, scene: Scene | AnyPath, *, with_: Sequence[str] = (),
-    effects_file: AnyPath | None = None, solver: str = "analytic", rel_error: float | None = None,
-    max_photons: float | None = None, seed: int | None = None, cache: bool = True,
+    effects_file: AnyPath | None = None, solver: str = "analytic", trace: bool = True,
+    rel_error: float | None = None, max_photons: float | None = None, seed: int | None = None,
+    cache: bool = True,
 ) -> Fit: ...  # fmt: skip
 def compare(
     what: Scene | Maps | Readings | AnyPath,
@@ -303,6 +147,7 @@ def compare(
     with_: Sequence[str] = (),
     effects_file: AnyPath | None = None,
     solver: str = "analytic",
+    trace: bool = True,
     rel_error: float | None = None,
     max_photons: float | None = None,
     seed: int | None = None,
@@ -322,6 +167,8 @@ def compare(
         Effects of your own, beside those of the table (TOML).
     solver : "analytic" or "render"
         "render" corrects the fast model by fresh traces of the fitted scene.
+    trace : bool
+        False: fit to readings without what only the renderer knows: scattering, walls, surface.
     rel_error, max_photons, seed, optional
         How well to trace; default 0.02, 1e8 and 0, for a fit with the solver "render" 0.01, 3e6 and 0.
     cache : bool
@@ -341,10 +188,10 @@ def compare(
     tracing = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed}
     asked = {name: value for name, value in tracing.items() if value is not None}
     if scene is None and not isinstance(what, Readings):
-        if with_ or effects_file is not None or solver != "analytic":
+        if with_ or effects_file is not None or solver != "analytic" or not trace:
             raise UsageError(
                 "nothing is fitted here",
-                rule="with_, effects_file and solver belong to readings",
+                rule="with_, effects_file, solver and trace belong to readings",
                 remedy="give readings and their scene",
             )
         return _maps_compared(what, asked, cache)
@@ -357,14 +204,17 @@ def compare(
             rule='these belong to solver "render"',
             remedy="choose that solver, or leave them out",
         )
+    if solver == "render" and not trace:
+        raise UsageError(
+            "a render that traces nothing", rule='the solver "render" traces', remedy="leave one of them out"
+        )
     if "seed" in asked:  # another than that of the response which the render is to check
         asked["seed"] += 1
-    known, light = scene_of(scene, effects_file), light_of(True)
-    assert light is not None
-    source = partial(light, cache=cache)
+    known, light = scene_of(scene, effects_file), light_of(trace)
     report = fitting.fit_readings(
-        readings_of(what, known), known, with_, solver=solver, diffuse=source, tracing=asked
-    )
+        readings_of(what, known), known, with_, solver=solver, tracing=asked,
+        diffuse=None if light is None else partial(light, cache=cache),
+    )  # fmt: skip
     return Fit(report)
 
 

@@ -1,0 +1,1 @@
+"""Light on detectors and for cameras: rendered, and compared with the closed-form model."""

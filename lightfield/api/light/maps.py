@@ -1,0 +1,177 @@
+"""Light on the detectors: `render`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
+from lightfield.render.at_readings import render_positions
+from lightfield.render.maps import render_scene
+from lightfield.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+#: What the tracing of `render` and `compare` asks for unless told otherwise; the same as their commands'.
+REL_ERROR, MAX_PHOTONS = 0.02, 1e8
+
+
+class Maps(Result[xr.Dataset]):
+    """Rendered light on planes, or at single positions, with its Monte Carlo errors."""
+
+    @classmethod
+    def load(cls, path: AnyPath) -> Maps:
+        """Maps of a file that `save` or `lightfield render` wrote (NetCDF).
+
+        Raises
+        ------
+        OutputError
+            Not such a file.
+        """
+        return cls(read_netcdf(fspath(path)))
+
+    @property
+    def quantity(self) -> str:
+        """Name of the variable: irradiance, scalar_irradiance or radiance."""
+        return str(self.details.attrs["quantity"])
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that was rendered."""
+        return Scene.from_toml(self.details.attrs["scene_toml"], where="scene of the maps")
+
+    @property
+    def headline(self) -> str:
+        data = self.details
+        several = data.sizes["wavelength_nm"] > 1
+        at = data.wavelength_nm.values
+        colours = f"{len(at)} wavelengths, {at[0]:g} to {at[-1]:g} nm" if several else f"{at[0]:g} nm"
+        places = (
+            f"{data.sizes['z_m']} planes" if "z_m" in data.dims else f"{data.sizes['position']} positions"
+        )
+        error = data.attrs.get("reached_relative_error")
+        known = "" if error is None else f", relative error {100 * float(error):.2g} %"
+        return f"{self.quantity.replace('_', ' ')} on {places} at {colours}{known}"
+
+    def _relative_error(self) -> np.ndarray:
+        value, stderr = (self.details[name].values for name in (self.quantity, f"{self.quantity}_stderr"))
+        return np.divide(stderr, value, out=np.full(value.shape, np.nan), where=value > 0)
+
+    def as_text(self) -> str:
+        return f"{self.headline}\n{self.summary().to_string(index=False)}"
+
+    def as_data(self) -> dict[str, Any]:
+        return {"attributes": dict(self.details.attrs), "places": self.summary().to_dict("records")}
+
+    def plot(
+        self, ax: Axes | None = None, *, z_m: float | None = None, wavelength_nm: float | None = None
+    ) -> Axes:
+        """Draw one plane (the first unless told), or the light of single positions against z.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+        z_m, wavelength_nm : float, optional
+            The plane and the wavelength nearest to these.
+        """
+        from lightfield.report.plots import plot_map, plot_positions
+
+        wave = 0 if wavelength_nm is None else nearest(self.details.wavelength_nm.values, wavelength_nm)
+        data = self.details.isel(wavelength_nm=wave)
+        if "z_m" not in data.dims:
+            return plot_positions(ax, data)
+        return plot_map(ax, data.isel(z_m=0 if z_m is None else nearest(data.z_m.values, z_m)))
+
+    def to_xarray(self) -> xr.Dataset:
+        """The maps with coordinates, units, parts, errors and provenance."""
+        return self.details
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per cell and wavelength."""
+        names = [str(name) for name in self.details.data_vars if str(name).startswith(self.quantity)]
+        return self.details[names].to_dataframe().reset_index()
+
+    def summary(self) -> pd.DataFrame:
+        """A row per plane and wavelength: brightest cell, and the median relative error of the cells."""
+        import pandas as pd
+
+        data, error = self.details[self.quantity], self._relative_error()
+        unit = data.attrs["units"]
+        rows = []
+        for w, wavelength in enumerate(self.details.wavelength_nm.values):
+            for k, z in enumerate(np.atleast_1d(self.details.z_m.values)):
+                rows.append({
+                    "wavelength_nm": float(wavelength),
+                    "z_m": float(z),
+                    f"largest ({unit})": float(np.nanmax(data.values[w, k])),
+                    "median_error_percent": 100 * float(np.nanmedian(error[w, k])),
+                })  # fmt: skip
+        return pd.DataFrame(rows)
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.light import light_figure
+        from lightfield.report.result import write_result
+
+        figures = [light_figure(self.details)] if "z_m" in self.details.dims else None
+        return write_result(self, path, "Rendered light", figures, self.details.attrs["scene_toml"])
+
+    def save(self, path: AnyPath) -> Path:
+        """Write the maps as NetCDF; `Maps.load` reads them back."""
+        return write_netcdf(self.details, Path(path))
+
+
+def nearest(values: np.ndarray, wanted: float) -> int:
+    """Where in an array the value lies that is nearest to the wanted one."""
+    return int(np.abs(values - wanted).argmin())
+
+
+def render(
+    scene: Scene | AnyPath,
+    *,
+    wavelengths: Sequence[float] | None = None,
+    rel_error: float = REL_ERROR,
+    max_photons: float = MAX_PHOTONS,
+    seed: int = 0,
+    cache: bool = True,
+) -> Maps:
+    """Trace a scene: its light on the detector's planes or at its single positions.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+    wavelengths : sequence of float, nm, optional
+        Default: one map per band of the detector, averaged over the band.
+    rel_error : float
+        Relative standard error asked of a trace, in 95 % of its lit cells.
+    max_photons : float
+        A trace ends there even if the error is not reached.
+    seed : int
+        Same seed, same result.
+    cache : bool
+        Look for the response on disk, and leave it there.
+
+    Raises
+    ------
+    SceneError
+        A scene that cannot be read.
+    RenderError
+        Impossible settings.
+    BackendError
+        Nothing to render on.
+    """
+    known = scene_of(scene)
+    single = known.detector.positions_m is not None
+    made = (render_positions if single else render_scene)(
+        known, rel_error=rel_error, max_photons=max_photons, seed=seed, cache=cache
+    )
+    return Maps(to_dataset(made, None if wavelengths is None else np.asarray(wavelengths, float)))

@@ -1,0 +1,140 @@
+"""A camera view of the lit tank: `picture`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.result import Result
+from lightfield.errors import OutputError
+from lightfield.render import picture as camera
+from lightfield.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lightfield.report.style import Axes
+
+#: Width and height, and paths per pixel and colour, unless told otherwise; the same as the command's.
+SIZE, SAMPLES = (720, 405), 64
+COLOURS = ("red", "green", "blue")
+
+
+class Picture(Result[camera.Picture]):
+    """A camera view: linear light, relative, for people to look at; no measurement."""
+
+    @property
+    def headline(self) -> str:
+        height, width, _ = self.details.rgb.shape
+        return f"a camera view of {width} x {height} pixels" + "".join(f"; {n}" for n in self.details.notes)
+
+    def as_text(self) -> str:
+        return "\n".join([self.headline.partition(";")[0], *(f"note: {n}" for n in self.details.notes)])
+
+    def as_data(self) -> dict[str, Any]:
+        height, width, _ = self.details.rgb.shape
+        return {
+            "width": width,
+            "height": height,
+            "exposure": camera.exposure(self.details.rgb),
+            "notes": list(self.details.notes),
+        }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The view as the PNG shows it."""
+        from lightfield.report.plots import plot_picture
+
+        return plot_picture(ax, self.details)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Linear light `rgb` over (row, column, colour), row 0 at the top."""
+        about = {"long_name": "linear light", "units": "1", "wavelengths_nm": camera.RGB_NM.tolist()}
+        light = xr.DataArray(
+            self.details.rgb,
+            dims=("row", "column", "colour"),
+            coords={"colour": list(COLOURS)},
+            attrs=about,
+        )
+        return light.to_dataset(name="rgb").assign_attrs(notes="; ".join(self.details.notes))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per pixel: row, column, and a column per colour."""
+        import pandas as pd
+
+        row, column = (index.ravel() for index in np.indices(self.details.rgb.shape[:2]))
+        colours = dict(zip(COLOURS, self.details.rgb.reshape(-1, 3).T, strict=True))
+        return pd.DataFrame({"row": row, "column": column} | colours)
+
+    def summary(self) -> pd.DataFrame:
+        """A row per colour: wavelength, middle and largest light."""
+        import pandas as pd
+
+        flat = self.details.rgb.reshape(-1, 3)
+        return pd.DataFrame({
+            "colour": COLOURS,
+            "wavelength_nm": camera.RGB_NM,
+            "median": np.median(flat, axis=0),
+            "largest": flat.max(axis=0),
+        })  # fmt: skip
+
+    def report(self, path: AnyPath) -> Path:
+        from lightfield.report.result import write_result
+
+        return write_result(self, path, "Camera view")
+
+    def save(self, path: AnyPath) -> Path:
+        """Write the view as PNG and, beside it, its linear light as EXR.
+
+        Raises
+        ------
+        OutputError
+            The name does not end in .png, or it cannot be written.
+        """
+        from lightfield.report.light import write_picture
+
+        target = Path(path)
+        if target.suffix.lower() != ".png":
+            raise OutputError("the picture is a PNG file", where=str(target), remedy="end it in .png")
+        return write_picture(self.details, target)[0]
+
+
+def picture(
+    scene: Scene | AnyPath,
+    *,
+    size: tuple[int, int] = SIZE,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    as_is: bool = False,
+) -> Picture:
+    """Look along the lit tank from behind the lamp.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+    size : (int, int)
+        Width and height, pixels.
+    samples : int
+        Paths per pixel and colour.
+    seed : int
+    as_is : bool
+        Lend nothing: black walls stay black, clear water stays clear.
+
+    Raises
+    ------
+    SceneError
+        A scene that cannot be read.
+    RenderError
+        Impossible numbers.
+    BackendError
+        Nothing to render on.
+    """
+    width, height = size
+    return Picture(
+        camera.take_picture(
+            scene_of(scene), width=width, height=height, samples=samples, seed=seed, lend=not as_is
+        )
+    )
