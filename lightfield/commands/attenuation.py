@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
@@ -60,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
         from lightfield.render.diffuse.source import response_for
 
         trace = response_for
-    found = attenuation(tables, scenes, trace, in_air)
+    with stage_line("the light that readings in water share"):
+        found = attenuation(tables, scenes, trace, in_air)
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, add_tracing, given
 from lightfield.errors import UsageError
@@ -55,12 +56,13 @@ def run(args: argparse.Namespace) -> int:
         output_file(file, *inputs, *outputs[:k])
     from lightfield.studies.band import as_data, as_text, best_band
 
-    found = best_band(
-        scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
-        high_nm=between[1], response=None if args.response is None else str(args.response),
-        electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
-        **(DEFAULTS | given(args)),
-    )  # fmt: skip
+    with stage_line("the light in every band"):
+        found = best_band(
+            scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
+            high_nm=between[1], response=None if args.response is None else str(args.response),
+            electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
+            **(DEFAULTS | given(args)),
+        )  # fmt: skip
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

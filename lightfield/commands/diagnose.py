@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -112,7 +113,10 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         from lightfield.report.diagnosis.drawn import view_of
         from lightfield.report.diagnosis.page import write_diagnosis
 
-        print(f"report: {write_diagnosis(view_of(found), args.report).resolve()}")
+        sys.stdout.flush()  # the verdict first: the page fits its rivals to each other, and may take as long
+        with stage_line("the page: how far explanations are apart"):
+            page = write_diagnosis(view_of(found), args.report).resolve()
+        print(f"report: {page}")
     return 0
 
 

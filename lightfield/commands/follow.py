@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._follower import PHOTONS, outputs_of, photons_of
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
@@ -71,7 +72,8 @@ def run(args: argparse.Namespace) -> int:
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
-    found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
+    with stage_line("the light, and runs in it"):
+        found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)

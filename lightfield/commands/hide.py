@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option, assignment, given
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
@@ -85,15 +86,16 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
 
     output_file(args.output / "scene.toml", args.scene)
     replaced = replaced_in(args.output)
-    made = hide(
-        scene,
-        Secret(args.effect, args.strength, values, args.lamp),
-        args.seed or 0,
-        Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
-        layout=layout_named(args.layout, scene),
-        order="plane" if args.plane_order else "random",
-        **given(args, "max_photons"),
-    )
+    with stage_line("the light with what is hidden in it"):
+        made = hide(
+            scene,
+            Secret(args.effect, args.strength, values, args.lamp),
+            args.seed or 0,
+            Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
+            layout=layout_named(args.layout, scene),
+            order="plane" if args.plane_order else "random",
+            **given(args, "max_photons"),
+        )
     folder = made.save(args.output)
     if replaced:
         print(f"replaced, of a riddle of before: {', '.join(replaced)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_tracing, given
 from lightfield.errors import UsageError
@@ -60,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
-    found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
+    with stage_line("the light at every distance in every water"):
+        found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

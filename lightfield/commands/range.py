@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
@@ -66,10 +67,11 @@ def run(args: argparse.Namespace) -> int:
         from lightfield.render.diffuse.source import response_for
 
         trace = response_for
-    found = working_range(
-        scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
-        **({} if args.max_photons is None else {"photons": args.max_photons}),
-    )  # fmt: skip
+    with stage_line("the light at every distance"):
+        found = working_range(
+            scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
+            **({} if args.max_photons is None else {"photons": args.max_photons}),
+        )  # fmt: skip
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

@@ -19,6 +19,8 @@ from lightfield.scene.water.library import list_presets
 from lightfield.storage.files import atomic_path
 
 SCENE, LAYOUT, READINGS = "scene.toml", "layout.csv", "readings.csv"
+#: What lamps are called, and the spectrum that they have.
+_NAMED = {"halogen": "planck", "white": "led-white", "warm-white": "led-warm-white"}
 #: Planes that are proposed, and between which parts of the water before the lamp.
 _PLANES, _FROM, _TO = 5, 0.25, 0.8
 #: Distances that are proposed in open water, m.
@@ -232,10 +234,11 @@ def spectrum(answer: str) -> str:
     if "/" in answer:
         peak, _, width = answer.partition("/")
         return f"{{ peak_nm = {number(peak, 'lamp')}, fwhm_nm = {number(width, 'lamp')} }}"
+    answer = _NAMED.get(answer, answer)
     if answer not in (*LEDS, "planck", "cie-a"):
         raise UsageError(
             "not a spectrum", where="lamp", found=answer,
-            rule=f"PEAK/WIDTH in nm, or one of {', '.join([*LEDS, 'planck', 'cie-a'])}",
+            rule=f"PEAK/WIDTH in nm, or one of halogen, {', '.join([*LEDS, 'planck', 'cie-a'])}",
         )  # fmt: skip
     return f'"{answer}"'
 
@@ -261,7 +264,7 @@ def band(given: Mapping[str, str]) -> str:
     """The detector's band as TOML: as answered, or all that an LED gives."""
     if given["band"]:
         ends = numbers(given["band"], "band", ":")
-    elif given["lamp"] in LEDS or "/" in given["lamp"]:
+    elif _NAMED.get(given["lamp"], given["lamp"]) in LEDS or "/" in given["lamp"]:
         text = f"[lamp]\nspectrum = {spectrum(given['lamp'])}"
         peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
         ends = [

@@ -33,6 +33,16 @@ def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
     assert "0.8 m along the beam; that is across the tank: is it WxDxL?" in capsys.readouterr().out
 
 
+def test_work_that_takes_long_says_so(tmp_path, monkeypatch, capsys):
+    """Minutes of silence look like a program that hangs: a line now and then, apart from the answer."""
+    monkeypatch.setattr("lightfield.commands._console.EVERY_S", 1e-3)
+    assert main(["new", "tank", "--points", "3", "-o", str(tmp_path / "pool")]) == 0
+    layout, scene = str(tmp_path / "pool" / "layout.csv"), str(tmp_path / "pool" / "scene.toml")
+    assert main(["plan", layout, "--scene", scene, "--no-trace"]) == 0
+    printed = capsys.readouterr()
+    assert "s: what each effect would do" in printed.err and "what each effect would do" not in printed.out
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

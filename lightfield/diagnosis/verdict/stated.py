@@ -12,6 +12,8 @@ Say = Callable[[Sequence[AcceptedExplanation], NearestRival | None], Said]
 REFUTED = ("absent", "contradicted")
 #: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
 CONTRADICTED_SIGMA = 5.0
+#: From here on the distance is told, though nothing is contradicted: one in twenty is so far away (chosen).
+TOLD_SIGMA = 2.0
 
 
 def clause(entry: StatedEffect) -> str:
@@ -91,12 +93,18 @@ def lines(stated: Sequence[StatedEffect]) -> list[str]:
             path, value = next(iter(entry.stated.items()))
             out.append(
                 f"stated: your scene's {join([entry.effect or ''])} {_standing(entry)}; "
-                f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated"
+                f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated{_apart(entry)}"
             )
     held = [
         f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
     ]
     return [*out, "held as stated: " + ", ".join(held)] if held else out
+
+
+def _apart(entry: StatedEffect) -> str:
+    """How far a size is from the stated one, where that is worth a look."""
+    far = entry.sigma_from_stated or 0.0
+    return f", {far:.1f} sigma apart: look into it" if far >= TOLD_SIGMA else ""
 
 
 def _standing(entry: StatedEffect) -> str:

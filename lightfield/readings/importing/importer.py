@@ -171,9 +171,11 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
             )
         exposure = header if np.isfinite(header) else stated
         if needed and not np.isfinite(exposure):
-            reason = next((f" ({note})" for note in shot.spectrum.notes if "exposure" in note), "")
+            told = next(
+                (note for note in shot.spectrum.notes if "exposure" in note), "the exposure is not known"
+            )
             problems.add(
-                f"{shot.entry.file}: the exposure is not known{reason}",
+                f"{shot.entry.file}: {told}",
                 place=shot.entry.line,
                 rule="counts are divided by it",
                 remedy="give integration_time_s in the index",

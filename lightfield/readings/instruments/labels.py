@@ -23,9 +23,13 @@ LABELS = {
 _YES = {"yes", "true", "ja", "oui", "si", "sim", "on", "enabled", "1"}
 _NO = {"no", "false", "nein", "nee", "non", "nao", "off", "disabled", "0"}
 _PER_SECOND = {
-    **dict.fromkeys(("usec", "us", "µs", "μs", "microsec", "microseconds"), 1e6),
-    **dict.fromkeys(("msec", "ms", "millisec", "milliseconds"), 1e3),
-    **dict.fromkeys(("sec", "s", "seconds"), 1.0),
+    **dict.fromkeys(
+        ("usec", "us", "µs", "μs", "µseg", "μseg", "microsec", "microseconds", "microsegundos"), 1e6
+    ),
+    **dict.fromkeys(("msec", "ms", "mseg", "millisec", "milliseconds", "milisegundos"), 1e3),
+    **dict.fromkeys(
+        ("sec", "s", "seg", "sek", "seconds", "segundos", "sekunden", "secondes", "secondi"), 1.0
+    ),
 }
 _MONTHS = {
     1: "jan ene gen",
@@ -83,9 +87,11 @@ def seconds(label: str, text: str) -> float:
     if not match:
         raise ValueError("holds no number")
     named = re.search(r"[(\[]\s*([^)\]]*?)\s*[)\]]", label)
-    unit = (named[1] if named else match[2]).lower()
+    unit = (named[1] if named else match[2]).lower().rstrip(".")
     if unit not in _PER_SECOND:
-        raise ValueError("has no unit of time")
+        raise ValueError(
+            f"has {unit!r} for its unit of time, which is not known" if unit else "has no unit of time"
+        )
     digits = match[1]
     grouped = re.fullmatch(r"[1-9]\d{0,2}([.,]\d{3})+", digits, re.ASCII)
     if grouped and ("," in digits or _PER_SECOND[unit] == 1e6):  # microseconds are whole numbers

@@ -58,6 +58,13 @@ def test_answers_stand_in_the_scene() -> None:
     assert made.rows == 5
 
 
+def test_words_and_spaces_that_people_write_are_understood() -> None:
+    scene = new_tank({"lamp": "halogen", "water": "0.1 0.3"}).scene
+    assert scene.lamp.spectrum == "planck"
+    assert (scene.water.absorption_per_m, scene.water.scattering_per_m) == (0.1, 0.3)
+    assert new_tank({"lamp": "white"}).scene == new_tank({"lamp": "led-white"}).scene
+
+
 @pytest.mark.parametrize(("answer", "base"), [("pure", "pure"), ("petzold-coastal", "petzold-coastal")])
 def test_waters_have_names(answer: str, base: str) -> None:
     assert new_tank({"water": answer, "tank": "none"}).scene.water.base == base

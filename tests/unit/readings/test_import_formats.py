@@ -216,7 +216,10 @@ def test_a_pixel_without_a_number_is_nan_not_zero(number):
         ("Integration Time (sec)", "2.5", 2.5),
         ("Integrationszeit (ms)", "12,5", 0.0125),
         ("Temps d'intégration (µs)", "3800", 0.0038),
-        ("Tiempo de integración (seg.)", "1", None),
+        ("Tiempo de integración (seg.)", "1", 1.0),
+        ("Tiempo de integración (seg)", "1,000000E-1", 0.1),
+        ("Integrationszeit (Sek.)", "0,5", 0.5),
+        ("Tiempo de integración (ciclos)", "1", None),
         ("Integration Time", "20 ms", 0.02),
         ("Integration Time", "20", None),
         ("Integration Time (usec)", "70.000", None),  # 70 us, or 70 ms in a country with thousands points?

@@ -172,6 +172,7 @@ def test_an_exposure_that_the_file_lacks_is_asked_for(tmp_path):
     (tmp_path / "a.txt").write_text(content)
     found = problems(tmp_path, ["a.txt,4.5,0,0,signal"])
     assert "give integration_time_s in the index" in found[0] and "no unit of time" in found[0]
+    assert found[0].count("exposure is not known") == 1
     readings = run(tmp_path, ["a.txt,4.5,0.05"], "file,z_m,integration_time_s")
     assert readings.integration_time_s.tolist() == [0.05]
 
