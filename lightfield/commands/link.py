@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
     scene = Scene.load(args.scene)
-    waters = dict(_water(text) for text in args.water) or None
+    waters = _waters(args.water) or None
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, args.scene, *outputs[:k])
@@ -71,6 +71,22 @@ def run(args: argparse.Namespace) -> int:
 
         print(f"report: {write_link(found, args.report).resolve()}")
     return 0
+
+
+def _waters(texts: list[str]) -> dict[str, tuple[float, float]]:
+    waters: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, water = _water(text)
+        if name in waters:
+            raise UsageError(
+                "two waters of one name",
+                where="--water",
+                found=name,
+                rule="every water has a name of its own",
+                remedy="rename one of them",
+            )
+        waters[name] = water
+    return waters
 
 
 def _water(text: str) -> tuple[str, tuple[float, float]]:

@@ -8,6 +8,7 @@ import os
 import platform
 import re
 import shutil
+import stat
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -90,9 +91,10 @@ def output_file(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -
     Raises
     ------
     OutputError
-        It is a folder, one of the `inputs`, or its folder cannot be made or written.
+        It is a folder or a device, one of the `inputs`, or its folder cannot be made or written.
     """
     target = Path(path)
+    _check_replaceable(target)
     if target.resolve() in {Path(file).resolve() for file in inputs}:
         raise OutputError(
             "this file is in use by the same command",
@@ -104,6 +106,31 @@ def output_file(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -
         raise OutputError("this is a folder", where=str(path), rule="a file", remedy="name a file in it")
     output_folder(target.parent)
     return target
+
+
+def _check_replaceable(target: Path) -> None:
+    """Refuse what is no file: a device (/dev/null) or a pipe would be gone, with a file in its place."""
+    try:
+        link = os.readlink(target) if target.is_symlink() else ""
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise OutputError(
+            "cannot write here",
+            where=str(target),
+            found=getattr(error, "strerror", None) or str(error),
+            remedy="choose another name",
+        ) from error
+    # /dev/stdout is a link to whatever the standard output is.
+    if link.startswith("/proc/") or not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise OutputError(
+            "this is no file",
+            where=str(target),
+            found="a device, a pipe or a link to one",
+            rule="a regular file, which is replaced as a whole",
+            remedy="name a file, or leave the option out",
+        )
 
 
 def remove_leftovers(folder: Path) -> None:
@@ -136,9 +163,10 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        The folder cannot be made or written, or the disk is full.
+        The folder cannot be made or written, the disk is full, or it is a device.
     """
     target = Path(path)
+    _check_replaceable(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.{_MACHINE}-{os.getpid()}-", dir=target.parent))

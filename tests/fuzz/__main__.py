@@ -12,7 +12,9 @@ import faulthandler
 import io
 import os
 import random
+import re
 import shutil
+import signal
 import sys
 import tempfile
 import traceback
@@ -23,15 +25,19 @@ from lightfield import cli
 from lightfield.commands._terminal import printable
 from lightfield.studies.compare import readings as compared
 
-#: A case that takes longer than this is a fault; two busy cores are slow.
-LONGEST_S = 60
+#: A case that takes more of the processor than this is a fault, and one that waits for so long: on a busy
+#: machine each second of work takes many.
+LONGEST_S, LONGEST_WAIT_S = 60, 1800
+#: A line about work that takes long, as every ten seconds on a slow machine.
+PROGRESS = re.compile(r"\d+ s: .*\n")
 
 
 def wrong_with(words: list[str], folder: Path) -> str:
     """Run one command line in a folder; empty when it ended as it may."""
     out, err = io.StringIO(), io.StringIO()
     os.chdir(folder)
-    faulthandler.dump_traceback_later(LONGEST_S, exit=True)
+    faulthandler.dump_traceback_later(LONGEST_WAIT_S, exit=True)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             code = cli.main(words)
@@ -41,10 +47,12 @@ def wrong_with(words: list[str], folder: Path) -> str:
         return f"escaped: {traceback.format_exc()}"
     finally:
         faulthandler.cancel_dump_traceback_later()
+        signal.setitimer(signal.ITIMER_PROF, 0)
     if code in (cli.EXIT_INTERRUPTED, cli.EXIT_TERMINATED):
         sys.exit(code)  # somebody stopped us
     # Of a scene that will do all the same, one word.
-    message = "".join(x for x in err.getvalue().splitlines(True) if not x.startswith("warning: "))
+    lines = (x for x in err.getvalue().splitlines(True) if not PROGRESS.fullmatch(x))
+    message = "".join(x for x in lines if not x.startswith("warning: "))
     if code not in (0, 2):
         return f"exit code {code}: {message}"
     if code == 2 and not (message.startswith("lightfield: ") and message.endswith("\n")):
@@ -72,6 +80,7 @@ def main() -> int:
     # No backend: what gets as far as a trace stops there, with an error.
     os.environ.update(LIGHTFIELD_BACKEND="llvm", LIGHTFIELD_LIBLLVM="/nonexistent", MPLBACKEND="Agg")
     os.environ.pop(cli.TRACEBACK_VARIABLE, None)
+    faulthandler.register(signal.SIGPROF, chain=True)  # and then the signal ends the process
     # `compare` with readings fits direct light alone.
     fit = compared.fit_readings
     compared.fit_readings = lambda *given, **named: fit(*given, **{**named, "diffuse": None})

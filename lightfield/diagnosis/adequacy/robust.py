@@ -8,6 +8,7 @@ when the base model, every effect's template and every smooth unknown together c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,8 @@ _LOG_SCALE = np.linspace(-3.0, 9.0, 121)
 SCALE_SPREAD, _SCALE_DOF = 0.5, 4
 #: An overstated part of the error budget must not make the readings look better than they can be.
 SMALLEST_SCALE = 0.5
+#: From so many rows on products of columns are quicker than reflections, and as good beside a basis.
+_MANY_ROWS = 3000
 #: Beside fewer spare readings than this no scale is estimated.
 FEWEST_TO_SCALE = 4
 #: Points at which a deviance is asked for before its minimum is sought between two of them.
@@ -238,10 +241,18 @@ def _log_evidence(white: Array, stated: float | None) -> float:
 
 def _beside(white: Array) -> tuple[int, float, float]:
     """Spare readings and sum of squares of a residual (last column) beside columns; ln(volume) of these."""
-    r: Array = np.asarray(np.linalg.qr(white, mode="r"))
+    r = _triangle(white)
     nu = len(white) - white.shape[1] + 1
     volume = float(np.log(np.abs(np.diag(r)[: white.shape[1] - 1])).sum())
     return nu, float(r[-1, -1] ** 2) if nu > 0 else 0.0, volume
+
+
+def _triangle(columns: Array) -> Array:
+    """R of a QR decomposition; of many rows, where a basis is far from collinear, from their products."""
+    if len(columns) > _MANY_ROWS:
+        with suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.cholesky(columns.T @ columns).T)
+    return np.asarray(np.linalg.qr(columns, mode="r"))
 
 
 def scatter_law(

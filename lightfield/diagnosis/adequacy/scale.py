@@ -86,12 +86,17 @@ def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> 
         for first in range(0, part.shape[1], _AT_ONCE):
             some = part[:, first : first + _AT_ONCE]
             white[:, at : (at := at + some.shape[1])] = whiten(some)
-    gram = white.T @ white
-    known = np.diag((np.arange(at) < at - columns.shape[1]) * 1.0)
+    gram, known = white.T @ white, at - columns.shape[1]
+    # In the eigenvectors of what is shared one decomposition serves every phi.
+    square, directions = np.linalg.eigh(gram[:known, :known])
+    square, beside = np.maximum(square, 0.0), directions.T @ gram[:known, known:]
 
     def deviance(log_phi: float) -> float:
-        root = np.linalg.cholesky(gram * np.exp(-log_phi) + known).diagonal()
-        log_determinant = len(white) * log_phi + whiten.log_determinant
-        return float(log_determinant + 2 * np.log(root[:-1]).sum() + root[-1] ** 2)
+        part = np.exp(-log_phi)
+        share = part / (1 + part * square)
+        root = np.linalg.cholesky(part * (gram[known:, known:] - beside.T @ (share[:, None] * beside)))
+        last = root.diagonal()
+        log_determinant = len(white) * log_phi + whiten.log_determinant + np.log1p(part * square).sum()
+        return float(log_determinant + 2 * np.log(last[:-1]).sum() + last[-1] ** 2)
 
     return deviance

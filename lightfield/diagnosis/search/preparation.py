@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,8 @@ REPLICATES = 999
 _OUTLIER_ROUNDS = 3
 #: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
 _SPARE_FOR_SERIAL = 25
+#: Seeds of generators of their own.
+_SEEDS = 1 << 62
 #: Correlations closer than this are one.
 _SAME_RHO = 1e-3
 
@@ -89,6 +92,19 @@ class Bench:
     phi: float
 
 
+class Kept(NamedTuple):
+    """Readings without outliers, and the basis beside which they were judged, where that is the fit's."""
+
+    problem: Problem
+    whiten: Whitener
+    fit: Fit
+    basis: Array | None = None
+
+    @property
+    def rich(self) -> Array:
+        return _rich(self.problem, self.whiten, self.fit) if self.basis is None else self.basis
+
+
 def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
     unknowns = whitened_unknowns(problem, whiten, with_scans=False)
     return rich_basis(fit, bank(problem, fit, whiten), unknowns, with_time)
@@ -96,8 +112,7 @@ def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) 
 
 def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
     """Whitening by the smoothed quoted errors, and more of one's own, alone."""
-    layout = problem.layout
-    zero = np.zeros(layout.size)
+    layout, zero = problem.layout, np.zeros(problem.layout.size)
     sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
     return Whitener(Noise(layout, np.hypot(sigma, more), prediction, Budget(0.0, 0.0, 0.0), zero))
 
@@ -110,7 +125,7 @@ def _without_outliers(
     usable: Array,
     by_effects: bool,
     more: Array | float = 0.0,
-) -> tuple[Problem, Whitener, Fit]:
+) -> Kept:
     problem = replace(problem, keep=usable)
     whiten = _plain(problem, quoted, fit.prediction, more)
     fit = problem.fit(explanation, whiten, [fit.u])
@@ -118,13 +133,13 @@ def _without_outliers(
         basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
         bad = outliers(fit.residual, basis, problem.keep)
         if not bad.any():
-            break
+            return Kept(problem, whiten, fit, basis if by_effects else None)
         every = (usable > 0) & ((problem.keep == 0) | bad)
         left_out = scattered(every, problem.value - fit.prediction, problem.layout)
         problem = replace(problem, keep=usable * ~left_out)
         fit = problem.fit(explanation, whiten, [fit.u])
         whiten = _plain(problem, quoted, fit.prediction, more)
-    return problem, whiten, fit
+    return Kept(problem, whiten, fit)
 
 
 def prepare(
@@ -171,12 +186,12 @@ def _prepared(
     problem: Problem, quoted: Array, budget: Budget, by_effects: bool, known: Sequence[Fitted] = ()
 ) -> Prepared:
     """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
-    usable, layout = problem.keep, problem.layout
-    stated = errors_stated(quoted)
+    usable, stated = problem.keep, errors_stated(quoted)
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
-    problem, whiten, base = _without_outliers(problem, quoted, (), base, usable, by_effects)
-    law = _law(problem, whiten, base) if stated and by_effects else None
+    kept = _without_outliers(problem, quoted, (), base, usable, by_effects)
+    problem, whiten, base = kept[:3]
+    law = _law(kept) if stated and by_effects else None
     if law is not None:
         return replace(_prepared(replace(problem, keep=usable), law, budget, True, known), doubted=True)
     described = Description((), base)
@@ -185,13 +200,11 @@ def _prepared(
         same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
         described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
-    own: Array = np.zeros(layout.size)
+    own: Array = np.zeros_like(usable, float)
     if explanation:
         own = _own_error(problem, reference)
-        problem, whiten, reference = _without_outliers(
-            problem, quoted, explanation, reference, usable, True, own
-        )
-    settled = _settled(problem, whiten, explanation, (reference, base), own, budget, stated)
+        kept = _without_outliers(problem, quoted, explanation, reference, usable, True, own)
+    settled = _settled(kept, explanation, base, own, budget, stated)
     return replace(settled, known=described.known, to_trace_per_m=described.to_trace_per_m)
 
 
@@ -209,12 +222,12 @@ def prepare_about(
     """
     usable, stated = problem.keep, errors_stated(quoted)
     own = _own_error(problem, fit)
-    problem, whiten, reference = _without_outliers(problem, quoted, explanation, fit, usable, True, own)
-    law = _law(problem, whiten, reference) if stated else None
+    kept = _without_outliers(problem, quoted, explanation, fit, usable, True, own)
+    law = _law(kept) if stated else None
     if law is not None:
         again = replace(problem, keep=usable)
-        problem, whiten, reference = _without_outliers(again, law, explanation, fit, usable, True, own)
-    settled = _settled(problem, whiten, explanation, (reference, reference), own, budget, stated)
+        kept = _without_outliers(again, law, explanation, fit, usable, True, own)
+    settled = _settled(kept, explanation, kept.fit, own, budget, stated)
     return replace(settled, doubted=law is not None)
 
 
@@ -225,10 +238,9 @@ def _own_error(problem: Problem, fit: Fit) -> Array:
 
 
 def _settled(
-    problem: Problem,
-    whiten: Whitener,
+    kept: Kept,
     explanation: Explanation,
-    fits: tuple[Fit, Fit],
+    lit: Fit,
     own: Array,
     budget: Budget,
     stated: bool,
@@ -237,17 +249,18 @@ def _settled(
 
     Parameters
     ----------
-    whiten : Whitener
-        By the smoothed quoted errors, and the description's own.
-    fits : (Fit, Fit)
-        The description, and the fit whose diffuse light has the error that the noise states.
+    kept : Kept
+        The description, whitened by the smoothed quoted errors, and its own.
+    lit : Fit
+        The fit whose diffuse light has the error that the noise states.
     own : array, shape (n,)
         Error of the description by its diffuse light.
     """
-    layout, (reference, lit) = problem.layout, fits
+    problem, whiten, reference = kept[:3]
+    layout = problem.layout
     quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
     if stated:
-        rich, total = _rich(problem, whiten, reference), whiten.noise.sigma
+        rich, total = kept.rich, whiten.noise.sigma
         relative = np.clip(reference.prediction, 0, None) / total
         factor = unstated_error(reference.residual, rich, problem.keep, relative, VARIANCE_EXCESS)
         sigma = np.hypot(quoted_sigma, np.sqrt(factor**2 - 1) * total)
@@ -265,10 +278,10 @@ def _settled(
     return Prepared(problem, noise, serial, reference, explanation, stated, excess)
 
 
-def _law(problem: Problem, whiten: Whitener, fit: Fit) -> Array | None:
+def _law(kept: Kept) -> Array | None:
     """Standard errors in place of stated ones that the scatter contradicts, see `scatter_law`."""
-    rich, noise = _rich(problem, whiten, fit), whiten.noise
-    return scatter_law(fit.residual, rich, problem.keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
+    keep, noise = kept.problem.keep, kept.whiten.noise
+    return scatter_law(kept.fit.residual, kept.rich, keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
 
 
 def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
@@ -310,8 +323,11 @@ def _bench(
     """Bench of one whitening; its replicates are kept for the next fit, or drawn again."""
     problem = prepared.problem
     # Passed over now, drawn when tested: what is drawn must not depend on what was tested before.
-    drawn = deepcopy(rng)
-    whiten.replicates(rng, REPLICATES)
+    if problem.sample is None:
+        drawn = deepcopy(rng)
+        whiten.replicates(rng, REPLICATES)
+    else:  # of many readings they are not drawn twice
+        drawn = np.random.default_rng(rng.integers(_SEEDS))
 
     def noise() -> Array:
         return _with_serial(whiten, prepared.serial, whiten.replicates(deepcopy(drawn), REPLICATES))

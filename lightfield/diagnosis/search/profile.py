@@ -3,12 +3,14 @@ errors that the curvature at one of them does not show: profile likelihood over 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 
@@ -55,20 +57,43 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, fa
     if known:
         grid = np.r_[grid, fit.u[i] + sigma * np.array([-2.0, -1.0, 1.0, 2.0])]
     grid = np.unique(np.clip(grid, parameter.low, parameter.high))
-    out: list[Fit] = []
+    led, out = _leader(problem, fit, whiten), list[Fit]()
     for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
         row = [fit]
         for value in side:
             held = parameter.held(float(value))
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
-            row.append(least_squares(model, problem.value, whiten, row[-1].u, problem.keep, _STEPS, _LEFT))
+            start, steps = led(model, row[-1].u)
+            row.append(least_squares(model, problem.value, whiten, start, problem.keep, steps, _LEFT))
         chi2 = [f.chi2 for f in row] + [np.inf]
         for k in range(1, len(row)):
             if chi2[k] < min(chi2[k - 1], chi2[k + 1]):  # another valley: down to its bottom
                 row.append(least_squares(fit.model, problem.value, whiten, row[k].u, problem.keep))
         out += row[1:]
     return out
+
+
+def _leader(problem: Problem, fit: Fit, whiten: Whiten) -> Callable[[Model, Array], tuple[Array, int]]:
+    """Where a fit begins, and its steps: of many readings, what a sample shows to be far behind is left as it
+    has it."""
+    if problem.sample is None or not isinstance(whiten, Whitener):
+        return lambda _, start: (start, _STEPS)
+    rows, some = problem.sample
+    own = whiten.of(rows)
+
+    def rough(model: Model, start: Array, steps: int) -> Fit:
+        there = replace(model, forward=some.forward)
+        return least_squares(there, some.value, own, start, some.keep, steps, _LEFT)
+
+    best = rough(fit.model, fit.u, 0).chi2
+    far = best + FAR_BEHIND * max(1.0, best / len(some.value))
+
+    def led(model: Model, start: Array) -> tuple[Array, int]:
+        found = rough(model, start, _STEPS)
+        return (found.u, 0) if found.chi2 > far else (start, _STEPS)
+
+    return led
 
 
 def profiled(

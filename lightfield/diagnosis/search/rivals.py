@@ -15,6 +15,7 @@ from scipy import special
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
+from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -30,6 +31,9 @@ DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * _TESTS)) - special.ndtri(MI
 SAME_CLASS_SIGMA = 3.0
 #: Steps of the fit of an imitation, and what it may leave of chi-square: a hundredth of a sigma.
 _STEPS, _LEFT = 60, 1e-4
+#: Of many readings a rival may be the nearest when its square distance is no more times the least of a
+#: sample: that of a seventh of the readings is known to a few per cent.
+_AS_NEAR = 2.0
 #: Rivals by BIC whose distance is worked out.
 _RIVALS = 4
 
@@ -59,8 +63,24 @@ def nearest_rival(
     for one in sorted(tried, key=lambda t: t.bic):
         if one.names != best.names and len(one.explanation) == len(best.explanation):
             others.setdefault(one.names, one)
-    rivals = [separation(problem, whiten, best.fit, one, phi) for one in list(others.values())[:at_most]]
+    rivals = [
+        separation(problem, whiten, best.fit, one, phi)
+        for one in _nearest(problem, whiten, best.fit, list(others.values())[:at_most])
+    ]
     return min(rivals, key=lambda r: r.separation_sigma, default=None)
+
+
+def _nearest(problem: Problem, whiten: Whiten, truth: Fit, rivals: list[Tried]) -> list[Tried]:
+    """Those of the rivals that may be the nearest; of many readings as a sample has them."""
+    if problem.sample is None or not isinstance(whiten, Whitener):
+        return rivals
+    rows, some = problem.sample
+    seen, own = truth.prediction[rows], whiten.of(rows)
+    away = [
+        some.fit(one.explanation, own, [one.fit.u], max_steps=_STEPS, value=seen, tolerance=_LEFT).chi2
+        for one in rivals
+    ]
+    return [one for one, chi2 in zip(rivals, away, strict=True) if chi2 <= _AS_NEAR * min(away)]
 
 
 @dataclass(frozen=True)

@@ -149,17 +149,22 @@ def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) 
         And none farther away, as seen from the lamp.
     """
     cx, cy, cz = (v.ravel() for v in grid.centres())
-    weights = sparse.lil_array((len(cx), len(cx)))
-    for i in range(len(cx)):
-        near, _, rows = _expansion(cx, cy, cz, i, most_1d, most_2d, reach_rad * cz[i])
-        weights[i, near] = rows[0]
-    return weights.tocsr()
+    on_plane = {z: np.flatnonzero(cz == z) for z in np.unique(cz).tolist()}
+    near, weights = [], []
+    for i, z in enumerate(cz.tolist()):
+        cells, _, rows = _expansion(cx, cy, on_plane[z], i, most_1d, most_2d, reach_rad * z)
+        near.append(cells)
+        weights.append(rows[0])
+    ends = np.cumsum([0, *map(len, near)])
+    out = sparse.csr_array((np.concatenate(weights), np.concatenate(near), ends), (len(cx), len(cx)))
+    out.sort_indices()
+    return out
 
 
 def _expansion(
     x: np.ndarray,
     y: np.ndarray,
-    z: np.ndarray,
+    same: np.ndarray,
     i: int,
     most_1d: int,
     most_2d: int,
@@ -169,7 +174,6 @@ def _expansion(
 
     A cell with too few neighbours is expanded to a constant.
     """
-    same = np.flatnonzero(z == z[i])
     most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
     away = np.hypot(x[same] - x[i], y[same] - y[i])
     near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]

@@ -250,30 +250,34 @@ def _trace(
     images: MirrorImages,
 ) -> dict[str, Array]:
     use_backend()
-    from lightfield.render.tracer.accumulate import trace_by_direction
+    from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
 
-    tallies, errors = [], []
+    seen: list[tuple[NDArray[np.bool_], Array]] = []  # rows that are needed and were lit, and their tallies
+    errors = []
     for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
         path = SHAPES[scene.water.phase.type].path if g is not None else ""
         one = scene if g is None else scene.with_values({path: g}, validate=False)
         tally, stderr, histories, excess, density = trace_by_direction(
             one, grid, reference, beam_nodes, sent, seed, images
         )
-        wanted = np.isin(light_classes(histories), needed)
-        tallies.append(tally[:, wanted])
+        lit = np.isin(light_classes(histories), needed) & tally.any(axis=(0, 2))
+        seen.append((lit, tally[:, lit]))
         errors.append(stderr)
-    histories, excess, relative = histories[wanted], excess[wanted], np.array(errors)
-    classes, used = light_classes(histories), np.any([t.any(axis=(0, 2)) for t in tallies], axis=0)
+        del tally  # it is as large as all that the next trace needs
+    free_memory()
+    classes, used = light_classes(histories), np.any([lit for lit, _ in seen], axis=0)
     rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
+    place, relative = np.zeros(len(histories), int), np.array(errors)
+    place[rows] = np.arange(len(rows))
     # Light that was never scattered knows no g: the traces are one.
     part, kinds = photons / photons.sum(), list(NEVER_SCATTERED)
     relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
-    once = histories[rows, 0] == 0
-    mean = sum(p * t[:, rows[once]] for p, t in zip(part, tallies, strict=True))
-    stacked = np.empty((len(tallies), len(tallies[0]), len(rows), len(images.kept)), np.float32)
+    stacked = np.zeros((len(seen), beam_nodes.nodes.size, len(rows), len(images.kept)), np.float32)
     for at in reversed(range(len(stacked))):
-        stacked[at] = tallies.pop()[:, rows]
-        stacked[at][:, once] = mean
+        lit, tally = seen.pop()
+        stacked[at][:, place[lit]] = tally
+    once = histories[rows, 0] == 0
+    stacked[:, :, once] = sum(p * t[:, once] for p, t in zip(part, stacked, strict=True))
     return {
         "tallies": stacked,
         "relative_stderr": relative,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from math import ceil
 
+import drjit as dr
 import numpy as np
 
 from lightfield.render.response.beam_nodes import BeamNodes
@@ -137,6 +138,11 @@ def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
     return Bookkeeping(*(float(v) for v in np.average(table, axis=0, weights=photons)))
 
 
+def free_memory() -> None:
+    """Give back the memory of tallies that were read."""
+    dr.flush_malloc_cache()
+
+
 def trace_by_direction(
     scene: Scene,
     grid: Grid,
@@ -186,6 +192,7 @@ def trace_by_direction(
         images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
         beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
+        del counts, by_node  # so that the next tally takes the memory of this one
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)

@@ -7,9 +7,10 @@ import importlib
 
 import pytest
 
+from lightfield.commands import link
 from lightfield.commands._line import COMMANDS, _module
 from lightfield.commands._options import LARGEST_SEED, OPTIONS, seed_number
-from lightfield.errors import LightfieldError
+from lightfield.errors import LightfieldError, UsageError
 from lightfield.render.settings import Settings
 from lightfield.sweep.plan import SweepSettings
 
@@ -39,3 +40,10 @@ def test_seeds_are_whole_numbers_up_to_the_largest() -> None:
     for wrong in (str(LARGEST_SEED + 1), "-1", "1.5", "seed"):
         with pytest.raises(argparse.ArgumentTypeError, match=str(LARGEST_SEED)):
             seed_number(wrong)
+
+
+def test_two_waters_of_one_name_are_refused() -> None:
+    """The first would be left out of the answer without a word."""
+    assert link._waters(["clear=0.05,0", "murky=0.2,0.1"]) == {"clear": (0.05, 0), "murky": (0.2, 0.1)}
+    with pytest.raises(UsageError, match="two waters of one name"):
+        link._waters(["clear=0.05,0", "clear=0.2,0.1"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lightfield.diagnosis.adequacy.robust import noise_scale
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.problem import noise as noise_module
-from lightfield.diagnosis.problem.chain import low_rank
+from lightfield.diagnosis.problem.chain import fewer, low_rank
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
@@ -111,6 +111,34 @@ def test_columns_of_low_rank() -> None:
         left = 1 - (columns**2).sum(1)
         assert left.min() > -1e-9 and left.max() <= tolerance
     assert low_rank(lambda a, b: np.zeros((len(a), len(b))), np.zeros(5), 1e-6).shape == (5, 0)
+
+
+def test_fewer_columns_tell_the_same_covariance_but_for_its_least_directions() -> None:
+    """What goes is no more than was allowed in the mean over rows, and no fewer columns can do it (Eckart and
+    Young 1936, doi:10.1007/BF02288367)."""
+    rng, allowed = np.random.default_rng(0), 1e-3
+    own, columns = 1 + rng.random(400), rng.normal(size=(400, 60)) * np.geomspace(1, 1e-4, 60)
+    kept = fewer(columns, own, allowed)
+    left = (columns @ columns.T - kept @ kept.T) / np.outer(own, own)
+    assert 0.1 * allowed < np.diag(left).mean() < 1.001 * allowed
+    square = np.linalg.svd(columns / own[:, None], compute_uv=False)[::-1] ** 2
+    assert np.linalg.eigvalsh(left).min() > -1e-6 * square[-1]  # rounding of single precision
+    assert kept.shape[1] == 60 - int((np.cumsum(square) <= allowed * 400).sum()) < 60
+    assert fewer(columns, own, 0.0).shape == columns.shape
+
+
+def test_many_readings_are_whitened_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer columns and single precision move chi-square and determinant by less than what is left out."""
+    noise = noise_of(700, 3, 0.003, True, 0.0, 20, 0.01, False)
+    columns = noise.sigma[:, None] * np.random.default_rng(1).normal(size=(700, 40))
+    exact = Whitener(noise, 0.3, 1.0, 0.003, 100)
+    monkeypatch.setattr(noise_module, "_MANY", 600)
+    quick = Whitener(replace(noise), 0.3, 1.0, 0.003, 100)
+    assert quick.noise.smooth_columns(0.003).shape[1] < exact.noise.smooth_columns(0.003).shape[1]
+    chi2 = (exact(columns) ** 2).sum(0)
+    np.testing.assert_allclose((quick(columns) ** 2).sum(0), chi2, rtol=2 * noise_module._LEFT_OUT)
+    assert abs(quick.log_determinant - exact.log_determinant) < 2 * noise_module._LEFT_OUT * 700
+    np.testing.assert_allclose(quick.coloured(quick(columns)), columns, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4])

@@ -6,6 +6,7 @@ import errno
 import os
 import resource
 import signal
+import stat
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ import xarray as xr
 from lightfield.errors import OutputError
 from lightfield.maps.dataset import write_netcdf
 from lightfield.maps.exr import SpectralImage, write_spectral_exr
-from lightfield.storage.files import atomic_path, locked_folder
+from lightfield.storage.files import atomic_path, locked_folder, output_file
 
 HOLD = """
 import sys
@@ -126,3 +127,32 @@ def test_hdf5_on_a_disk_that_is_really_full(tmp_path: Path, kilobytes: int) -> N
     finally:
         # Lazily: HDF5 keeps the file open that it could not write.
         subprocess.run(["umount", "--lazy", str(tmp_path)], check=True)
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "link to the standard output", "NUL in the name"])
+def test_what_is_no_file_is_not_replaced_by_one(kind: str, tmp_path: Path) -> None:
+    """Where a user may write in /dev, `-o /dev/null` would leave a file there in place of the device."""
+    place = tmp_path / "out.json"
+    if kind == "device":
+        place = Path(os.devnull)
+    elif kind == "pipe":
+        os.mkfifo(place)
+    elif kind == "NUL in the name":
+        place = tmp_path / "a\0b"
+    else:
+        place.symlink_to("/proc/self/fd/1")
+    for write in (output_file, lambda path: atomic_path(path).__enter__()):
+        with pytest.raises(OutputError, match=r"no file|cannot write"):
+            write(place)
+    if kind != "NUL in the name":
+        assert not stat.S_ISREG(place.lstat().st_mode)
+
+
+def test_a_link_to_a_file_and_one_that_leads_nowhere_are_written(tmp_path: Path) -> None:
+    (tmp_path / "old").write_text("old")
+    for link, to in (("whole", "old"), ("broken", "nothing")):
+        (tmp_path / link).symlink_to(tmp_path / to)
+        with atomic_path(output_file(tmp_path / link)) as temporary:
+            temporary.write_text("new")
+        assert (tmp_path / link).read_text() == "new"
+    assert (tmp_path / "old").read_text() == "old"
