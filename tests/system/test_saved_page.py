@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lightfield.explorer.saved_page import page_html, some_places
+from lightfield.explorer.saved.page import page_html, some_places
 from lightfield.explorer.session import Session
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene

@@ -36,7 +36,7 @@ from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
-PAGE = Path(__file__).parent / "page"
+PAGE = Path(__file__).parents[1] / "page"
 SCRIPTS = ("values.js", "plots.js", "maps.js", "panels.js", "kernel.js", "saved.js")
 #: Every so many places of a map are in the page: 21 along a side.
 EVERY = 2
