@@ -2,7 +2,8 @@
 
 Run from the root: `python -m benchmarks.explorer [--moves N] [--many N]`. The first run traces. A move sets a
 slider and sends its event, as a hand does; it ends when the browser has drawn the frame after the answer was
-painted. Nothing is asserted.
+painted. With `--minutes N` only memory is measured, for so long, at 200 moves a minute (`memory.md`). Nothing
+is asserted.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from playwright.sync_api import Page, sync_playwright
 
 from lightfield.storage.files import atomic_path
 
@@ -30,9 +34,11 @@ CASES = {
 SLIDERS = {"scattering": "water.scattering_per_m", "half width": "lamp.hwhm_deg"}
 PATIENCE_MS = 600_000
 MB = 1e6
+#: Moves a minute of a patient hand.
+PACE = 200
 
-#: Moves a slider back and forth; milliseconds of each move.
-MOVE = """async ([path, moves]) => {
+#: Moves a slider back and forth, one move in so many milliseconds at most; milliseconds of each move.
+MOVE = """async ([path, moves, pace]) => {
     const slider = document.querySelector(`input[type=range][data-path="${path}"]`);
     const root = document.documentElement;
     const middle = Number(slider.value), times = [];
@@ -43,6 +49,8 @@ MOVE = """async ([path, moves]) => {
         slider.dispatchEvent(new Event("input"));
         while (Number(root.dataset.painted) === before) await frame();
         times.push(performance.now() - begun);
+        const left = pace - times[k];
+        if (left > 0) await new Promise((done) => setTimeout(done, left));
     }
     slider.value = String(middle);
     slider.dispatchEvent(new Event("input"));
@@ -51,10 +59,9 @@ MOVE = """async ([path, moves]) => {
 }"""
 
 
-def measured(case: str, moves: int, many: int) -> dict[str, Any]:
-    """Times of moves of each slider, and memory before and after many of them."""
-    from playwright.sync_api import sync_playwright
-
+@contextmanager
+def opened(case: str) -> Iterator[tuple[Page, int]]:
+    """The page of a case with scattering on, and the server's process."""
     served = subprocess.Popen(
         [sys.executable, "-m", "lightfield.cli", "explore", *CASES[case], "--no-browser"],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
@@ -76,20 +83,57 @@ def measured(case: str, moves: int, many: int) -> dict[str, Any]:
                 box.check()
             page.locator(f'input[data-path="{SLIDERS["scattering"]}"]').wait_for()
             page.wait_for_timeout(5000)
-            out: dict[str, Any] = {"sliders": {}}
-            for name, path in SLIDERS.items():
-                page.evaluate(MOVE, [path, 20])
-                out["sliders"][name] = times_of(page.evaluate(MOVE, [path, moves]))
-            memory = [memory_of(page, served.pid)]
-            for _ in range(4):
-                page.evaluate(MOVE, [SLIDERS["scattering"], many // 4])
-                memory.append(memory_of(page, served.pid))
-            out["memory"] = memory
+            yield page, served.pid
             browser.close()
     finally:
         served.send_signal(signal.SIGINT)
         served.wait(60)
+
+
+def measured(case: str, moves: int, many: int) -> dict[str, Any]:
+    """Times of moves of each slider, and memory before and after many of them."""
+    with opened(case) as (page, pid):
+        out: dict[str, Any] = {"sliders": {}}
+        for name, path in SLIDERS.items():
+            page.evaluate(MOVE, [path, 20, 0])
+            out["sliders"][name] = times_of(page.evaluate(MOVE, [path, moves, 0]))
+        memory = [memory_of(page, pid)]
+        for _ in range(4):
+            page.evaluate(MOVE, [SLIDERS["scattering"], many // 4, 0])
+            memory.append(memory_of(page, pid))
+        out["memory"] = memory
     return out
+
+
+def minute_by_minute(case: str, minutes: int) -> list[tuple[float, float]]:
+    """Memory at the beginning and after every minute of moves, scattering and half width in turn."""
+    with opened(case) as (page, pid):
+        memory = [memory_of(page, pid)]
+        for minute in range(minutes):
+            path = list(SLIDERS.values())[minute % 2]
+            page.evaluate(MOVE, [path, PACE, 60_000 / PACE])
+            memory.append(memory_of(page, pid))
+            print(case, minute + 1, memory[-1], flush=True)
+    return memory
+
+
+def memory_text(results: dict[str, list[tuple[float, float]]], minutes: int) -> str:
+    """The page of memory over minutes."""
+    head = " | ".join(str(k) for k in range(minutes + 1))
+    lines = [
+        "# Memory over minutes of slider moves",
+        "",
+        f"Made by `python -m benchmarks.explorer --minutes {minutes}`; nothing is asserted. {PACE} moves a",
+        "minute, of the scattering and of the half width in turn, with maps shown; MB at first and after",
+        f"every minute. Two cores, load average {os.getloadavg()[0]:.0f} at the end.",
+        "",
+        f"| scene | what | {head} |",
+        "|---|---|" + "---:|" * (minutes + 1),
+    ]
+    for case, memory in results.items():
+        for k, what in enumerate(("server, resident", "page, live objects")):
+            lines.append(f"| {case} | {what} | " + " | ".join(f"{m[k]:.1f}" for m in memory) + " |")
+    return "\n".join(lines) + "\n"
 
 
 def times_of(found: list[float]) -> dict[str, float]:
@@ -147,7 +191,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moves", type=int, default=200)
     parser.add_argument("--many", type=int, default=2000)
+    parser.add_argument("--minutes", type=int, default=0)
     args = parser.parse_args()
+    if args.minutes:
+        found = {case: minute_by_minute(case, args.minutes) for case in CASES}
+        with atomic_path(HERE / "memory.md") as temporary:
+            temporary.write_text(memory_text(found, args.minutes), encoding="utf-8")
+        return
     results = {}
     for case in CASES:
         results[case] = measured(case, args.moves, args.many)

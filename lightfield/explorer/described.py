@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -131,6 +131,11 @@ def label_of(path: str) -> str:
             break
     rest = {"hwhm": "half width", "phase.g": "phase g"}.get(rest, rest).replace("_", " ").replace(".", " ")
     return f"{'own ' if part == 'effect' else ''}{rest}"
+
+
+def named(effects: Iterable[str]) -> str:
+    """Effects "effect:form" for people."""
+    return " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
 
 
 def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Score:

@@ -1,4 +1,4 @@
-"""What can be saved: the scene, the readings with their residuals, the session, the report."""
+"""What can be saved: the scene, the readings with their residuals, the session, the reports, the page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lightfield import __version__
 from lightfield.errors import UsageError
 from lightfield.explorer.dropped import readings_of
-from lightfield.explorer.saved_page import page_html
+from lightfield.explorer.saved.page import page_html
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, State
 from lightfield.fitting.light_source import DiffuseSource
@@ -60,6 +60,11 @@ def residuals_csv(session: Session) -> str:
 def report_html(session: Session) -> str | None:
     """The report of the last diagnosis; None before there is one."""
     return session.report
+
+
+def comparison_html(session: Session) -> str | None:
+    """The report of what was shown when it was asked for; None before."""
+    return session.comparison
 
 
 class _State(BaseModel):
@@ -129,9 +134,8 @@ def open_session(path: Path, diffuse: DiffuseSource | str | None = "trace") -> t
             remedy="give a file that the explorer saved, a scene (.toml) or readings (.csv)",
         ) from error
     scene = Scene.from_toml(given.scene, where=f"{path}: scene")
-    readings = (
-        None if given.readings is None else readings_of(given.readings, f"{path.name}-readings.csv", scene)
-    )
+    table, name = given.readings, f"{path.name}-readings.csv"
+    readings = None if table is None else readings_of(table.encode(), name, scene)
 
     def state(plain: _State) -> State:
         return State(tuple(plain.effects), plain.values, plain.did)
@@ -148,5 +152,6 @@ DOCUMENTS: Mapping[str, tuple[str, Callable[[Session], str | None]]] = {
     "residuals.csv": ("text/csv", residuals_csv),
     "session.json": ("application/json", session_json),
     "report.html": ("text/html", report_html),
+    "comparison.html": ("text/html", comparison_html),
     "page.html": ("text/html", page_html),
 }

@@ -1,4 +1,4 @@
-"""Readings from files that were dropped into the page: their names and texts, never their paths."""
+"""Readings from files that were dropped into the page: their names and bytes, never their paths."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def dropped(files: Sequence[File], units: str, scene: Scene) -> Readings:
         Not one table or one index with its files, or readings that do not belong to the scene.
     """
     if len(files) == 1:
-        return readings_of(files[0].text, files[0].name, scene)
+        return readings_of(files[0].content, files[0].name, scene)
     tables = [file for file in files if file.name.lower().endswith(".csv")]
     if len(tables) != 1:
         raise MeasurementError(
@@ -40,7 +40,7 @@ def dropped(files: Sequence[File], units: str, scene: Scene) -> Readings:
         )
     with tempfile.TemporaryDirectory(prefix="lightfield-") as folder:
         for file in files:
-            _write(Path(folder) / file.name, file.text)
+            (Path(folder) / file.name).write_bytes(file.content)
         index = Path(folder) / tables[0].name
         _check_names(index, {file.name for file in files})
         quantity, bands = scene.detector.quantity, scene.detector.bands_nm
@@ -63,8 +63,8 @@ def _check_names(index: Path, known: set[str]) -> None:
         )
 
 
-def readings_of(text: str, name: str, scene: Scene) -> Readings:
-    """A reading table from its text; errors call it by its name.
+def readings_of(content: bytes, name: str, scene: Scene) -> Readings:
+    """A reading table from its bytes; errors call it by its name.
 
     Raises
     ------
@@ -73,9 +73,5 @@ def readings_of(text: str, name: str, scene: Scene) -> Readings:
     """
     with tempfile.TemporaryDirectory(prefix="lightfield-") as folder:
         path = Path(folder) / name
-        _write(path, text)
+        path.write_bytes(content)
         return read_table(path, scene)
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="")

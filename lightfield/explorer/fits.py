@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,8 +75,18 @@ class Fits:
         """The fit of a set, if it was made."""
         return self._known.get(frozenset(keys))
 
-    def of(self, keys: tuple[str, ...], near: Mapping[str, float] | None = None) -> Fitted:
+    def of(
+        self,
+        keys: tuple[str, ...],
+        near: Mapping[str, float] | None = None,
+        follow: Callable[[float], None] = lambda part: None,
+    ) -> Fitted:
         """The best fit of a set that is known; from some values, or from the usual starts.
+
+        Parameters
+        ----------
+        follow : callable
+            Told the part of the fits that is done; what it raises ends them.
 
         Raises
         ------
@@ -96,7 +106,10 @@ class Fits:
             starts += [_shaped(starts[0], chosen[-1], point) for point in chosen[-1].grid[1:MOST_SHAPES]]
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
                 starts.append(_start(model, before.values))
-        fits = [self._fit(model, start) for start in starts]
+        fits = []
+        for number, start in enumerate(starts):
+            follow(number / len(starts))
+            fits.append(self._fit(model, start))
         best = min(fits, key=lambda fit: fit.chi2)
         fitted = self._fitted(keys, best)
         if found is not None and found.score.chi2 <= fitted.score.chi2:

@@ -9,19 +9,16 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from queue import SimpleQueue
-from typing import Any, Protocol, TypeVar
-
-from threadpoolctl import threadpool_limits
+from typing import Any, Protocol
 
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
+from lightfield.explorer.beside import Aside, Job, Made, Worker
 from lightfield.explorer.evaluation import missing_trace
-from lightfield.explorer.jobs import Diagnosed, Job, diagnosed, trace_maps
+from lightfield.explorer.jobs import Diagnosed, climbed, compared, diagnosed, trace_maps
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
 
-Made = TypeVar("Made")
 #: Requests that wait, of all browsers, at most. Chosen.
 MOST_WAITING = 1000
 #: The survey of effects is sent after every so many.
@@ -35,45 +32,6 @@ class Browser(Protocol):
     """A page that is connected."""
 
     def send(self, message: str | bytes) -> None: ...
-
-
-class Worker:
-    """A thread that computes one thing after the other, and keeps nobody waiting at the end."""
-
-    def __init__(self) -> None:
-        self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        threading.Thread(target=self._work, name="explorer", daemon=True).start()
-
-    def _work(self) -> None:
-        # On many small matrices more BLAS threads only get in each other's way.
-        with threadpool_limits(1, "blas"):
-            while True:
-                self._waiting.get()()
-
-    async def do(self, what: Callable[[], Made]) -> Made:
-        """What a function gives, computed in the thread."""
-        loop = asyncio.get_running_loop()
-        future: asyncio.Future[Made] = loop.create_future()
-
-        def settle(value: Made | None, error: BaseException | None) -> None:
-            if future.done():
-                return
-            if error is not None:
-                future.set_exception(error)
-            else:
-                future.set_result(value)  # type: ignore[arg-type]
-
-        def run() -> None:
-            value, error = None, None
-            try:
-                value = what()
-            except Exception as found:
-                error = found
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(settle, value, error)
-
-        self._waiting.put(run)
-        return await future
 
 
 class Hub:
@@ -90,8 +48,12 @@ class Hub:
     def __init__(self, session: Session, history: History | None = None) -> None:
         self.session, self._history = session, history
         self.browsers: set[Browser] = set()
-        self.ready, self.stage, self.failed = False, "starting", ""
-        self.job: Job | None = None
+        self.ready, self.failed = False, ""
+        self.job: Job | Aside | None = None
+        #: What keeps the session busy, and which part of it is done; None while it answers at once.
+        self.doing: tuple[str, float | None] | None = ("starting", None)
+        self._stopped = threading.Event()
+        session.say = self._say
         self._worker, self._beside, self._awake = Worker(), Worker(), asyncio.Event()
         self._waiting: deque[tuple[Browser, protocol.Request]] = deque()
         self._loop = asyncio.get_running_loop()
@@ -122,11 +84,22 @@ class Hub:
             if len(self._waiting) >= MOST_WAITING:
                 raise UsageError("too many requests wait", found=len(self._waiting), remedy="ask again later")
             if not self.ready:
-                raise UsageError("the model is not ready yet", found=self.stage, remedy="wait")
+                found = self.doing[0] if self.doing else self.failed
+                raise UsageError("the model is not ready yet", found=found, remedy="wait")
         except LightfieldError as error:
             browser.send(_text("error", id=protocol.request_id(message), message=str(error)))
             return
-        self._ask(browser, request)
+        if isinstance(request, protocol.Plain) and request.do == "cancel":
+            self._cancel()
+        else:
+            self._ask(browser, request)
+
+    def _cancel(self) -> None:
+        """End what keeps the session busy, or else the job."""
+        if self.doing is not None:
+            self._stopped.set()
+        else:
+            self.end_job()
 
     def _ask(self, browser: Browser, request: protocol.Request) -> None:
         self._waiting.append((browser, request))
@@ -152,21 +125,22 @@ class Hub:
     async def run(self) -> None:
         """Begin, then answer for ever."""
         try:
-            await self._do(partial(self.session.begin, self._say, self._history))
+            await self._do(partial(self.session.begin, self._history))
         except LightfieldError as error:
-            self.failed = self.stage = str(error)
+            self.failed, self.doing = str(error), None
             self._everyone(self._job_message())
             raise
-        self.ready = True
+        self.ready, self.doing = True, None
         self._new_experiment()
         if not self.session.maps_ready:
-            self._start("tracing the maps", trace_maps, self._traced)
+            self._trace_maps()
         counted = 0
         while True:
             if self._waiting:
                 await self._answer(*self._next())
             elif await self._do(self.session.survey_next):
                 counted += 1
+                self._busy(None)
                 if counted % _SENT_EVERY == 0:
                     self._send_state()
             else:
@@ -192,23 +166,36 @@ class Hub:
     async def _do(self, what: Callable[[], Made]) -> Made:
         return await self._worker.do(what)
 
-    def _say(self, stage: str) -> None:
-        self._loop.call_soon_threadsafe(self._on_stage, stage)
+    def _say(self, stage: str, part: float | None = None) -> None:
+        """Called in a thread that computes; ends what it does once somebody cancels it."""
+        job = self.job
+        if threading.current_thread() is self._beside.thread:
+            if not isinstance(job, Aside) or job.ended:
+                raise FitError("cancelled", found=stage, remedy="trace anew")
+            job.stage, job.part = stage, part
+            self._loop.call_soon_threadsafe(lambda: self._everyone(self._job_message()))
+            return
+        if self._stopped.is_set():
+            self._stopped.clear()
+            raise FitError("cancelled", found=stage, remedy="nothing has changed")
+        self._loop.call_soon_threadsafe(self._busy, (stage, part))
 
-    def _on_stage(self, stage: str) -> None:
-        self.stage = stage
-        self._everyone(self._job_message())
+    def _busy(self, doing: tuple[str, float | None] | None) -> None:
+        if doing != self.doing:
+            self.doing = doing
+            self._everyone(self._job_message())
 
     async def _answer(self, browser: Browser, request: protocol.Request) -> None:
         session = self.session
+        self._stopped.clear()  # what was cancelled before is not this
         try:
-            if isinstance(request, protocol.Plain) and request.do in ("diagnose", "trace", "cancel"):
+            if isinstance(request, protocol.Plain) and request.do in ("diagnose", "report", "trace"):
                 self._on_job(request.do)
             elif isinstance(request, protocol.Drop):
-                await self._do(partial(session.drop, request.files, request.units, self._say))
+                await self._do(partial(session.drop, request.files, request.units))
                 self._new_experiment(retrace=True)
             elif not (isinstance(request, protocol.Plain) and request.do == "survey"):
-                await self._do(partial(session.act, request, self._say))
+                await self._do(partial(session.act, request))
                 if isinstance(request, protocol.Own):
                     self._new_experiment()
             evaluation = await self._do(session.evaluation)
@@ -219,6 +206,8 @@ class Hub:
             traceback.print_exc()
             browser.send(_text("error", id=request.id, message=_DEFECT))
             return
+        finally:
+            self._loop.call_soon(self._busy, None)
         head = {"type": "evaluation", "plane": session.plane, **evaluation.numbers}
         for one in list(self.browsers):
             one.send(protocol.pack({**head, "id": request.id if one is browser else None}, evaluation.arrays))
@@ -236,7 +225,7 @@ class Hub:
         for browser in list(self.browsers):
             self._ask(browser, protocol.Plain(id=0, do="survey"))
         if retrace and not self.session.maps_ready:
-            self._start("tracing the maps", trace_maps, self._traced)
+            self._trace_maps()
 
     async def _send_errors(self) -> None:
         session = self.session
@@ -258,9 +247,6 @@ class Hub:
 
     def _on_job(self, do: str) -> None:
         session = self.session
-        if do == "cancel":
-            self.end_job()
-            return
         if self.job is not None:
             raise UsageError(
                 "something is under way", found=self.job.name, remedy="wait for it, or cancel it"
@@ -273,8 +259,23 @@ class Hub:
             given = session.scene, session.readings, session.diffuse is not None
             self._start("diagnosis", diagnosed, self._diagnosed, *given)
             return
+        if do == "report":
+            self._report()
+            return
         dense = missing_trace(session.experiment.forward, session.evaluator.values(session.now))
         self._start("tracing anew", trace_maps, partial(self._traced, dense=dense), *self._traced_for(dense))
+
+    def _report(self) -> None:
+        session = self.session
+        e, now = session.experiment, session.now
+        if not e.has_data:
+            scene = e.forward.scene_at(session.evaluator.values(now))
+            self._start("report", compared, self._reported, scene)
+            return
+        ladder = session.state_data()["ladder"]
+        rungs = [{"effects": [*now.effects[: rung["at"]]], **rung} for rung in ladder]
+        plain, traced = e.forward.scene, session.diffuse is not None
+        self._start("report", climbed, self._reported, plain, e.readings, now.effects, rungs, traced)
 
     def _traced_for(self, dense: float | None) -> tuple[Any, ...]:
         session = self.session
@@ -295,7 +296,7 @@ class Hub:
         except (EOFError, OSError):
             kind, what = "error", f"{job.name} ended unexpectedly; see the terminal"
         if kind == "stage":
-            job.stage = what
+            job.stage, job.part = what
             self._everyone(self._job_message())
             return
         self.end_job()
@@ -308,34 +309,56 @@ class Hub:
         """End what is under way, if anything is."""
         if self.job is not None:
             job, self.job = self.job, None
-            self._loop.remove_reader(job.pipe.fileno())
+            if isinstance(job, Job):
+                self._loop.remove_reader(job.pipe.fileno())
             job.end()
             self._everyone(self._job_message())
+
+    def _trace_maps(self) -> None:
+        self.end_job()
+        self.job = Aside("light on the planes")
+        self._everyone(self._job_message())
+        self._mapping = self._loop.create_task(self._ready_maps(self.job))
+
+    async def _ready_maps(self, job: Aside) -> None:
+        session, experiment = self.session, self.session.experiment
+        try:
+            await self._beside.do(session.ready_maps)
+        except LightfieldError as error:
+            if self.job is job:
+                self._everyone(_text("error", id=None, message=str(error)))
+        else:
+            if session.experiment is experiment:
+                session.maps_ready = True
+                self._new_experiment()
+        finally:
+            if self.job is job:
+                self.end_job()
 
     async def _traced(self, _: None, dense: float | None = None) -> None:
         session = self.session
         if dense is not None:
             session.dense_per_m = dense
-            await self._do(partial(session.begin, self._say, session.history))
-        experiment = session.experiment
-        await self._beside.do(session.ready_maps)
-        if session.experiment is experiment:
-            session.maps_ready = True
-            self._new_experiment()
+            await self._do(partial(session.begin, session.history))
+        self._new_experiment()
+        self._trace_maps()
 
     async def _diagnosed(self, found: Diagnosed) -> None:
         self.session.verdict, self.session.report = found.verdict, found.report
         self._send_state()
 
+    async def _reported(self, html: str) -> None:
+        self.session.comparison = html
+        self._everyone(_text("made", name="comparison.html"))
+
     def _job_message(self) -> str:
-        job = self.job
+        job, doing = self.job, self.doing
         return _text(
             "job",
             ready=self.ready,
             failed=self.failed,
-            name=job.name if job else None,
-            stage=job.stage if job else self.stage if not self.ready else None,
-            maps_ready=self.session.maps_ready,
+            job=None if job is None else {"name": job.name, "stage": job.stage, "part": job.part},
+            doing=None if doing is None else {"stage": doing[0], "part": doing[1]},
         )
 
 

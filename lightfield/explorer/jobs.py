@@ -1,24 +1,22 @@
-"""Work that takes a while, in a process of its own: it reports, can be ended, and slows nothing."""
+"""What is done in a process of its own: traces of the maps, diagnoses, reports."""
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.connection import Connection
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.errors import LightfieldError
+from lightfield.diagnosis.verdict.found import words
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.explorer.beside import Tell
 from lightfield.explorer.experiment import all_lit, explored
 from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
+from lightfield.render.maps import render_scene
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.scene import Scene
-
-Tell = Callable[[str], None]
-#: Seconds that an ended process is waited for.
-_PATIENCE_S = 5.0
+from lightfield.studies.compare.readings import fit_readings
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,8 @@ class Diagnosed:
 
 def trace_maps(scene: Scene, readings: Readings | None, dense_per_m: float | None, tell: Tell) -> None:
     """Leave in the cache what the maps and the readings of an experiment need."""
-    experiment = explored(scene, readings, dense_per_m=dense_per_m, progress=tell)
-    tell("tracing scattered and reflected light for the maps")
+    experiment = explored(scene, readings, partial(response_for, told=tell), dense_per_m, tell)
+    tell("scattered and reflected light for the maps")
     values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
     experiment.maps[0].predict(values)
 
@@ -49,72 +47,120 @@ def diagnosed(scene: Scene, readings: Readings, traced: bool, tell: Tell) -> Dia
     """Diagnose readings, with or without traced light, and draw the report."""
     from lightfield.report.diagnosis.page import diagnosis_page
 
-    found = diagnose(readings, scene, diffuse="trace" if traced else None, progress=tell)
+    source = partial(response_for, told=tell) if traced else None
+    found = diagnose(readings, scene, diffuse=source, progress=tell)
     if found.steps[1:] and traced:
         tell("rendering the explained scene afresh")
         found = found.rendered()
     tell("drawing the report")
-    v = found.verdict
-    verdict = {
+    return Diagnosed(verdict_data(found.verdict), diagnosis_page(view_of(found)))
+
+
+def verdict_data(v: Verdict) -> dict[str, object]:
+    """A verdict as the page shows it."""
+    explanations = [
+        {
+            "keys": _keys(one.effects, one.forms),
+            "label": _named(one.effects) or "nothing is missing",
+            "values": {path: estimate.value for path, estimate in one.parameters.items()},
+            "error_percent": one.error_percent,
+            "chi2_per_dof": one.chi2_per_dof,
+            "weight": one.weight,
+        }
+        for one in v.explanations
+    ]
+    if not explanations and v.found:
+        last = v.ladder[-1]
+        explanations = [
+            {
+                "keys": _keys([f.effect for f in v.found], [f.form for f in v.found]),
+                "label": f"{_named(f.effect for f in v.found)}, the best so far",
+                "values": {path: estimate.value for path, estimate in last.parameters.items()},
+                "error_percent": last.error_percent,
+                "chi2_per_dof": last.chi2_per_dof,
+                "weight": None,
+            }
+        ]
+    rival = v.nearest_rival
+    return {
         "kind": v.verdict,
         "headline": v.headline,
         "support": v.support,
         "doubt": v.doubt,
-        "explanations": [
+        "explanations": explanations,
+        "found": [
             {
-                "keys": [f"{name}:{form}" for name, form in zip(one.effects, one.forms, strict=True)],
-                "label": " + ".join(name.replace("_", " ") for name in one.effects) or "nothing is missing",
-                "error_percent": one.error_percent,
-                "chi2_per_dof": one.chi2_per_dof,
-                "weight": one.weight,
+                "name": _named([one.effect]),
+                "level": one.level,
+                "words": words.level(one),
+                "size": words.size(one),
+                "sigma": one.sigma_to_remove,
+                "rival": _named(one.rival),
+                "gap": one.gap,
             }
-            for one in v.explanations
+            for one in v.found
         ],
-        "rival": None
-        if v.nearest_rival is None
-        else {"label": " + ".join(v.nearest_rival.effects), "sigma": v.nearest_rival.separation_sigma},
+        "rival": None if rival is None else {"label": _named(rival.effects), "sigma": rival.separation_sigma},
         "next": None if v.next_measurement is None else v.next_measurement.sentence,
         "rendered_percent": v.ladder[-1].rendered_error_percent,
         "floor_percent": v.noise_floor_percent,
     }
-    return Diagnosed(verdict, diagnosis_page(view_of(found)))
 
 
-class Job:
-    """Work in a process of its own.
+def _keys(effects: Sequence[str], forms: Sequence[str]) -> list[str]:
+    return [f"{name}:{form}" for name, form in zip(effects, forms, strict=True)]
+
+
+def _named(effects: Iterable[str]) -> str:
+    return " + ".join(name.replace("_", " ") for name in effects)
+
+
+def compared(scene: Scene, tell: Tell) -> str:
+    """The report of a scene without readings: the formula against its render."""
+    from lightfield.maps.dataset import to_dataset
+    from lightfield.report.compare.page import comparison_page
+    from lightfield.studies.compare.maps import compare
+
+    tell("rendering the scene that is shown")
+
+    def follow(photons: int, reached: float, wanted: float) -> None:
+        tell("rendering the scene that is shown", min(1.0, (wanted / reached) ** 2))
+
+    dataset = to_dataset(render_scene(scene, progress=follow))
+    tell("drawing the report")
+    return comparison_page(compare(dataset), dataset.attrs)
+
+
+def climbed(
+    scene: Scene,
+    readings: Readings,
+    effects: Sequence[str],
+    rungs: Sequence[Mapping[str, object]],
+    traced: bool,
+    tell: Tell,
+) -> str:
+    """The report of readings before any diagnosis: the model with some effects, fitted, and its ladder.
 
     Parameters
     ----------
-    name : str
-        What is done, for people.
-    work : callable
-        Takes `tell`, to be called with what begins; must be importable by another process.
+    scene : Scene
+        With all effects off.
+    effects : sequence of str
+        "effect:form" of each that is set free.
+    rungs : sequence of mapping
+        The ladder that leads to it, as a ledger has its entries.
     """
+    from lightfield.report.compare.readings_page import readings_page
 
-    def __init__(self, name: str, work: Callable[..., object], *arguments: object) -> None:
-        self.name, self.stage = name, "starting"
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_run, args=(theirs, partial(work, *arguments)), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def end(self) -> None:
-        """End it, whatever it is doing."""
-        self._process.terminate()
-        self._process.join(_PATIENCE_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join(_PATIENCE_S)
-        self.pipe.close()
-
-
-def _run(pipe: Connection, work: Callable[[Tell], object]) -> None:
-    """In the process: the stages as text, then what was found or the error."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
-    try:
-        found = work(lambda stage: pipe.send(("stage", stage)))
-    except LightfieldError as error:
-        pipe.send(("error", str(error)))
-    else:
-        pipe.send(("done", found))
+    tell("fitting what is shown")
+    source = partial(response_for, told=tell) if traced else None
+    report = fit_readings(readings, scene, effects, diffuse=source)
+    tell("drawing the report")
+    s = report.statistics
+    newest = {
+        **rungs[-1],
+        "error_percent": s.error_percent,
+        "chi2_per_dof": s.chi2_per_dof,
+        "held_out_percent": s.held_out_percent,
+    }
+    return readings_page(report, [*rungs[:-1], newest], f"{scene.name or 'Scene'}: model and readings")

@@ -6,6 +6,7 @@ multiple of 4 bytes), and arrays of 32-bit floats, one after the other, whose na
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import struct
@@ -13,7 +14,7 @@ from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
@@ -62,7 +63,7 @@ class Switch(_Request):
 class Plain(_Request):
     """What needs nothing more."""
 
-    do: Literal["fit", "undo", "redo", "diagnose", "trace", "cancel", "survey"]
+    do: Literal["fit", "undo", "redo", "diagnose", "report", "trace", "cancel", "survey"]
 
 
 class At(_Request):
@@ -100,12 +101,18 @@ class Own(_Request):
     parameters: Annotated[list[OwnNumber], Field(min_length=1, max_length=8)]
 
 
+def _decoded(text: object) -> bytes:
+    if not isinstance(text, str):
+        raise ValueError("bytes in base 64")
+    return base64.b64decode(text, validate=True)  # raises a ValueError
+
+
 class File(BaseModel):
-    """A dropped file: its name, which is no path, and its text."""
+    """A dropped file: its name, which is no path, and its bytes; instruments write more than text."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^/\\\x00-\x1f]+$")]
-    text: Annotated[str, Field(max_length=MOST_FILE_BYTES)]
+    content: Annotated[bytes, BeforeValidator(_decoded), Field(max_length=MOST_FILE_BYTES)]
 
 
 class Drop(_Request):

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from lightfield.errors import FitError, UsageError
 from lightfield.explorer import protocol
-from lightfield.explorer.described import experiment_data, state_data, unfitted
+from lightfield.explorer.beside import Tell, elsewhere, silent
+from lightfield.explorer.described import experiment_data, named, state_data, unfitted
 from lightfield.explorer.dropped import dropped
 from lightfield.explorer.evaluation import Evaluation, Evaluator
 from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
-from lightfield.explorer.fits import Fits
+from lightfield.explorer.fits import Fits, Fitted
 from lightfield.explorer.state import History, State
 from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.fitting.parameter import FitParameter
@@ -21,7 +23,8 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.listed import OWN_FIELD
 
-Say = Callable[[str], None]
+#: What the tallies of light under a water surface are for.
+ON_SURFACE = frozenset({"tank.surface_reflectance"})
 
 
 @dataclass
@@ -39,6 +42,10 @@ class Session:
     ----------
     verdict : mapping, optional
         Of the last diagnosis, as the page shows it.
+    report, comparison : str, optional
+        Report of the last diagnosis, and of what was shown when one was asked for; HTML.
+    say : callable
+        Follows what takes a while; what it raises ends that.
     maps_ready : bool
         The light of the maps was traced, and does not keep anybody waiting.
     """
@@ -49,6 +56,8 @@ class Session:
     dense_per_m: float | None = None
     verdict: Mapping[str, object] | None = None
     report: str | None = None
+    comparison: str | None = None
+    say: Tell = silent
     maps_ready: bool = False
     plane: int = 0
     channel: int = 0
@@ -61,11 +70,15 @@ class Session:
     _dragged: State = field(default_factory=lambda: State((), {}))
 
     def __post_init__(self) -> None:
-        # One memory of traces for all experiments with these scene and places.
-        given = response_for if self.diffuse == "trace" else self.diffuse
+        # One memory of traces for all experiments with these scene and places. What is traced is traced in
+        # another process: Mitsuba and its tallies would stay in this one's memory.
+        given = partial(response_for, elsewhere=self._elsewhere) if self.diffuse == "trace" else self.diffuse
         self._source = remembered(None if isinstance(given, str) else given)
 
-    def begin(self, say: Say = lambda stage: None, history: History | None = None) -> None:
+    def _elsewhere(self, work: Callable[..., None]) -> None:
+        elsewhere(self.say)(work)
+
+    def begin(self, history: History | None = None) -> None:
         """Make the model; from a former history where it fits.
 
         Raises
@@ -73,7 +86,7 @@ class Session:
         LightfieldError
             As `explored`.
         """
-        experiment = explored(self.scene, self.readings, self._source, self.dense_per_m, say)
+        experiment = explored(self.scene, self.readings, self._source, self.dense_per_m, self.say)
         self.experiment, self.fits = experiment, Fits(experiment)
         self.evaluator = Evaluator(self.fits)
         self.survey = {}
@@ -113,7 +126,7 @@ class Session:
         """The state that is shown."""
         return self.history.now if self._before is None else self._dragged
 
-    def act(self, request: protocol.Request, say: Say = lambda stage: None) -> None:
+    def act(self, request: protocol.Request) -> None:
         """Do what a request asks for; jobs and views of the server's own are not done here.
 
         Raises
@@ -138,7 +151,7 @@ class Session:
                 self._settle()
                 self._go(do, at)
             case protocol.Own():
-                self._add_own(request, say)
+                self._add_own(request)
             case protocol.Plain(do="undo"):
                 self._settle()
                 self.history.step(-1)
@@ -195,7 +208,7 @@ class Session:
             return
         word = f"{name.replace('_', ' ')} {'on' if on else 'off'}"
         self._rungs(effects)
-        fitted = self.fits.of(effects)
+        fitted = self._fitted(effects)
         self.history.add(State(effects, {**self.now.values, **fitted.values}, f"{word}, fitted"))
 
     def _usual(self, key: str) -> dict[str, float]:
@@ -209,20 +222,25 @@ class Session:
     def _fit(self) -> None:
         if self.experiment.has_data:
             self._rungs(self.now.effects)
-        near = self.fits.of(self.now.effects, self.now.values)
+        near = self._fitted(self.now.effects, self.now.values)
         self.history.add(replace(self.now, values={**self.now.values, **near.values}, did="fitted"))
 
     def _rungs(self, effects: tuple[str, ...]) -> None:
         self.fits.explanation(effects)
         for k in range(len(effects)):
-            self.fits.of(effects[:k])
+            self._fitted(effects[:k])
+
+    def _fitted(self, effects: tuple[str, ...], near: Mapping[str, float] | None = None) -> Fitted:
+        """A fit that says how far it is."""
+        stage = f"fitting {named(effects) or 'gain, width and absorption'}"
+        return self.fits.of(effects, near, lambda part: self.say(stage, part))
 
     def _go(self, do: str, at: int) -> None:
         if do == "state":
             self.history.at = min(at, len(self.history.states) - 1)
         elif do == "rung":
             effects = self.now.effects[:at]
-            fitted = self.fits.of(effects).values if self.experiment.has_data else {}
+            fitted = self._fitted(effects).values if self.experiment.has_data else {}
             rung = effects[-1].partition(":")[0].replace("_", " ") if effects else "base"
             self.history.add(State(effects, {**self.now.values, **fitted}, f"rung {rung}"))
         else:
@@ -242,11 +260,11 @@ class Session:
         one = offered[at]
         effects = tuple(one["keys"])
         self._rungs(effects)
-        fitted = self.fits.of(effects)
-        names = " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
-        self.history.add(State(effects, {**self.now.values, **fitted.values}, f"accepted: {names}"))
+        self._fitted(effects)
+        fitted = self._fitted(effects, {**self.now.values, **one["values"]})
+        self.history.add(State(effects, {**self.now.values, **fitted.values}, f"accepted: {named(effects)}"))
 
-    def _add_own(self, own: protocol.Own, say: Say) -> None:
+    def _add_own(self, own: protocol.Own) -> None:
         parameters = {
             p.name: {"unit": p.unit, "range": [p.low, p.high]}
             | ({} if p.neutral is None else {"neutral": p.neutral})
@@ -260,14 +278,14 @@ class Session:
         self._settle()
         try:
             self.scene = scene
-            self.begin(say, before[1])
+            self.begin(before[1])
             key = next(k for k, c in self.experiment.candidates.items() if c.name == own.name)
             self._switch(key, True)
         except Exception:
             self.scene = before[0]
             raise
 
-    def drop(self, files: Sequence[protocol.File], units: str = "", say: Say = lambda stage: None) -> None:
+    def drop(self, files: Sequence[protocol.File], units: str = "") -> None:
         """Explore other readings: a reading table, or an index with the spectrometer files that it names.
 
         Raises
@@ -280,7 +298,7 @@ class Session:
         self.readings, self.verdict, self.report, self.maps_ready = readings, None, None, False
         self._settle()
         try:
-            self.begin(say)
+            self.begin()
         except Exception:
             self.readings, self.verdict, self.report, self.maps_ready = before
             raise
@@ -298,10 +316,15 @@ class Session:
         return self.evaluator.of(self.now, self.plane, self.channel, self.maps_ready)
 
     def ready_maps(self) -> None:
-        """Fetch what the maps need, which takes seconds the first time; may be done beside all else."""
+        """Fetch what the maps need, which takes seconds the first time; may be done beside all else.
+
+        But for light under a water surface that the scene has not: that is as large again, and is fetched
+        when the surface is switched on.
+        """
         experiment = self.experiment
-        values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
-        experiment.maps[0].predict(values)
+        lit = all_lit(experiment)
+        lit = {path: v for path, v in lit.items() if path in self.experiment.stated or path not in ON_SURFACE}
+        experiment.maps[0].predict({p.path: p.value(p.start) for p in experiment.problem.base} | lit)
 
     def experiment_data(self) -> dict[str, object]:
         """What does not change while one experiment is explored."""

@@ -7,15 +7,21 @@ noise is the same on both sides.
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lightfield.explorer.saved_page import page_html, some_places
+from lightfield.arrays import Array
+from lightfield.explorer.saved.page import page_html, some_places
 from lightfield.explorer.session import Session
+from lightfield.formula.field import direct_field
+from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 
@@ -29,6 +35,9 @@ SCENE = Scene.from_dict(
         "detector": {"planes_m": [3.0, 4.5], "width_m": 1.6},
     }
 )
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+#: Across the beam, in m.
+X = (-0.6, -0.3, -0.1, 0.0, 0.2, 0.4)
 #: Asked of the kernel: Python's single precision and the 16 bits in which a page keeps its response.
 PART = 1e-3
 #: Light below this part of the brightest is compared with that part: it is what a page shows as black.
@@ -61,14 +70,12 @@ def test_a_page_is_whole_and_asks_for_nothing(html: str) -> None:
     assert html.count("<script") == 2 and "alert(1)</script>" not in html
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
-def test_the_kernel_is_python_within_a_thousandth(session: Session, html: str, tmp_path: Path) -> None:
+def evaluated(html: str, moves: list[dict[str, float]], folder: Path, channel: int = 0) -> list[Any]:
+    """Error, readings and maps that the page itself finds after some moves from where it was saved."""
     from playwright.sync_api import sync_playwright
 
-    file, some = tmp_path / "page.html", some_places(session.experiment)
+    file = folder / "page.html"
     file.write_text(html, encoding="utf-8")
-    values = session.evaluator.values(session.now)
-    moves = [{path: v * values["gain"] if path == "gain" else v for path, v in m.items()} for m in MOVES]
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page(viewport={"width": 1300, "height": 800})
@@ -78,28 +85,76 @@ def test_the_kernel_is_python_within_a_thousandth(session: Session, html: str, t
         page.goto(file.as_uri())
         page.locator("html[data-painted]").wait_for()
         found = page.evaluate(
-            """(moves) => moves.map((move) => {
+            """([moves, channel]) => moves.map((move) => {
                 LF.ask({ do: "rung", at: LF.state.here });
+                LF.ask({ do: "view", plane: 0, channel });
                 for (const [path, value] of Object.entries(move)) {
                     LF.ask({ do: "set", values: { [path]: value }, done: true });
                 }
                 const [head, arrays] = LF.evaluateSaved();
                 return [head.error_percent, Array.from(arrays.model), Array.from(LF.allMaps)];
             })""",
-            moves,
+            [moves, channel],
         )
-        page.get_by_role("slider", name="absorption in 1/m").press("PageUp")
+        page.get_by_role("slider", name=re.compile("scattering|absorption")).first.press("PageUp")
         page.get_by_role("button", name="Undo").click()
-        assert page.title().startswith("</script>")
+        assert page.title().startswith(SCENE.name)
+        assert not page.locator("#why-fixed").is_visible()
         browser.close()
     assert not problems, problems
-    for move, (error, model, maps) in zip(moves, found, strict=True):
+    return list(found)
+
+
+def check(got: Sequence[float], wanted: Array, move: object) -> None:
+    off = np.abs(np.array(got) - wanted) / np.maximum(wanted, DARK * wanted.max())
+    assert off.max() < PART, (move, off.max())
+
+
+@needs_browser
+def test_the_kernel_is_python_within_a_thousandth(session: Session, html: str, tmp_path: Path) -> None:
+    some, values = some_places(session.experiment), session.evaluator.values(session.now)
+    moves = [{path: v * values["gain"] if path == "gain" else v for path, v in m.items()} for m in MOVES]
+    for move, (error, model, maps) in zip(moves, evaluated(html, moves, tmp_path), strict=True):
         now = values | move
         expected = session.experiment.forward.predict(now)
         assert error == pytest.approx(session.fits.score(expected, 0).error_percent, rel=PART, abs=0.05)
-        for got, wanted in ((model, expected), (maps, some.predict(now))):
-            off = np.abs(np.array(got) - wanted) / np.maximum(wanted, DARK * wanted.max())
-            assert off.max() < PART, (move, off.max())
+        check(model, expected, move)
+        check(maps, some.predict(now), move)
+
+
+@needs_browser
+@pytest.mark.slow  # twelve seconds of one processor, most of them for judging the noise of made-up readings
+def test_every_wavelength_moves_as_python_moves_it(tmp_path: Path) -> None:
+    """Three wavelengths of one trace, each with a gain and an absorption of its own; the maps are of one."""
+    z, wavelength, x = (
+        v.ravel() for v in np.meshgrid([3.0, 3.7, 4.5], [480.0, 520.0, 560.0], X, indexing="ij")
+    )
+    direct = direct_field(SCENE, x, 0 * x, z)
+    value = direct * np.exp(-(wavelength - 480) / 400 * z) * (wavelength / 480) / direct.max()
+    readings = Readings.from_arrays(
+        value=value, stderr=0.01 * value, x_m=x, y_m=0 * x, z_m=z, wavelength_nm=wavelength
+    )
+    bands = tuple((w - 10.0, w + 10.0) for w in (480.0, 520.0, 560.0))
+    scene = SCENE.with_values({"detector.bands_nm": bands})
+    session = Session(scene, readings, diffuse=partial(response_for, photons=20_000, cache=False))
+    session.begin()
+    session.maps_ready = True
+    values = session.evaluator.values(session.now)
+    gain, absorption, scattering = "gain.520nm", "water.absorption_at.560nm", "water.scattering_per_m"
+    assert {gain, absorption, scattering} <= values.keys()
+    moves = [
+        {},
+        {gain: 1.5 * values[gain]},
+        {absorption: values[absorption] + 0.05},
+        {scattering: 1.5 * values[scattering], "tank.wall_albedo": 0.1, gain: 0.7 * values[gain]},
+    ]
+    html = page_html(session)
+    for channel, own in ((1, gain), (2, "gain.560nm")):
+        some, found = some_places(session.experiment, channel), evaluated(html, moves, tmp_path, channel)
+        for move, (_, model, maps) in zip(moves, found, strict=True):
+            now = values | move
+            check(model, session.experiment.forward.predict(now), move)
+            check(maps, some.predict(now | {"gain": now[own]}), move)
 
 
 def test_what_cannot_move_shows_its_numbers(session: Session) -> None:
@@ -110,5 +165,6 @@ def test_what_cannot_move_shows_its_numbers(session: Session) -> None:
     text = page_html(other).partition('id="saved">')[2].partition("</script>")[0]
     stops = json.loads(text)["stops"]
     assert stops[-1]["effects"] == ["saturation:hyperbolic"]
+    assert stops[-1]["why_fixed"] == "the instrument saturates"
     assert stops[-1]["moves"] == {} and "fixed" in stops[-1]["sets"]["readings"]
     assert "gain" in stops[0]["moves"]

@@ -107,23 +107,28 @@ LF.kernel.reflected = (r, through, c, rho, n) => {
   return out;
 };
 
-// Readings and formula of one set of places: {model, formula}.
+// Readings and formula of one set of places: {model, formula}. `moved` has differences of water's paths and of the
+// background, ratios of gains, and perhaps an albedo. Wavelengths have coefficients of their own, and one response.
 LF.kernel.evaluate = (set, moved) => {
   if (set.fixed) return { model: Float32Array.from(set.fixed), formula: Float32Array.from(set.formula) };
   const n = set.direct.length, model = new Float32Array(n), formula = new Float32Array(n), d = set.diffuse;
-  const a = set.absorption + moved.absorption, b = set.scattering + moved.scattering, rho = moved.albedo ?? set.albedo;
-  const change = moved.absorption + moved.scattering;
-  let diffuse = null, reflected = null;
-  if (d && (b > 0 || rho > 0 || d.surface > 0)) {
-    diffuse = LF.kernel.atPlaces(d, LF.kernel.inCells(d, a, b, rho));
-    if (d.reflected) reflected = LF.kernel.reflected(d.reflected, (p) => d.through[d.cell[d.which[p]]], a + b, rho, n);
-  }
-  for (let p = 0; p < n; p++) {
-    const direct = set.direct[p] * Math.exp(-change * set.way[p]);
-    const light = direct + (diffuse ? diffuse[d.which[p]] : 0) + (reflected ? reflected[p] : 0);
-    formula[p] = set.slope[p] * moved.gain * direct + set.offset[p] + moved.background;
-    model[p] = set.slope[p] * moved.gain * light + set.offset[p] + moved.background;
-  }
+  const rho = moved.albedo ?? set.albedo, sum = (parts) => Object.entries(parts).reduce((total, [path, part]) => total + part * (moved.by[path] || 0), 0);
+  set.channels.forEach((one, k) => {
+    const more = sum(one.of_absorption), denser = sum(one.of_scattering), a = one.absorption + more, b = one.scattering + denser;
+    const gain = moved.ratio[one.gain] ?? 1;
+    let diffuse = null, reflected = null;
+    if (d && (b > 0 || rho > 0 || d.surface > 0)) {
+      diffuse = LF.kernel.atPlaces(d, LF.kernel.inCells(d, a, b, rho));
+      if (d.reflected) reflected = LF.kernel.reflected(d.reflected, (p) => d.through[d.cell[d.which[p]]], a + b, rho, n);
+    }
+    for (let p = 0; p < n; p++) {
+      if (set.channel[p] !== k) continue;
+      const direct = set.direct[p] * Math.exp(-(more + denser) * set.way[p]);
+      const light = direct + (diffuse ? diffuse[d.which[p]] : 0) + (reflected ? reflected[p] : 0);
+      formula[p] = set.slope[p] * gain * direct + set.offset[p] + moved.background;
+      model[p] = set.slope[p] * gain * light + set.offset[p] + moved.background;
+    }
+  });
   return { model, formula };
 };
 

@@ -45,6 +45,7 @@
     if (message.type === "experiment") { LF.structure = null; LF.showExperiment(message); ready = true; }
     else if (message.type === "state") LF.showState(message);
     else if (message.type === "job") job(message);
+    else if (message.type === "made") made();
     else if (message.type === "error") { LF.say(message.message); answered(message.id); if (LF.state) { LF.structure = null; LF.showState(LF.state); } }
   };
 
@@ -77,12 +78,33 @@
   anew.addEventListener("click", () => LF.ask({ do: "trace" }));
   LF.$("fit").parentElement.append(anew);
 
+  // What keeps the session busy comes first; if that is soon over, nobody needs to be told.
+  const SOON_MS = 500;
+  let later = null, wanted = false;
   const job = (message) => {
-    const busy = message.name || (!message.ready && (message.failed || message.stage));
-    LF.$("job").hidden = !busy;
-    LF.$("job-text").textContent = message.name ? `${message.name}: ${message.stage}` : message.failed || message.stage || "";
-    LF.$("cancel").hidden = !message.name;
-    LF.$("diagnose").disabled = Boolean(message.name);
+    const { job, doing, failed } = message, busy = doing || job;
+    LF.busy = Boolean(busy);
+    clearTimeout(later);
+    const show = () => {
+      LF.$("job").hidden = !busy && !failed;
+      LF.$("job-text").textContent = failed || (doing ? doing.stage : job ? `${job.name}: ${job.stage}` : "");
+      const known = busy && busy.part !== null;
+      LF.$("job-part").hidden = !known;
+      LF.$("job-moving").hidden = known || !busy;
+      LF.$("job-percent").textContent = known ? `${Math.round(100 * busy.part)} %` : "";
+      if (known) LF.$("job-part").value = busy.part;
+    };
+    if (doing && message.ready && LF.$("job").hidden) later = setTimeout(show, SOON_MS);
+    else show();
+    LF.$("cancel").hidden = !message.ready || !busy;
+    for (const id of ["diagnose", "report", "trace"]) LF.$(id).disabled = Boolean(job);
+  };
+
+  LF.$("report").addEventListener("click", () => { wanted = true; LF.$("save-menu").open = false; LF.ask({ do: "report" }); });
+  const made = () => {
+    LF.$("save-comparison").hidden = false;
+    if (wanted) LF.$("save-comparison").click();
+    wanted = false;
   };
 
   LF.$("snapshot").addEventListener("submit", (event) => {
@@ -100,8 +122,14 @@
     LF.ask({ do: "own", name: LF.$("own-name").value, stage: LF.$("own-stage").value, formula: LF.$("own-formula").value, parameters });
   });
 
+  const bytesOf = (file) => new Promise((done, failed) => {
+    const reader = new FileReader();
+    reader.onload = () => done(reader.result.slice(reader.result.indexOf(",") + 1)); // base 64
+    reader.onerror = failed;
+    reader.readAsDataURL(file);
+  });
   const drop = async (files) => {
-    const read = await Promise.all([...files].map(async (file) => ({ name: file.name, text: await file.text() })));
+    const read = await Promise.all([...files].map(async (file) => ({ name: file.name, content: file.size ? await bytesOf(file) : "" })));
     if (read.length) LF.ask({ do: "drop", files: read, units: LF.$("units").value });
   };
   LF.$("file").addEventListener("change", (event) => { drop(event.target.files); event.target.value = ""; LF.$("save-menu").open = false; });

@@ -127,7 +127,7 @@ LF.parameter = (path, p) => {
   const number = LF.make("input", { type: "number", step: "any", "aria-label": `${p.label}, value`, "data-hold": `number-${path}` });
   const neutral = LF.make("span", { class: "mark", hidden: true, title: "neutral: off" });
   const best = LF.make("span", { class: "mark fit", hidden: true, title: "fitted" });
-  const words = LF.make("span", { class: "fitted" });
+  const words = LF.make("span", { class: "fitted" }), range = LF.make("span", { class: "range" });
   const control = { p, map: LF.slide(p), slider, number };
   const show = (value) => {
     number.value = Number(value.toPrecision(4));
@@ -148,6 +148,9 @@ LF.parameter = (path, p) => {
     slider.disabled = number.disabled = Boolean(p.fixed);
     place(neutral, p.fixed ? null : p.neutral);
     place(best, p.fixed ? null : p.fitted);
+    const ends = [control.map.value(0), control.map.value(1)].map((v) => LF.number(v, 2));
+    range.textContent = p.fixed ? "" : `${ends[0]} to ${ends[1]}`;
+    slider.title = p.fixed ? "fixed here" : `${ends[0]} to ${ends[1]} ${p.unit}${p.neutral === null ? "" : `; neutral ${LF.number(p.neutral, 3)}: double click`}`;
     words.textContent = p.fitted === null ? "" : `fit ${LF.number(p.fitted, 4)}${p.stderr === null ? "" : ` ± ${LF.number(p.stderr, 2)}`}`;
   };
   slider.addEventListener("input", () => { LF.dragging = true; const v = control.map.value(Number(slider.value)); show(v); LF.drag(path, v); });
@@ -165,7 +168,7 @@ LF.parameter = (path, p) => {
   LF.controls[path] = control;
   return LF.make("div", { class: "parameter" },
     LF.make("span", { class: "label", title: `${path}: ${p.meaning}` }, p.label),
-    LF.make("span", { class: "slider" }, slider, neutral, best), number, LF.make("span", { class: "unit" }, p.unit), words);
+    LF.make("span", { class: "slider" }, slider, neutral, best), number, LF.make("span", { class: "unit" }, p.unit), range, words);
 };
 
 LF.drag = (path, value, done = false) => LF.ask({ do: "set", values: { [path]: value }, done });
@@ -204,13 +207,26 @@ LF.showHistory = (state) => {
 LF.showVerdict = (v) => {
   LF.$("verdict").hidden = !v;
   if (!v) return;
-  const body = [LF.make("p", { class: "headline" }, v.headline), ...v.support.map((text) => LF.make("p", { class: "muted" }, text))];
-  if (v.doubt) body.push(LF.make("p", {}, v.doubt));
-  v.explanations.forEach((one, k) => body.push(LF.make("p", {}, LF.make("button", { type: "button", onclick: () => LF.ask({ do: "accept", at: k }) }, `Accept: ${one.label}`), ` ${LF.percent(one.error_percent)}, chi²/dof ${LF.number(one.chi2_per_dof, 2)}`)));
-  if (v.rendered_percent !== null) body.push(LF.make("p", { class: "muted" }, `rendered afresh: ${LF.percent(v.rendered_percent)}; noise floor ${LF.percent(v.floor_percent)}`));
-  if (v.rival) body.push(LF.make("p", {}, `Nearest rival: ${LF.title(v.rival.label)}, ${LF.number(v.rival.sigma, 2)} sigma away.`));
-  if (v.next) body.push(LF.make("p", {}, `Next measurement: ${v.next}`));
+  const text = (words, kind = "") => LF.make("p", kind ? { class: kind } : {}, words);
+  const body = [text(v.headline, "headline"), ...v.support.map((words) => text(words, "muted"))];
+  if (v.doubt) body.push(text(v.doubt));
+  v.explanations.forEach((one, k) => body.push(LF.make("p", {},
+    LF.make("button", { type: "button", "data-hold": `accept-${k}`, onclick: () => LF.ask({ do: "accept", at: k }) }, `Accept: ${one.label}`),
+    ` ${LF.percent(one.error_percent)}, chi²/dof ${LF.number(one.chi2_per_dof, 2)}`)));
+  if (v.rendered_percent !== null) body.push(text(`rendered afresh: ${LF.percent(v.rendered_percent)}; noise floor ${LF.percent(v.floor_percent)}`, "muted"));
+  if (v.found.length) body.push(LF.make("h3", {}, "How sure each effect is"), LF.make("dl", { class: "found" }, ...v.found.flatMap(LF.foundEffect)));
+  if (v.rival) body.push(text(`Nearest rival: ${v.rival.label || "nothing more"}, ${LF.number(v.rival.sigma, 2)} sigma away.`));
+  if (v.next) body.push(LF.make("h3", {}, "Next measurement"), text(v.next));
   LF.$("verdict-body").replaceChildren(...body);
+};
+
+LF.foundEffect = (one) => {
+  const without = one.sigma === null ? [] : [`without it ${LF.number(one.sigma, 3)} sigma worse`];
+  const rival = one.rival ? [`best set without it: ${one.rival}`] : [];
+  return [
+    LF.make("dt", {}, `${one.name} `, LF.make("span", { class: `level ${one.level.replace(" ", "-")}` }, one.words)),
+    LF.make("dd", {}, [one.size, ...without, ...rival].join("; ")),
+  ];
 };
 
 // -- evaluation ----------------------------------------------------------------------------------

@@ -8,15 +8,16 @@
   const whiten = saved.whiten ? LF.kernel.array(bytes.buffer, saved.whiten) : null;
   const e = saved.experiment;
   for (const key of ["x_m", "y_m", "z_m", "value", "sigma", "time_s", "wavelength_nm", "angle_deg"]) e[key] = e[key].map((v) => (v === null ? NaN : v));
-  let here = saved.here, plane = saved.plane, values = { ...stops[here].values }, past = [], ahead = [];
+  let here = saved.here, plane = saved.plane, channel = saved.channel, values = { ...stops[here].values }, past = [], ahead = [];
 
   LF.can = () => false;
 
   const moved = (stop) => {
-    const by = (path) => (path in stop.moves ? values[path] - stop.values[path] : 0);
+    const paths = Object.keys(stop.moves), from = (path) => stop.values[path];
     return {
-      absorption: by("water.absorption_per_m"), scattering: by("water.scattering_per_m"), background: by("detector.background"),
-      gain: "gain" in stop.moves ? values.gain / stop.values.gain : 1,
+      by: Object.fromEntries(paths.map((path) => [path, values[path] - from(path)])),
+      ratio: Object.fromEntries(paths.filter((path) => path.startsWith("gain")).map((path) => [path, values[path] / from(path)])),
+      background: "detector.background" in stop.moves ? values["detector.background"] - from("detector.background") : 0,
       albedo: "tank.wall_albedo" in stop.moves ? values["tank.wall_albedo"] : undefined,
     };
   };
@@ -36,8 +37,8 @@
       }
     }
     const arrays = { model, formula, residual }, head = { plane, error_percent: 100 * Math.sqrt(sum / count), chi2, dof: stop.score.dof };
-    if (stop.sets.maps) {
-      const maps = LF.kernel.evaluate(stop.sets.maps, by), size = e.map_x_m.length ** 2;
+    if (stop.sets.maps[channel]) {
+      const maps = LF.kernel.evaluate(stop.sets.maps[channel], by), size = e.map_x_m.length ** 2;
       arrays.map_render = maps.model.subarray(plane * size, (plane + 1) * size);
       arrays.map_formula = maps.formula.subarray(plane * size, (plane + 1) * size);
       LF.allMaps = maps.model;
@@ -60,6 +61,8 @@
 
   const show = (all = true) => {
     LF.showEvaluation(...LF.evaluateSaved());
+    LF.$("why-fixed").hidden = !stops[here].why_fixed;
+    LF.$("why-fixed").textContent = `Nothing moves at this rung: ${stops[here].why_fixed}. Its numbers are what Python found.`;
     if (all) LF.showState(state());
     else LF.showLadder(LF.state);
     document.documentElement.dataset.painted = String(Number(document.documentElement.dataset.painted || 0) + 1);
@@ -70,7 +73,7 @@
 
   let before = null;
   LF.ask = (request) => {
-    if (request.do === "view") { plane = request.plane; show(); }
+    if (request.do === "view") { [plane, channel] = [request.plane, request.channel]; show(); }
     else if (request.do === "rung") { remember(); here = request.at; values = { ...stops[here].values }; show(); }
     else if (request.do === "undo") back(past, ahead);
     else if (request.do === "redo") back(ahead, past);
@@ -86,6 +89,7 @@
 
   document.body.classList.add("saved");
   LF.showExperiment(e);
+  LF.$("channel").value = String(channel);
   LF.$("source").textContent += ` · saved by lightfield ${saved.version}`;
   show();
 })();

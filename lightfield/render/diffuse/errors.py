@@ -28,7 +28,7 @@ class Noise(NamedTuple):
         Change of the light in one cell with the relative error in another.
     roots : array, shape (n_waters, n_waters, n_cells)
         Relative errors in every cell as independent contributions, which waters share.
-    images : array of 0 and 1, shape (n_cells, n_sets)
+    images : array of bool, shape (n_cells, n_sets)
         Which cells share their photons.
     """
 

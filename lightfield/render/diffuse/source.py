@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -63,6 +63,11 @@ MOST_FINE = 1500
 #: noise behind a collimator of 2 degrees, 4.5 m away, for 6 s of one processor).
 MOST_SENT = 8.0
 
+#: Is told what is traced, and which part of it is done.
+Told = Callable[[str, float], None]
+#: Runs work that can be pickled, in another process, and waits for it; the work is given a `Told`.
+Elsewhere = Callable[[Callable[[Told], None]], None]
+
 
 def response_for(
     scene: Scene,
@@ -76,6 +81,8 @@ def response_for(
     g_nodes: Sequence[float] | None = None,
     seed: int = 0,
     cache: bool = True,
+    told: Told | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> DiffuseResponse:
     """Trace, or fetch from the cache, the diffuse light of a scene at the places of a measurement.
 
@@ -94,6 +101,11 @@ def response_for(
         Of what shapes the phase function, in place of those of `between_g.SHAPES`.
     seed : int
     cache : bool
+    told : callable, optional
+        Follows a trace that is made here.
+    elsewhere : callable, optional
+        Makes traces in another process, so that their memory and Mitsuba's are not this one's; what comes of
+        them comes by the cache, without which they are made here.
 
     Returns
     -------
@@ -132,8 +144,9 @@ def response_for(
     grid = _grid_for(scene, places, width)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
     one = functools.partial(
-        _light, grid=grid, reference=reference, walls=walls, ratios=ratios, seed=seed, cache=cache
-    )
+        _light, grid=grid, reference=reference, walls=walls, ratios=ratios, seed=seed, cache=cache,
+        told=told, elsewhere=elsewhere,
+    )  # fmt: skip
     traced = _traced_scene(scene, width, open_top)
     own_top, under_surface = one(traced, nodes, needed, round(sent)), None
     if scene.tank is not None and not open_top:
@@ -174,6 +187,8 @@ def _light(
     ratios: csr_array,
     seed: int,
     cache: bool,
+    told: Told | None,
+    elsewhere: Elsewhere | None,
 ) -> TracedLight:
     """The needed classes of light of a traced scene."""
     sent_to = np.full(max(len(nodes), 1), photons)
@@ -193,9 +208,15 @@ def _light(
             "seed": seed,
             "nodes": asdict(beam_nodes.nodes),
         }
+        traced = functools.partial(
+            _trace, scene, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images
+        )
         stored = store.load(key) if cache else None
+        if stored is None and cache and elsewhere is not None:
+            elsewhere(functools.partial(_keep, key, traced))
+            stored = store.load(key)
         if stored is None:
-            stored = _trace(scene, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images)
+            stored = traced(told)
             if cache:
                 store.save(key, stored)
         histories = np.asarray(stored["histories"], int)
@@ -238,6 +259,11 @@ def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     return plain.with_values(values, validate=False)
 
 
+def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
+    """Trace into the cache."""
+    store.save(key, traced(told))
+
+
 def _trace(
     scene: Scene,
     grid: Grid,
@@ -248,18 +274,28 @@ def _trace(
     photons: NDArray[np.integer[Any]],
     seed: int,
     images: MirrorImages,
+    told: Told | None,
 ) -> dict[str, Array]:
     use_backend()
     from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
 
     seen: list[tuple[NDArray[np.bool_], Array]] = []  # rows that are needed and were lit, and their tallies
-    errors = []
+    errors, done = [], 0
+    under = " under the water surface" if scene.surface_reflects else ""
+    what = f"tracing scattered and reflected light{under}"
+
+    def follow(sent: int, part: float) -> None:
+        if told is not None:
+            told(what, (done + part * sent) / float(photons.sum()))
+
     for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
+        follow(sent, 0.0)
         path = SHAPES[scene.water.phase.type].path if g is not None else ""
         one = scene if g is None else scene.with_values({path: g}, validate=False)
         tally, stderr, histories, excess, density = trace_by_direction(
-            one, grid, reference, beam_nodes, sent, seed, images
+            one, grid, reference, beam_nodes, sent, seed, images, functools.partial(follow, sent)
         )
+        done += sent
         lit = np.isin(light_classes(histories), needed) & tally.any(axis=(0, 2))
         seen.append((lit, tally[:, lit]))
         errors.append(stderr)

@@ -71,7 +71,7 @@ class MirrorImages:
     ----------
     y : array of int, shape (n_cells,)
         The cell's image at -y, itself if it lies at y = 0; -1 where there is none.
-    orbits : array of 0 and 1, shape (n_cells, n_sets)
+    orbits : array of bool, shape (n_cells, n_sets)
         Cells that share their photons once the images at -y are averaged.
     kept : array of int, shape (n_kept,)
         Cells whose tallies stand for those of all, ascending.
@@ -132,4 +132,4 @@ def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:
     ]
     kept, place = np.unique(by, return_inverse=True)
     flipped = np.stack([x != x[by], y != y[by]], axis=1)
-    return MirrorImages(image, np.eye(len(first))[owner], kept, place, flipped)
+    return MirrorImages(image, np.eye(len(first), dtype=bool)[owner], kept, place, flipped)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from math import ceil
 
@@ -151,8 +152,14 @@ def trace_by_direction(
     photons: int,
     seed: int,
     images: MirrorImages,
+    progress: Callable[[float], None] = lambda part: None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
+
+    Parameters
+    ----------
+    progress : callable
+        Told the part of the photons that is traced.
 
     Returns
     -------
@@ -193,6 +200,7 @@ def trace_by_direction(
         beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
         del counts, by_node  # so that the next tally takes the memory of this one
+        progress((batch + 1) / DIRECTION_BATCHES)
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)

@@ -73,7 +73,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
             ],
             tables=[
                 Table(
-                    "Every comparison stored in this folder.",
+                    "The models, in the order in which they were tried.",
                     ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
                     [
                         [rung.label, f"{rung.error_percent:.3g}", f"{rung.chi2_per_dof:.3g}",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
 
@@ -10,11 +12,14 @@ import analytic_readings
 import numpy as np
 import pytest
 
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
 from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
+from lightfield.explorer.fits import Fits
+from lightfield.explorer.jobs import climbed, verdict_data
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
 from lightfield.fitting.forward import SceneForward
@@ -28,6 +33,12 @@ from lightfield.studies.compare.readings import fit_readings
 #: A constant of a fiftieth of the brightest reading is in the readings, and not in the scene.
 HIDDEN = {"detector.background": 0.02}
 BACKGROUND = "background:constant"
+
+
+def dropped_file(name: str, content: str | bytes) -> protocol.File:
+    """As the page sends it."""
+    data = content.encode() if isinstance(content, str) else content
+    return protocol.File(name=name, content=base64.b64encode(data).decode())
 
 
 def ask(session: Session, do: str, **more: object) -> None:
@@ -223,9 +234,9 @@ def test_other_readings_are_dropped_in_and_bad_ones_change_nothing(session: Sess
     ask(session, "switch", effect=BACKGROUND, on=True)
     before = session.now
     with pytest.raises(LightfieldError, match="line 3"):
-        session.drop([protocol.File(name="bad.csv", text="z_m,value\n4.5,1\n5.5,bright\n")])
+        session.drop([dropped_file("bad.csv", "z_m,value\n4.5,1\n5.5,bright\n")])
     assert session.now == before and session.readings is not other
-    session.drop([protocol.File(name="good.csv", text=dumps(other))])
+    session.drop([dropped_file("good.csv", dumps(other))])
     assert session.now.effects == () and np.allclose(session.experiment.problem.value, other.value)
 
 
@@ -258,9 +269,9 @@ def test_the_effects_of_a_scene_are_on_at_first_and_can_be_switched_off() -> Non
 def test_an_index_reads_what_was_dropped_with_it_and_nothing_else(session: Session, tmp_path: Path) -> None:
     secret = tmp_path / "secret.txt"
     secret.write_text("1 2 3", encoding="utf-8")
-    spectrum = protocol.File(name="a.txt", text="no spectrum")
+    spectrum = dropped_file("a.txt", "no spectrum")
     for name in (str(secret), f"../{tmp_path.name}/secret.txt", "b.txt"):
-        index = protocol.File(name="index.csv", text=f"file,z_m\na.txt,4.5\n{name},5.5\n")
+        index = dropped_file("index.csv", f"file,z_m\na.txt,4.5\n{name},5.5\n")
         with pytest.raises(LightfieldError, match="were not dropped"):
             session.drop([index, spectrum], "counts")
 
@@ -289,3 +300,97 @@ def test_water_that_the_trace_cannot_answer_for_asks_for_one_more_trace(given) -
     wanted = missing_trace(SceneForward(scene, readings), murky)
     assert wanted is not None and wanted >= 1.2 / REACH
     assert missing_trace(SceneForward(scene, readings, dense_per_m=wanted), murky) is None
+
+
+def spectra(names: Sequence[str], level: float) -> dict[str, bytes]:
+    """Files of SpectraSuite, in its own encoding: counts in 0.1 s, at one level over all wavelengths."""
+    at = np.arange(500.0, 560.0, 1.0)
+    head = "SpectraSuite Data File\nSpectrometers: Müller\nIntegration Time (usec): 100000 (X)\n"
+    files = {}
+    for k, name in enumerate(names):
+        rows = "".join(f"{w:.2f}\t{level / (k + 1):.3f}\n" for w in at)
+        text = f"{head}>>>>>Begin Processed Spectral Data<<<<<\n{rows}>>>>>End Processed Spectral Data<<<<<\n"
+        files[name] = text.encode("latin-1")
+    return files
+
+
+def test_spectrometer_files_become_the_readings_that_are_explored(given) -> None:
+    """An index and nine files, of 8000/1, /2, ... counts per second less a dark of 200."""
+    session = Session(given[1].with_values({"detector.bands_nm": ((510.0, 550.0),)}), diffuse=None)
+    session.begin()
+    names = [f"m{k}.txt" for k in range(9)]
+    files = spectra(names, 820.0) | spectra(["dark.txt"], 20.0)
+    places = [(x, z) for z in (4.5, 5.5, 6.5) for x in (-0.2, 0.0, 0.2)]
+    rows = "".join(f"{name},{x},{z},signal\n" for name, (x, z) in zip(names, places, strict=True))
+    files["index.csv"] = f"file,x_m,z_m,role\n{rows}dark.txt,,,dark\n".encode()
+    session.drop([dropped_file(name, content) for name, content in files.items()], "counts")
+    e = session.experiment
+    assert e.has_data and session.readings is not None
+    assert e.readings.value == pytest.approx([(820 / (k + 1) - 20) / 0.1 for k in range(9)], rel=1e-4)
+    assert e.readings.units == "counts/s" and np.isfinite(error(session))
+
+
+def test_a_spectrometer_file_that_is_no_text_is_read_as_it_is(given) -> None:
+    """A ProcSpec file is an archive: bytes must survive the way from the page."""
+    from instrument_files import procspec
+
+    session = Session(given[1].with_values({"detector.bands_nm": ((405.0, 425.0),)}), diffuse=None)
+    session.begin()
+    index = "file,z_m\n" + "".join(f"s{k}.procspec,{4.5 + k}\n" for k in range(6))
+    files = {f"s{k}.procspec": procspec() for k in range(6)} | {"index.csv": index.encode()}
+    session.drop([dropped_file(name, content) for name, content in files.items()], "counts")
+    assert len(session.experiment.readings) == 6
+
+
+def test_a_fit_says_how_far_it_is_and_can_be_ended(session: Session) -> None:
+    """What is ended has changed nothing; asked again it is done."""
+    before, heard = session.now, list[tuple[str, float | None]]()
+
+    def end(stage: str, part: float | None = None) -> None:
+        heard.append((stage, part))
+        raise FitError("cancelled")
+
+    session.fits, session.say = Fits(session.experiment), end
+    with pytest.raises(FitError, match="cancelled"):
+        ask(session, "switch", effect=BACKGROUND, on=True)
+    assert session.now == before and heard == [("fitting gain, width and absorption", 0.0)]
+    session.say = lambda stage, part=None: heard.append((stage, part))
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    parts = [part for stage, part in heard if stage == "fitting background" and part is not None]
+    assert session.now.effects == (BACKGROUND,)
+    assert parts == sorted(parts) and parts[0] == 0 and 0.5 < parts[-1] < 1
+
+
+def test_a_report_of_what_is_shown_needs_no_diagnosis(session: Session) -> None:
+    """Readings: the page of a comparison by hand, with the ladder that was climbed."""
+    ask(session, "switch", effect=BACKGROUND, on=True)
+    rungs = [{"effects": [], **rung} for rung in session.state_data()["ladder"]]
+    stages: list[str] = []
+    scene = session.experiment.forward.scene
+    html = climbed(
+        scene,
+        session.readings,
+        session.now.effects,
+        rungs,
+        False,
+        lambda stage, part=None: stages.append(stage),
+    )
+    assert "<svg" in html and "+ background: error" in html and "detector.background" in html
+    assert f"{rungs[0]['error_percent']:.3g}" in html and stages[-1] == "drawing the report"
+
+
+def test_what_a_verdict_says_of_each_effect_reaches_the_page(given) -> None:
+    """Levels, rivals and next measurement, and an explanation that can be accepted with its values."""
+    found = diagnose(given[0], given[1], diffuse=None)
+    told = verdict_data(found.verdict)
+    assert [one["name"] for one in told["found"]] == [
+        name.replace("_", " ") for name in found.verdict.best_set
+    ]
+    assert all(one["level"] in ("certain", "simplest", "one of", "partial") for one in told["found"])
+    assert json.loads(json.dumps(protocol.plain(told)))["headline"] == found.verdict.headline
+    session = Session(given[1], given[0], diffuse=None, verdict=told)
+    session.begin()
+    before = error(session)
+    ask(session, "accept", at=0)
+    assert session.now.effects == tuple(told["explanations"][0]["keys"])
+    assert error(session) < 0.7 * before
