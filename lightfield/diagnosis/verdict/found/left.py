@@ -167,7 +167,7 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     values = fit.values
     neutral = {p.path: p.value(0.0) for p in fit.model.parameters if p.path in _sizes(name)}
     without = problem.forward.predict(values | neutral)
-    shown = bright(problem)
+    shown = np.asarray(bright(problem), bool)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     along = {"x": x, "y": y, "time": t, "angle": np.degrees(np.arctan2(np.hypot(x, y), z))}[ALONG[name]]
     if name == "plume":  # it shades what passes through it: drawn at the farthest plane
