@@ -12,7 +12,7 @@ import json
 import sys
 from pathlib import Path
 
-from benchmarks.field.cases import Row, folder_of_cases, run
+from benchmarks.field.cases import Row, folder_of_cases, run_alone
 from benchmarks.field.page import page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,7 +31,7 @@ def main() -> None:
     for case in cases if not args.score else []:
         if case.name in rows or (args.only and case.name not in args.only):
             continue
-        rows[case.name] = row = run(case)
+        rows[case.name] = row = run_alone(case)
         args.store.parent.mkdir(parents=True, exist_ok=True)
         with args.store.open("a") as file:
             file.write(json.dumps(row) + "\n")

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
+import resource
 import time
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import read_table
@@ -15,12 +19,29 @@ from lightfield.scene import Scene
 Row = dict[str, Any]
 #: What a curve stands for in the truth.
 CURVE = {"beam_profile": "lamp"}
+#: Exponentials in the unit of processor time.
+UNIT = 100_000_000
 
 
 def folder_of_cases() -> Path:
     """LIGHTFIELD_REFERENCE or the sibling folder `shared`."""
     sibling = Path(__file__).resolve().parents[3] / "shared"
     return Path(os.environ.get("LIGHTFIELD_REFERENCE", sibling)) / "hidden_effects_field"
+
+
+def unit_seconds() -> float:
+    """Processor time of 1e8 exponentials by NumPy: what another machine, or a busy one, takes longer for
+    everything takes longer for this too."""
+    numbers, begun = np.linspace(-1.0, 0.0, 1_000_000), time.process_time()
+    for _ in range(UNIT // len(numbers)):
+        np.exp(numbers)
+    return time.process_time() - begun
+
+
+def run_alone(case: Path) -> Row:
+    """`run` in a process of its own, whose peak memory is that of this case."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(run, (case,))
 
 
 def run(case: Path) -> Row:
@@ -30,12 +51,15 @@ def run(case: Path) -> Row:
         "case": case.name, "hidden": truth["hidden"], "lamp": truth["lamp"], "layout": truth["layout"],
         "delta": truth["detectability_sigma"],
     }  # fmt: skip
+    unit = unit_seconds()
     readings, scene = read_table(case / "data.csv"), Scene.load(case / "scene.toml")
     begun = time.process_time()
     verdict = diagnose(readings, scene).verdict
     return row | {
         "readings": len(readings),
         "cpu_seconds": time.process_time() - begun,
+        "unit_seconds": unit,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "verdict": verdict.verdict,
         "best_set": verdict.best_set,
         "certain": verdict.certain,

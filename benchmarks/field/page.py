@@ -21,6 +21,10 @@ def _part(count: int, whole: int) -> str:
     return f"{count} of {whole}" + (f" ({100 * count / whole:.0f} %)" if whole else "")
 
 
+def _of(values: Sequence[float]) -> str:
+    return f"{np.median(values):.0f}, {max(values):.0f}" if values else "-"
+
+
 def _scores(rows: Sequence[Row]) -> list[str]:
     hidden = sum(len(r["hidden"]) for r in rows)
     best = sum(len(r["best_set"]) for r in rows)
@@ -36,12 +40,15 @@ def _scores(rows: Sequence[Row]) -> list[str]:
         _part(sum(len(wrong(r, r["simplest"])) for r in rows), len(simplest)),
         _part(sum(len(wrong(r, r["partial"])) for r in rows), len(partial)),
         f"{np.median(seconds):.0f}, {seconds.max():.0f}",
+        _of([r["cpu_seconds"] / r["unit_seconds"] for r in rows if "unit_seconds" in r]),
+        _of([r["peak_mb"] for r in rows if "peak_mb" in r]),
     ]
 
 
 _NAMES = (
     "explained", "hidden names in the best set", "other names in the best set", "wrong among certain",
     "wrong among simplest", "wrong among partial", "processor seconds, median and most",
+    "the same over 1e8 exponentials by NumPy", "peak memory in MB, median and most",
 )  # fmt: skip
 
 

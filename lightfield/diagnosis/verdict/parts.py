@@ -207,6 +207,7 @@ class Misfit(Part):
         description="where along it the readings depart most, in m, degrees, minutes or nm"
     )
     period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
+    like: str | None = Field(None, description="local unknown that describes it best, if one does")
 
 
 class LeftOver(Part):
@@ -224,6 +225,12 @@ class LeftOver(Part):
     at: list[float] = Field(description="along the coordinate, in m, degrees or minutes")
     factor: list[float] = Field(description="what it makes of the light there, one where nothing")
     stderr: list[float]
+    read_at: list[float] = Field(
+        default_factory=list, description="bright readings it acts on, along the coordinate"
+    )
+    read: list[float] = Field(
+        default_factory=list, description="these over the model with everything but the unknown"
+    )
 
 
 class DoubtReason(_Word):

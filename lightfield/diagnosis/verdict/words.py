@@ -140,6 +140,9 @@ def unexplained_about(misfit: Misfit | None) -> str:
     """What is known of a misfit that nothing explains."""
     if misfit is None:
         return "it is not a function of one coordinate"
+    if misfit.like is not None and misfit.period_deg is None:
+        name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
+        return f"it looks like a {_plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
     return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
 
 

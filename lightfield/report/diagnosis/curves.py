@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.words import UNITS
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
-from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label, percent_axis
+from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, WIDTH, figure, label, percent_axis
 
 DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
@@ -65,9 +65,11 @@ def left_figure(left: Sequence[LeftOver]) -> Figure:
         for axes, one in zip(fig.subplots(1, len(shown), squeeze=False, sharey=True)[0], shown, strict=True):
             factor, wide = np.array(one.factor), BAND * np.array(one.stderr)
             axes.fill_between(one.at, factor - wide, factor + wide, color=RENDER, alpha=0.25, linewidth=0)
-            axes.plot(one.at, factor, color=RENDER)
+            axes.plot(one.read_at, one.read, ".", color=DATA, markersize=3, label="readings over the model")
+            axes.plot(one.at, factor, color=RENDER, label="with the unknown")
             axes.axhline(1, color=MUTED, linewidth=0.8)
             percent_axis(axes.yaxis)
             what = f"{one.name.replace('_', ' ')}: {one.removed_percent:.0f} % of what is left"
             label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
+        fig.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig

@@ -104,8 +104,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         figures["left"] = page_figure(
             left_figure(verdict.left_over),
             "left",
-            "Where the rest lies that nothing explains: factors on the light that would make it good, "
-            "with two standard errors. They are no explanations.",
+            "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
+            "with two standard errors. Dots: readings over the model without them. No explanations.",
             "Local unknowns along their coordinates",
         )
     if view.signatures:

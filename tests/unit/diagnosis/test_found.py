@@ -185,6 +185,11 @@ def test_what_is_said_of_the_unexplained() -> None:
     assert said.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
     assert said.support == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
     assert found_words.said("unexplained", found, [rung(None), rung(40.0)], misfit) is None
+    like = found_words.said(
+        "unexplained", found, [rung(None), rung(90.0)], Misfit(coordinate="x", worst_at=0.3, like="dip_in_x")
+    )
+    assert like is not None
+    assert like.headline == "Unexplained in part: it looks like a dip in x, near x = 0.3 m."
 
 
 def test_the_simplest_comes_with_what_else_would_do() -> None:

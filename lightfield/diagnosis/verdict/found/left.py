@@ -15,7 +15,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.noise import Whitener
-from lightfield.diagnosis.problem.problem import MANY, Explanation
+from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -151,13 +151,34 @@ def _record(
     mine = {path.removeprefix(prefix): e for path, e in told.items() if path.startswith(prefix)}
     at, places = _along(ALONG[name], forward.readings)
     factor, stderr = _curve(own, {k: (e.value, e.stderr or 0.0) for k, e in mine.items()}, places)
+    read_at, read = _read(problem, forward.readings, fit, name)
     return LeftOver(
         name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
         beside=sorted(n for n in node.names if n != name), parameters=mine, removed_percent=min(share, 100.0),
         error_percent=percent(problem, fit.prediction, bright(problem)),
         adequate=bool(pool.ground.test(fit).passes(ALPHA)),
         at=(at * _UNIT.get(ALONG[name], 1.0)).tolist(), factor=factor.tolist(), stderr=stderr.tolist(),
+        read_at=(read_at * _UNIT.get(ALONG[name], 1.0)).tolist(), read=read.tolist(),
     )  # fmt: skip
+
+
+def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Array, Array]:
+    """Where along its coordinate an unknown acts on bright readings, and these over the model without it."""
+    values = fit.values
+    neutral = {p.path: p.value(0.0) for p in fit.model.parameters if p.path in _sizes(name)}
+    without = problem.forward.predict(values | neutral)
+    shown = np.asarray(bright(problem), bool)
+    x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
+    along = {"x": x, "y": y, "time": t, "angle": np.degrees(np.arctan2(np.hypot(x, y), z))}[ALONG[name]]
+    if name == "plume":  # it shades what passes through it: drawn at the farthest plane
+        along = x * z.max() / z
+        shown = shown & (z > values["effect.plume.z0"]) & (along >= x.min()) & (along <= x.max())
+    return along[shown], problem.value[shown] / without[shown]
+
+
+def _sizes(name: str) -> tuple[str, ...]:
+    """Paths of the amplitudes of a local unknown."""
+    return tuple(f"effect.{name}.{key}" for key in ("depth", "size", "a", "b"))
 
 
 def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:

@@ -148,11 +148,14 @@ def _local(problem: Problem, plain: Whitener, one: Local, best: Fit, scale: floa
     residual = plain(problem.keep * (problem.value - one.fit.prediction))
     score = float(residual @ residual) / scale + _numbers(problem, one.explanation)
     record = one.record
-    worst = int(np.argmax(np.abs(np.array(record.factor) - 1.0)))
+    # A step is where it begins, all else where it departs most.
+    slope = np.abs(np.gradient(record.factor)), np.abs(np.array(record.factor) - 1.0)
+    worst = int(np.argmax(slope[0] if record.coordinate == "time" else slope[1]))
     period = record.parameters.get("period")
     misfit = Misfit(
         coordinate=record.coordinate,
         worst_at=record.at[worst],
         period_deg=None if period is None else period.value,
+        like=record.name,
     )
     return _Description(score, record.removed_percent / 100, misfit, best.prediction)

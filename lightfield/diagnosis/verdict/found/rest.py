@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
+from lightfield.diagnosis.verdict.words import join
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
 _CALLED = {
@@ -30,9 +31,11 @@ def sentences(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
 def _described(one: LeftOver) -> str:
     values = ", ".join(_value(name, estimate) for name, estimate in one.parameters.items())
     enough = ", and nothing more is missing" if one.adequate else ""
+    beside = f" beside {join(one.beside)}" if one.beside else ""
     return (
-        f"A {one.name.replace('_', ' ')} describes {one.removed_percent:.0f} % of what is left ({values}): "
-        f"the error would be {one.error_percent:.2g} %{enough}. It says where the rest is, not what."
+        f"A {one.name.replace('_', ' ')}{beside} describes {one.removed_percent:.0f} % of what is left "
+        f"({values}): the error would be {one.error_percent:.2g} %{enough}. It says where the rest is, "
+        "not what."
     )
 
 
