@@ -31,6 +31,7 @@ GUESS = (0.10, 0.25)
 #: distance to the nearest plane.
 WINDOW_M, WINDOW_PART = 0.02, 0.005
 #: Where a scene says that its lamp is that of a table.
+_FLOOR = "tank.floor_over_walls"
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 
@@ -227,6 +228,12 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
+    if _FLOOR in hidden and truth.tank is not None and truth.tank.wall_albedo == 0:
+        raise UsageError(
+            "this effect cannot act here",
+            found="floor_reflection: the walls are black",
+            remedy="hide wall_reflection too, or state tank.wall_albedo",
+        )
     light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     told = {
