@@ -35,6 +35,7 @@ TABLE = "table"
 #: Files of a riddle; the last tells that the others are one.
 WRITTEN = ("scene.toml", "data.csv", "truth.json")
 #: Where a scene says that its lamp is that of a table.
+_FLOOR = "tank.floor_over_walls"
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 
@@ -308,6 +309,12 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
+    if _FLOOR in hidden and truth.tank is not None and truth.tank.wall_albedo == 0:
+        raise UsageError(
+            "this effect cannot act here",
+            found="floor_reflection: the walls are black",
+            remedy="hide wall_reflection too, or state tank.wall_albedo",
+        )
     light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     told = {

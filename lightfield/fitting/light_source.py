@@ -17,7 +17,7 @@ from lightfield.formula.own import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.scene import Scene
-from lightfield.scene.acts import AFTERWARDS, DIFFUSE
+from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, neutral, paths_on
 from lightfield.scene.bands import read_nm
 from lightfield.scene.water.ageing import ages, at_time, moments
@@ -328,4 +328,4 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
 
 @cache
 def _makes_diffuse(path: str) -> bool:
-    return bool(acts_on(path) & DIFFUSE)
+    return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR))

@@ -26,6 +26,7 @@ _CURVES = (
 _OF_DETECTOR: dict[str, Any] = {"response": None, "response_table": None, "second_order": 0.0}
 _LATER: dict[tuple[str, str], Any] = {
     ("water", AT_FIELD): [],
+    ("tank", "floor_over_walls"): 1.0,
     **{field: [] for field in _CURVES},
     **{("detector", name): value for name, value in _OF_DETECTOR.items()},
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -34,7 +35,22 @@ class Tank(Part):
         high=1e5,
     )
     wall_albedo: float = number(
-        0.0, "1", "reflected part at walls and floor", Acts.REFLECTION, low=0.0, high=1.0, neutral=0.0
+        0.0,
+        "1",
+        "reflected part at walls, and at a floor like them",
+        Acts.REFLECTION,
+        low=0.0,
+        high=1.0,
+        neutral=0.0,
+    )
+    floor_over_walls: float = number(
+        1.0,
+        "1",
+        "albedo of the floor over that of the walls; the floor reflects all at most",
+        Acts.FLOOR,
+        low=0.0,
+        high=100.0,
+        neutral=1.0,
     )
     surface: Literal["none", "flat"] = declare(
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
@@ -85,6 +101,11 @@ class Tank(Part):
     def _lamp_at_half_depth(self) -> None:
         if "lamp_depth_m" not in self.model_fields_set:
             self.__dict__["lamp_depth_m"] = 0.5 * self.depth_m
+
+    @property
+    def floor_share(self) -> float:
+        """Albedo of the floor over that of the walls, so that it reflects all at most."""
+        return min(self.floor_over_walls, 1.0 / self.wall_albedo if self.wall_albedo else inf)
 
     @property
     def box_m(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:

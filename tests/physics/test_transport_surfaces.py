@@ -30,19 +30,20 @@ def flights() -> tuple[mi.Point3f, mi.Vector3f]:
     return mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, direction))
 
 
-@pytest.mark.parametrize("surface", [None, 0.8])
-def test_box_meets_and_reflects_as_mitsuba_does(surface: float | None) -> None:
+@pytest.mark.parametrize(("surface", "floor"), [(None, 1.0), (0.8, 1.0), (0.8, 0.3)])
+def test_box_meets_and_reflects_as_mitsuba_does(surface: float | None, floor: float) -> None:
     """Distance, reflected part and mirrored directions of every flight; the mean of the diffuse ones."""
     from lightfield.render.tracer.build import shapes
     from lightfield.render.tracer.surfaces import Box, Shapes
 
-    scene = Scene.from_dict({"tank": TANK.model_dump(), "detector": {"planes_m": [3.0]}})
+    tank = TANK.model_copy(update={"floor_over_walls": floor})
+    scene = Scene.from_dict({"tank": tank.model_dump(), "detector": {"planes_m": [3.0]}})
     loaded = mi.load_dict({"type": "scene", **shapes(scene, 0.6, surface)})
     position, direction = flights()
     rng = np.random.default_rng(4)
     turn, everywhere = mi.Point2f(*map(mi.Float, rng.random((2, FLIGHTS)))), mi.Bool(True)
     found = []
-    for surfaces in (Box(TANK, 0.6, surface), Shapes(loaded)):
+    for surfaces in (Box(tank, 0.6, surface), Shapes(loaded)):
         met = surfaces.meet(position, direction, everywhere)
         at = mi.Point3f(position + direction * met.distance)
         bounce = surfaces.bounce(met, at, direction, turn, everywhere)

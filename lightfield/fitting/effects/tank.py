@@ -15,6 +15,16 @@ EFFECTS = (
         needs=("tank",),
     ),
     Effect(
+        "floor_reflection",
+        "diffuse light",
+        (Form("other albedo", (Free("tank.floor_over_walls", 0.0, 20.0, 0.5),)),),
+        "The floor reflects more than the walls (sand, concrete, paint that has come off), or less (silt).",
+        "Beside reflecting walls: an excess from below, which grows towards the floor. On one line at one "
+        "height nearly the same as brighter walls.",
+        "Lay black cloth on the floor; read at several heights.",
+        needs=("tank",),
+    ),
+    Effect(
         "surface_reflection",
         "diffuse light",
         (Form("Fresnel", (Free("tank.surface_reflectance", 0.0, 1.0, 0.1),)),),

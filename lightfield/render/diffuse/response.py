@@ -27,7 +27,7 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.diffuse.traced import TracedWater, within_band
 from lightfield.render.reflected.light import ReflectedLight
-from lightfield.render.response.response import CLASSES
+from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.layers import is_layered, layers_depth
@@ -103,6 +103,7 @@ class DiffuseResponse:
                 if parts:
                     in_cells = self._in_cells(parts, len(a))
                     light += share[:, None] * self._at_readings(scene, a + b, in_cells)
+                    light += share[:, None] * self._by_floor(scene, a + b, parts)
         return light + self._unscattered(scene, a + b) if REFLECTED[0] in kinds else light
 
     def errors(
@@ -183,6 +184,18 @@ class DiffuseResponse:
         seen = light * self._through_layers(scene)
         seen = seen * from_behind(scene.lamp.apparent_distance_m, attenuation, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
+
+    def _by_floor(self, scene: Scene, attenuation: Array, parts: dict[int, ClassLight]) -> Array | float:
+        """What a floor that is no wall adds to scattered light of walls, which is traced with one like them.
+
+        As it adds to light that was not scattered. Shape (n_waters, n).
+        """
+        walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
+        tank = scene.tank
+        if self.reflected is None or tank is None or tank.floor_share == 1 or not walls:
+            return 0.0
+        more = np.array([self.reflected.by_floor(scene, float(c)) - 1.0 for c in attenuation])
+        return more * self._at_readings(scene, attenuation, self._in_cells(walls, len(attenuation)))
 
     def _through_layers(self, scene: Scene) -> Array:
         """What layers let through on the straight lines to the cells, shape (n_cells,)."""

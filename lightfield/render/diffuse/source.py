@@ -255,7 +255,8 @@ def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     shape = SHAPES.get(scene.water.phase.type)
     if shape is not None:
         values[shape.path] = shape.usual
-    plain = without(scene, Acts.LAYERS).model_copy(update={"lamp": lamp})
+    reweighed = Acts.LAYERS | Acts.FLOOR if applies(scene) else Acts.LAYERS
+    plain = without(scene, reweighed).model_copy(update={"lamp": lamp})
     return plain.with_values(values, validate=False)
 
 

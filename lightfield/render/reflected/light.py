@@ -24,7 +24,7 @@ import numpy as np
 
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
 from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
-from lightfield.scene import Lamp, Scene, receiver
+from lightfield.scene import Lamp, Scene, Tank, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
@@ -35,6 +35,12 @@ REFLECTIONS = 16
 #: Step of attenuation, m^-1, between which light is interpolated: of a white tow tank of clear water, whose
 #: light has the longest ways, 0.4 % (twice the step: 3 %).
 C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
+#: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
+FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
+#: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
+_UPWARDS = 0.5
+#: Of walls and floor: albedo over that of the brighter of the two.
+Shares = tuple[float, float]
 #: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
 KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
 
@@ -70,7 +76,7 @@ class ReflectedLight:
         Parameters
         ----------
         scene : Scene
-            Its lamp, wall albedo and surface reflectance count; the tank is that of the constructor.
+            Its lamp, albedos and surface reflectance count; the tank is that of the constructor.
         attenuation_per_m : float, m^-1
         """
         tank = scene.tank
@@ -80,8 +86,19 @@ class ReflectedLight:
             light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m)
         if tank.wall_albedo > 0:
             room = self.room(tank.surface_reflectance == 0)
-            light += room.light(scene.lamp, attenuation_per_m, tank.wall_albedo, tank.surface_reflectance)
+            light += room.light(scene.lamp, attenuation_per_m, tank)
         return np.asarray(light[self._which])
+
+    def by_floor(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
+        """Light from walls and floor over that of a floor like the walls, shape (n,)."""
+        tank = scene.tank
+        if tank is None or tank.floor_share == 1 or not tank.wall_albedo:
+            return np.ones(len(self._which))
+        room = self.room(tank.surface_reflectance == 0)
+        like_walls = tank.model_copy(update={"floor_over_walls": 1.0})
+        light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
+        ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
+        return np.asarray(ratio[self._which])
 
     def _image(self, lamp: Lamp, attenuation_per_m: float) -> np.ndarray:
         """Light mirrored by the water surface alone, for unit reflectance multiplier."""
@@ -117,7 +134,9 @@ class Operators(NamedTuple):
         whole = first if len(terms) == 1 else parts.sum(axis=1).reshape(len(reading), -1)
         return cls(first, whole, among)
 
-    def apply(self, terms: np.ndarray, patches: np.ndarray, before: np.ndarray) -> np.ndarray:
+    def apply(
+        self, terms: np.ndarray, patches: np.ndarray, before: np.ndarray, albedo: np.ndarray
+    ) -> np.ndarray:
         """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
 
         Parameters
@@ -128,13 +147,15 @@ class Operators(NamedTuple):
             Mean irradiance of all patches.
         before : array of int, shape (k,)
             Which of them lie before the readings.
+        albedo : array, shape (n_patches,)
+            Of each patch over the unit.
         """
         reflected = []
         for _ in range(REFLECTIONS - 1):
-            patches = self.among @ patches
-            reflected.append(patches[before])
+            patches = self.among @ (albedo * patches)
+            reflected.append(albedo[before] * patches[before])
         more = self.whole @ np.stack(reflected, axis=1)
-        return np.vstack([self.first @ terms.ravel(), more.T]).astype(float)
+        return np.vstack([self.first @ (terms * albedo[before, None]).ravel(), more.T]).astype(float)
 
 
 def terms_of_light(parts: int) -> np.ndarray:
@@ -209,30 +230,44 @@ class Room:
         self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
         self._direct = lru_cache(1)(self._direct_of)
         self._mirrored = lru_cache(1)(self._mirrored_of)
-        #: Light of a lamp at the readings, by attenuation and surface reflectance.
-        self._known: Callable[[Lamp], dict[tuple[float, float], Orders]]
+        self._is_floor = self.patches.normal[:, 1] > _UPWARDS
+        #: Light of a lamp at the readings, by attenuation, surface reflectance, shares of walls and floor.
+        self._known: Callable[[Lamp], dict[tuple[float, float, Shares], Orders]]
         lamps = KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
         self._known = lru_cache(int(np.clip(lamps, FEWEST, KEPT_LAMPS)))(lambda lamp: {})
 
-    def light(self, lamp: Lamp, attenuation_per_m: float, albedo: float, surface: float) -> np.ndarray:
+    def light(self, lamp: Lamp, attenuation_per_m: float, tank: Tank) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
 
         Worked out at a few attenuations and reflectances, and interpolated: its logarithm is nearly linear in
         the first (cubic between four nodes, which adds 0.1 % and no jump), itself a low polynomial in the
-        second. A fit that moves the water, the walls or the surface then costs nothing new.
+        second, and in the albedo of the darker of walls and floor over that of the other. A fit that moves
+        the water, the walls, the floor or the surface then costs nothing new.
+
+        Parameters
+        ----------
+        tank : Tank
+            Albedos and surface reflectance.
         """
+        surface, share = tank.surface_reflectance, tank.floor_share
+        albedo, darker = tank.wall_albedo * max(share, 1.0), min(share, 1.0 / share if share else 0.0)
+        dim = FLOOR_NODES if share != 1 else (1.0,)
+        shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
         first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
         nodes = [round(C_STEP * (first + i), 6) for i in range(4)]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
         known = self._known(lamp)
-        for m in mirrors:
-            missing = [c for c in nodes if (c, m) not in known]
-            known.update(zip(product(missing, [m]), self._reached(lamp, missing, m), strict=True))
-        found = np.array([[known[c, m].for_albedo(albedo) for c in nodes] for m in mirrors])
+        for m, w in product(mirrors, shares):
+            missing = [c for c in nodes if (c, m, w) not in known]
+            known.update(zip(product(missing, [m], [w]), self._reached(lamp, missing, m, w), strict=True))
+        by_share = [[[known[c, m, w].for_albedo(albedo) for c in nodes] for m in mirrors] for w in shares]
+        found = np.tensordot(lagrange(dim, darker if len(dim) > 1 else 1.0), np.array(by_share), axes=1)
         along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
         return np.asarray(lagrange(mirrors, surface) @ along_c)
 
-    def _reached(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> list[Orders]:
+    def _reached(
+        self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float, shares: Shares
+    ) -> list[Orders]:
         """Light at the readings in each of some waters."""
         if not attenuation_per_m:
             return []
@@ -241,7 +276,8 @@ class Room:
         whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
         operators = [self._operator(c, surface) for c in attenuation_per_m]
         found = zip(operators, terms, whole, strict=True)
-        return [Orders.of(operator.apply(t[self.before], w, self.before)) for operator, t, w in found]
+        albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
+        return [Orders.of(operator.apply(t[self.before], w, self.before, albedo)) for operator, t, w in found]
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.

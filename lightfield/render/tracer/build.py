@@ -201,8 +201,10 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
         reach = open_water_m(scene_grid(scene))
         return {"open_water": {"type": "sphere", "radius": reach, "flip_normals": True, "bsdf": black}}
-    grey = {"type": "uniform", "value": wall_albedo}
-    wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey}}
+    wall, ground = (
+        {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": albedo}}}
+        for albedo in (wall_albedo, wall_albedo * tank.floor_share)
+    )
     top: dict[str, Any] = wall
     if surface is not None:
         scale = {"type": "uniform", "value": surface}
@@ -221,7 +223,7 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
     return {
         "left": rectangle([-half, mid_y, mid_z], [0, 1, 0], 90, size_z, size_y, wall),
         "right": rectangle([half, mid_y, mid_z], [0, 1, 0], -90, size_z, size_y, wall),
-        "floor": rectangle([0, floor, mid_z], [1, 0, 0], -90, size_x, size_z, wall),
+        "floor": rectangle([0, floor, mid_z], [1, 0, 0], -90, size_x, size_z, ground),
         "back": rectangle([0, mid_y, back], [0, 1, 0], 0, size_x, size_y, wall),
         "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, wall),
         # Normal up into the air: the dielectric's inside, below it, is water.

@@ -115,6 +115,7 @@ class Box:
     ----------
     tank : Tank
     wall_albedo : float
+        Of a floor as many times more as the tank says.
     surface_reflectance : float, optional
         Factor on the Fresnel reflectance of the water surface; None: a lid like the walls.
     """
@@ -127,6 +128,7 @@ class Box:
         self.low = mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in low))
         self.high = mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in high))
         self.albedo = dr.opaque(mi.Float, float(wall_albedo))
+        self.floor = dr.opaque(mi.Float, float(wall_albedo) * tank.floor_share)
         self.surface = dr.opaque(mi.Float, float(surface_reflectance or 0.0))
 
     def meet(self, position: mi.Point3f, direction: mi.Vector3f, active: mi.Bool) -> Met:
@@ -148,13 +150,14 @@ class Box:
         wall = dr.select(direction > 0, self.high, self.low) + normal * OFF_THE_WALL
         at = mi.Point3f(dr.select(axis > 0, wall, position))
         diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
+        albedo = dr.select(lid_or_floor & (direction.y < 0), self.floor, self.albedo)
         if not self.has_surface:
-            return Bounce(self.albedo, mi.Bool(False), at, diffuse)
+            return Bounce(albedo, mi.Bool(False), at, diffuse)
         smooth = lid_or_floor & (direction.y > 0)
         fresnel, _, _, _ = mi.fresnel(dr.abs(direction.y), 1 / WATER_INDEX)
         mirrored = mi.Vector3f(direction.x, -direction.y, direction.z)
         return Bounce(
-            dr.select(smooth, fresnel * self.surface, self.albedo),
+            dr.select(smooth, fresnel * self.surface, albedo),
             smooth,
             at,
             dr.select(smooth, mirrored, diffuse),

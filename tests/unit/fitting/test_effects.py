@@ -32,6 +32,7 @@ REQUIRED = set(
         "sediment",
         "wall_reflection",
         "surface_reflection",
+        "floor_reflection",
         "background",
         "saturation",
         "acceptance",
