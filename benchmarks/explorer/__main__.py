@@ -194,9 +194,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=int, default=0)
     args = parser.parse_args()
     if args.minutes:
-        found = {case: minute_by_minute(case, args.minutes) for case in CASES}
-        with atomic_path(HERE / "memory.md") as temporary:
-            temporary.write_text(memory_text(found, args.minutes), encoding="utf-8")
+        found = {}
+        for case in CASES:  # written after each: this takes long
+            found[case] = minute_by_minute(case, args.minutes)
+            with atomic_path(HERE / "memory.md") as temporary:
+                temporary.write_text(memory_text(found, args.minutes), encoding="utf-8")
         return
     results = {}
     for case in CASES:
