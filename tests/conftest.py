@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -13,9 +14,14 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # On many small matrices more BLAS threads only get in each other's way. Set before NumPy is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-# Tests neither trust nor fill the user's cache. Set before any import, and inherited by child processes.
-_CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
-os.environ["LIGHTFIELD_CACHE"] = _CACHE.name
+# Tests neither trust nor fill the user's cache. Set before any import, inherited by child processes: those
+# that share the suite have one folder, so that no kernel is compiled and no light traced twice.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    _CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
+    os.environ["LIGHTFIELD_CACHE"] = _CACHE.name
+# Where a machine says no to compiled modules, every command that is started here would compile all of them.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # No deadline: two busy cores make single cases slow. Derandomised: a run repeats.
 settings.register_profile("lightfield", deadline=None, derandomize=True)

@@ -98,8 +98,25 @@ def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> P
     """Write a figure as PNG on white paper, whole or not at all."""
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         FigureCanvasAgg(fig)
-        fig.savefig(temporary, dpi=dpi, format="png")
+        with _laid_out(fig, dpi):
+            fig.savefig(temporary, dpi=dpi, format="png")
     return Path(path)
+
+
+@contextmanager
+def _laid_out(fig: Figure, dpi: float) -> Iterator[None]:
+    """The figure with its parts in place, for which Matplotlib itself would draw it once more, unseen."""
+    engine, own = fig.get_layout_engine(), fig.dpi
+    if engine is not None:
+        fig.dpi = dpi
+        engine.execute(fig)
+        fig.dpi = own
+        fig.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        if engine is not None:
+            fig.set_layout_engine(engine)
 
 
 def save_pixels(pixels: np.ndarray, path: Path) -> Path:
@@ -121,7 +138,8 @@ def to_svg(fig: Figure, name: str) -> str:
     buffer = StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(fig)
-        fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+        with _laid_out(fig, fig.dpi):
+            fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

@@ -59,7 +59,7 @@ class StandIn:
         return truth + stderr * deviate, stderr
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make():
     """Function that makes a stand-in rendering: `make(pixels=65, glow=..., noise=..., **scene values)`."""
 
@@ -79,6 +79,6 @@ def make():
     return build
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def light():
     return gaussian_light

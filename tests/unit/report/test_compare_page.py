@@ -19,13 +19,13 @@ from lightfield.report.compare.page import (
 from lightfield.studies.compare.maps import as_text, compare
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def case(make, light):
     dataset = to_dataset(make(pixels=25, glow=0.03))
     return dataset, compare(dataset, lambda scene, x, y, z, wavelength: light(scene, x, y, z))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def html(case):
     dataset, comparison = case
     return comparison_page(comparison, dataset.attrs)
@@ -91,9 +91,9 @@ def test_files_are_written_with_the_page_first(case, tmp_path):
     assert all(f.read_bytes()[:4] == b"\x89PNG" for f in files[1:])
 
 
-def test_same_comparison_same_page(case):
+def test_same_comparison_same_page(case, html):
     dataset, comparison = case
-    assert comparison_page(comparison, dataset.attrs) == comparison_page(comparison, dataset.attrs)
+    assert comparison_page(comparison, dataset.attrs) == html
 
 
 def test_scene_names_cannot_inject_markup(make, light):
