@@ -269,6 +269,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("follow array.toml --no-trace --vary water.colour=1,2 -o r.zarr", ["water.colour", "no such parameter"]),
     ("follow array.toml --no-trace --report folder", ["folder", "a file"]),
     ("follow array.toml --with no.toml", ["no.toml", "No such file"]),
+    ("follow array.toml --no-trace --with array.toml", ["array.toml", "two scenes of one name"]),
     ("plan readings.csv", ["required: --scene"]),
     ("plan no.csv --scene scene.toml", ["no.csv", "No such file"]),
     ("plan millimetres.csv --scene scene.toml", ["line 1", "rename 'z_mm' to z_m, in metres"]),
