@@ -156,6 +156,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("scene scene.toml --set lamp=3", ["lamp", "[lamp]"]),
     ("scene open.toml --set tank.wall_albedo=0.1", ["no tank", "[tank]"]),
     ("scene scene.toml --to-xml folder", ["folder", "a file"]),
+    ("scene scene.toml --to-xml scene.toml", ["scene.toml", "in use"]),
     ("scene scene.toml --to-toml --get water", ["not allowed with"]),
     # picture
     ("picture no.toml", ["no.toml", "No such file"]),
@@ -245,6 +246,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("diagnose readings.csv --scene scene.toml -o taken", ["taken", "cannot write here"]),
     # plan
     ("array show scene.toml", ["no array", "add the table [array]"]),
+    ("array compare array.toml --with open.toml --report open.toml --no-trace", ["open.toml", "in use"]),
     ("array show array.toml --half-width -1 --no-trace", ["--half-width", "above 0 to 100 m"]),
     ("array show array.toml --max-photons 1", ["--max-photons", "1e3 to 1e12"]),
     ("array show array.toml --report folder --no-trace", ["folder", "a file"]),
