@@ -62,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
     readings = read_table(args.what, scene)
     names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
     if args.fit_json:
-        output_file(args.fit_json, args.what, args.scene)
+        inputs = [file for file in (args.what, args.scene, args.effects_file) if file]
+        output_file(args.fit_json, *inputs)
     with locked_folder(args.output) if args.output else nullcontext():
         return _fit(readings, scene, names, options, args)
 

@@ -69,7 +69,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
     scene = Scene.load(args.scene)
-    outputs_of(args, args.scene)
+    outputs_of(args, args.scene, *getattr(args, "others", ()))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)
 

@@ -67,8 +67,9 @@ def run(args: argparse.Namespace) -> int:
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
     outputs = [file for file in (args.json, args.report) if file]
+    inputs = [file for file in (args.data, args.scene, args.effects_file) if file]
     for k, file in enumerate(outputs):
-        output_file(file, args.data, args.scene, *outputs[:k])
+        output_file(file, *inputs, *outputs[:k])
     with locked_folder(args.output) if args.output else nullcontext():
         return _diagnose(readings, scene, names, args)
 

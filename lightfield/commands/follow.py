@@ -54,12 +54,18 @@ def run(args: argparse.Namespace) -> int:
     """Run, print, write."""
     from lightfield.studies.following.study import BELIEFS, follow, with_belief
 
-    scenes = {}
+    scenes: dict[str, Scene] = {}
     for path in [args.scene, *args.others]:
         scene = with_belief(Scene.load(path), "")
         if args.duration is not None:
             scene = scene.with_values({"follower.mission.duration_s": args.duration})
-        scenes[scene.name or path.stem] = scene
+        name = scene.name or path.stem
+        if name in scenes:
+            raise UsageError(
+                "two scenes of one name", where=str(path), found=name,
+                rule="every scene has a name of its own", remedy="change the name in one of them",
+            )  # fmt: skip
+        scenes[name] = scene
     inputs = [args.scene, *args.others]
     outputs_of(args, *inputs)
     if args.track:

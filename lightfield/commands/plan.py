@@ -54,8 +54,9 @@ def run(args: argparse.Namespace) -> int:
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
     outputs = [file for file in (args.json, args.report) if file]
+    inputs = [file for file in (args.layout, args.scene, args.effects_file) if file]
     for k, file in enumerate(outputs):
-        output_file(file, args.layout, args.scene, *outputs[:k])
+        output_file(file, *inputs, *outputs[:k])
     if args.effects is None and (args.size or args.report):
         raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
     diffuse = None

@@ -156,6 +156,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("scene scene.toml --set lamp=3", ["lamp", "[lamp]"]),
     ("scene open.toml --set tank.wall_albedo=0.1", ["no tank", "[tank]"]),
     ("scene scene.toml --to-xml folder", ["folder", "a file"]),
+    ("scene scene.toml --to-xml scene.toml", ["scene.toml", "in use"]),
     ("scene scene.toml --to-toml --get water", ["not allowed with"]),
     # picture
     ("picture no.toml", ["no.toml", "No such file"]),
@@ -245,6 +246,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("diagnose readings.csv --scene scene.toml -o taken", ["taken", "cannot write here"]),
     # plan
     ("array show scene.toml", ["no array", "add the table [array]"]),
+    ("array compare array.toml --with open.toml --report open.toml --no-trace", ["open.toml", "in use"]),
     ("array show array.toml --half-width -1 --no-trace", ["--half-width", "above 0 to 100 m"]),
     ("array show array.toml --max-photons 1", ["--max-photons", "1e3 to 1e12"]),
     ("array show array.toml --report folder --no-trace", ["folder", "a file"]),
@@ -269,6 +271,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("follow array.toml --no-trace --vary water.colour=1,2 -o r.zarr", ["water.colour", "no such parameter"]),
     ("follow array.toml --no-trace --report folder", ["folder", "a file"]),
     ("follow array.toml --with no.toml", ["no.toml", "No such file"]),
+    ("follow array.toml --no-trace --with array.toml", ["array.toml", "two scenes of one name"]),
     ("plan readings.csv", ["required: --scene"]),
     ("plan no.csv --scene scene.toml", ["no.csv", "No such file"]),
     ("plan millimetres.csv --scene scene.toml", ["line 1", "rename 'z_mm' to z_m, in metres"]),
