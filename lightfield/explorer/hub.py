@@ -263,7 +263,11 @@ class Hub:
             self._report()
             return
         dense = missing_trace(session.experiment.forward, session.evaluator.values(session.now))
-        self._start("tracing anew", trace_maps, partial(self._traced, dense=dense), *self._traced_for(dense))
+        if dense is None:  # the light on the planes was cancelled before
+            self._trace_maps()
+            return
+        done = partial(self._traced, dense=dense)
+        self._start("tracing anew", trace_maps, done, session.scene, session.readings, dense)
 
     def _report(self) -> None:
         session = self.session
@@ -277,13 +281,9 @@ class Hub:
         plain, traced = e.forward.scene, session.diffuse is not None
         self._start("report", climbed, self._reported, plain, e.readings, now.effects, rungs, traced)
 
-    def _traced_for(self, dense: float | None) -> tuple[Any, ...]:
-        session = self.session
-        return session.scene, session.readings, dense or session.dense_per_m
-
     def _start(self, name: str, work: Callable[..., object], done: Callable[[Any], Any], *given: Any) -> None:
         self.end_job()
-        self.job = Job(name, work, *(given or self._traced_for(None)))
+        self.job = Job(name, work, *given)
         self._loop.add_reader(self.job.pipe.fileno(), self._heard, self.job, done)
         self._everyone(self._job_message())
 
@@ -335,11 +335,10 @@ class Hub:
             if self.job is job:
                 self.end_job()
 
-    async def _traced(self, _: None, dense: float | None = None) -> None:
+    async def _traced(self, _: None, dense: float) -> None:
         session = self.session
-        if dense is not None:
-            session.dense_per_m = dense
-            await self._do(partial(session.begin, session.history))
+        session.dense_per_m = dense
+        await self._do(partial(session.begin, session.history))
         self._new_experiment()
         self._trace_maps()
 

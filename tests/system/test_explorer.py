@@ -23,7 +23,9 @@ import analytic_readings
 import pytest
 
 from lightfield.explorer.documents import open_session
+from lightfield.explorer.jobs import compared
 from lightfield.readings import write_table
+from lightfield.scene import Scene
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
@@ -489,3 +491,14 @@ def test_everything_fits_the_window_and_has_a_name(page) -> None:
             && !(e.labels && e.labels.length && e.labels[0].textContent.trim())).map((e) => e.outerHTML)"""
     )
     assert nameless == []
+
+
+@pytest.mark.slow  # six seconds of one processor: a render
+def test_without_readings_the_report_holds_the_formula_against_a_render() -> None:
+    water = {"absorption_per_m": 0.1, "scattering_per_m": 0.05}
+    scene = Scene.from_dict({"water": water, "detector": {"planes_m": [4.5], "width_m": 1.0}})
+    told: list[tuple[str, float | None]] = []
+    html = compared(scene, lambda stage, part=None: told.append((stage, part)))
+    assert "<svg" in html and "the formula against the render" in html
+    parts = [part for _, part in told if part is not None]
+    assert all(0 < part <= 1 for part in parts) and parts[-1] == 1

@@ -64,7 +64,8 @@
     if (head.id !== null && head.id < waiting) return;
     LF.showEvaluation(head, arrays);
     if (!head.answers) LF.say("this water scatters more than the trace can answer: press Trace anew");
-    anew.hidden = head.answers;
+    answers = head.answers;
+    offer();
     if (LF.state) LF.showLadder(LF.state);
     // The answer counts as painted when a frame was drawn.
     requestAnimationFrame(() => {
@@ -74,6 +75,9 @@
     });
   };
 
+  // Also where the light on the planes was cancelled.
+  let answers = true;
+  const offer = () => { anew.hidden = answers && (LF.busy || !LF.shown || Boolean(LF.shown.map_render)); };
   const anew = LF.make("button", { type: "button", id: "trace", hidden: true }, "Trace anew");
   anew.addEventListener("click", () => LF.ask({ do: "trace" }));
   LF.$("fit").parentElement.append(anew);
@@ -84,6 +88,7 @@
   const job = (message) => {
     const { job, doing, failed } = message, busy = doing || job;
     LF.busy = Boolean(busy);
+    offer();
     clearTimeout(later);
     const show = () => {
       LF.$("job").hidden = !busy && !failed;
