@@ -1,9 +1,9 @@
 """How true is what a fit finds in scattering water? Readings by an independent walk of photons, diagnosed.
 
-Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--modes diagnose] [--walk]`. The fields of
-the walk are stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes). Every row is
-diagnosed twice: with all light from one trace that is reweighed, as a search does, and as `diagnose` ends.
-Nothing is asserted. Results are kept in `found.csv`; what is there already is not done again.
+Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--modes diagnose] [--walk]`. The fields
+of the walk are stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes).
+Every row is diagnosed twice: with all light from one trace that is reweighed, as a search does, and as
+`diagnose` ends. Nothing is asserted. Results are kept in `found.csv`; what is there is not done again.
 """
 
 from __future__ import annotations
