@@ -1,9 +1,9 @@
 """How true is what a fit finds in scattering water? Readings by an independent walk of photons, diagnosed.
 
-Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--walk]`. The fields of the walk are
-stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes). Every row is
-diagnosed twice: with all light from one trace that is reweighed, as a search does, and as `diagnose` ends.
-Nothing is asserted. Results are kept in `found.csv`; what is there already is not done again.
+Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--modes diagnose] [--walk]`. The fields
+of the walk are stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes).
+Every row is diagnosed twice: with all light from one trace that is reweighed, as a search does, and as
+`diagnose` ends. Nothing is asserted. Results are kept in `found.csv`; what is there is not done again.
 """
 
 from __future__ import annotations
@@ -49,10 +49,11 @@ experimenter believes 4.2 and 0.15, and in no scattering.
 
 `search`: all light from one trace in other water, reweighed (`diffuse=response_for`). `diagnose`: the same,
 then settled with light that is followed without photons, times a traced ratio. Pull: found less true over the
-stated error; its root mean square over the seeds should be near one.
+stated error; its root mean square over the seeds should be near one. Within 1: how often the truth lies
+within one stated error, with the binomial error of that part (Agresti and Coull 1998).
 
-| truth (per m) | light | seeds | named | b, mean | stated error | scatter | pull, mean | pull, rms |
-|---|---|---:|---:|---:|---:|---:|---:|---:|
+| truth (per m) | light | seeds | named | b, mean | stated | scatter | pull, mean | pull, rms | within 1 |
+|---|---|---:|---:|---:|---:|---:|---:|---:|---:|
 """
 SHOWN = ("water.scattering_per_m", "water.phase.g", "water.absorption_per_m", "lamp.hwhm_deg")
 
@@ -159,6 +160,7 @@ def main() -> None:
     """Diagnose what is missing in the store, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=4, help="noise seeds of every case")
+    parser.add_argument("--modes", default=",".join(MODES), help="of these two, with a comma between")
     parser.add_argument("--walk", action="store_true", help="walk the photons again")
     args = parser.parse_args()
     rows = load()
@@ -166,7 +168,7 @@ def main() -> None:
     scene = Scene.from_toml(BELIEVED)
     for seed in range(args.seeds):
         for case in CASES:
-            for mode in MODES:
+            for mode in args.modes.split(","):
                 if (case.name, str(seed), mode) in done:
                     continue
                 readings = readings_of(case, seed, args.walk and seed == 0 and mode == MODES[0])
@@ -207,7 +209,7 @@ def page(rows: list[dict[str, str]]) -> str:
     lines += [
         "",
         "Pulls of every number, and how often the truth lies within one and two of its errors (68 and 95 %",
-        "if errors are right).",
+        "if errors are right), with the binomial error of that part.",
         "",
         "| parameter | light | n | pull, mean | pull, rms | within 1 | within 2 |",
         "|---|---|---:|---:|---:|---:|---:|",
@@ -216,7 +218,7 @@ def page(rows: list[dict[str, str]]) -> str:
         for mode in MODES:
             pulls = np.concatenate([_pulls(c, _of(rows, c, mode), path) for c in CASES])
             if len(pulls):
-                inside = [f"{100 * np.mean(np.abs(pulls) < k):.0f} %" for k in (1, 2)]
+                inside = [_share(np.abs(pulls) < k) for k in (1, 2)]
                 lines.append(
                     f"| `{path}` | {mode} | {len(pulls)} | {pulls.mean():+.2f} | "
                     f"{np.sqrt(np.mean(pulls**2)):.2f} | {inside[0]} | {inside[1]} |"
@@ -250,16 +252,22 @@ def _pulls(case: Case, rows: list[dict[str, str]], path: str) -> np.ndarray:
     return (value - case.truth[path]) / error
 
 
+def _share(inside: np.ndarray) -> str:
+    """Part of the pulls that are inside, with its binomial standard error (of two more of either kind)."""
+    near, n = (float(np.sum(inside)) + 2) / (len(inside) + 4), len(inside) + 4
+    return f"{100 * np.mean(inside):.0f} ± {100 * np.sqrt(near * (1 - near) / n):.0f} %"
+
+
 def _line(case: Case, mode: str, rows: list[dict[str, str]], path: str) -> str:
     (value, error), pulls = _known(rows, path), _pulls(case, rows, path)
     named = sum("scattering" in r["effects"] for r in rows)
     head = f"| {case.name} | {mode} | {len(rows)} | {named} |"
     if not len(value):
-        return f"{head} | | | | |"
+        return f"{head} | | | | | |"
     scatter = f"{value.std(ddof=1):.3f}" if len(value) > 1 else ""
     return (
         f"{head} {value.mean():.3f} | {error.mean():.3f} | {scatter} | {pulls.mean():+.1f} | "
-        f"{np.sqrt(np.mean(pulls**2)):.1f} |"
+        f"{np.sqrt(np.mean(pulls**2)):.1f} | {_share(np.abs(pulls) < 1)} |"
     )
 
 

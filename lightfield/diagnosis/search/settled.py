@@ -17,7 +17,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
-from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import under_own_errors
@@ -49,7 +49,7 @@ _SINGULAR = 1e-12
 
 
 @dataclass(frozen=True)
-class _Settled:
+class Settled:
     """An explanation fitted with light traced where it lies."""
 
     problem: Problem
@@ -91,10 +91,10 @@ def settled(
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
         return prepared, finding
-    done: list[tuple[Tried, _Settled]] = []
+    done: list[tuple[Tried, Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
-        done.append((tried, _settle(problem, tried)))
+        done.append((tried, _settled_from(problem, tried)))
     found = _accepted(prepared, finding, done, rng)
     tolerance = prepared.noise.budget.tolerance
     if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
@@ -125,7 +125,7 @@ def _base(
     if not scatters(prepared.problem, tried.fit):
         return prepared, finding
     progress("the scattered light of the scene")
-    one = _settle(prepared.problem, tried)
+    one = _settled_from(prepared.problem, tried)
     there = replace(prepared, problem=one.problem)
     test = judged(there, one.whiten, rng)
     adequacy = test(one.fit)
@@ -139,7 +139,7 @@ def _base(
 
 
 def _accepted(
-    prepared: Prepared, finding: Finding, done: list[tuple[Tried, _Settled]], rng: np.random.Generator
+    prepared: Prepared, finding: Finding, done: list[tuple[Tried, Settled]], rng: np.random.Generator
 ) -> tuple[Prepared, Finding]:
     """What is accepted of a finding at its level, with what was settled in its place."""
     main, alpha = finding.level.bench.whiten, level_for(finding.level)
@@ -172,10 +172,20 @@ def _accepted(
     return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
 
 
-def _settle(problem: Problem, tried: Tried) -> _Settled:
-    """Trace where the fit lies, fit again, until it moves no more."""
+def _settled_from(problem: Problem, tried: Tried) -> Settled:
     assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
-    now = _Settled(problem, tried.test.whiten, tried.fit)
+    return settle(problem, tried.explanation, tried.fit, tried.test.whiten)
+
+
+def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> Settled:
+    """Trace where a fit lies, fit again, until it moves no more.
+
+    Parameters
+    ----------
+    problem : Problem
+        That can be followed (`following.can_follow`), as what was fitted can (`following.scatters`).
+    """
+    now = Settled(problem, whiten, fit)
     traced: list[tuple[Array, Scene, Ratio]] = []
     photons = PHOTONS
     for k in range(_ROUNDS):
@@ -184,11 +194,11 @@ def _settle(problem: Problem, tried: Tried) -> _Settled:
         traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
         own = with_light(now.problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
-        whiten, fit = under_own_errors(own, tried.explanation, now.fit, now.whiten)
+        whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten)
         if k == 0 and _moved(fit, before) > _FAR:
-            fit = restarted(own, tried.explanation, fit, whiten)
-            whiten, fit = under_own_errors(own, tried.explanation, fit, whiten, rounds=1)
-        now = _Settled(own, whiten, fit)
+            fit = restarted(own, explanation, fit, whiten)
+            whiten, fit = under_own_errors(own, explanation, fit, whiten, rounds=1)
+        now = Settled(own, whiten, fit)
         widened = _widened(now)
         if _moved(fit, before) < _MOVED and widened < _WIDENED:
             break
@@ -203,7 +213,7 @@ def _moved(fit: Fit, other: Array) -> float:
     return float(np.max(np.abs(fit.u - other)[known] / sigma[known], initial=0.0))
 
 
-def _widened(now: _Settled) -> float:
+def _widened(now: Settled) -> float:
     """By which part the photons' noise widens the errors of a fit, at most."""
     whiten = now.whiten
     still = Whitener(replace(whiten.noise, photon_modes=None), whiten.rho, whiten.phi, whiten.tolerance)

@@ -16,7 +16,9 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare
+from lightfield.diagnosis.search.following import can_follow, scatters
+from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare
+from lightfield.diagnosis.search.settled import settle
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.compose import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
@@ -265,7 +267,7 @@ def _refit(
     budget: Budget,
     seed: int,
 ) -> tuple[Refit, Prepared, Bench, Array]:
-    """Fit with the fast model, traced in the water that the fit ends in."""
+    """Fit with the fast model, traced in the water that the fit ends in; scattered light until it settles."""
     source, reason = source_of(scene, diffuse, readings)
     quoted = np.asarray(readings.stderr, float)
     traces = Retraced(spectral(scene, readings), readings, source)
@@ -282,7 +284,13 @@ def _refit(
         base = problem.fit((), made.whiten, [problem.model().start])
         fit = problem.fit(explanation, made.whiten, _starts(problem, explanation, base.u), tolerance=1e-6)
         traces.asked = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
-    return Refit(problem, explanation, fit), prepared, made, base.prediction
+    if can_follow(problem) and scatters(problem, fit):
+        there = settle(problem, explanation, fit, made.whiten)
+        problem, fit = there.problem, there.fit
+        test = judged(replace(prepared, problem=problem), there.whiten, rng)
+        made = replace(made, whiten=there.whiten, test=test)
+    without = base if explanation else fit
+    return Refit(problem, explanation, fit), prepared, made, without.prediction
 
 
 def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:
