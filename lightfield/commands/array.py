@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
 from lightfield.commands._json import write_json
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
@@ -76,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
 def _show(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.survey import survey
 
-    found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
+    with progress_of("array"):
+        found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)
@@ -92,7 +94,8 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
 
     others = {str(path): Scene.load(path) for path in args.others}
     space = space_of(scene, args)
-    found = compare(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
+    with progress_of("array"):
+        found = compare(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
     return _compared(found, args)
 
 
@@ -109,17 +112,18 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
             raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
     if args.table:
         output_file(args.table, args.scene, *(file for file in (args.json, args.report) if file))
-    found = optimise(
-        scene,
-        args.elements,
-        args.box,
-        tilt_max_deg=args.tilt_max,
-        spacing_m=args.spacing,
-        task=args.task,
-        space=space_of(scene, args),
-        photons=photons_of(args),
-        seed=args.seed or 0,
-    )
+    with progress_of("array"):
+        found = optimise(
+            scene,
+            args.elements,
+            args.box,
+            tilt_max_deg=args.tilt_max,
+            spacing_m=args.spacing,
+            task=args.task,
+            space=space_of(scene, args),
+            photons=photons_of(args),
+            seed=args.seed or 0,
+        )
     if args.table:
         best = next(one for one in found.arrays if one.name == BEST)
         with atomic_path(args.table) as temporary:

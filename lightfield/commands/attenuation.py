@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -60,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
         from lightfield.render.diffuse.source import response_for
 
         trace = response_for
-    found = attenuation(tables, scenes, trace, in_air)
+    with progress_of("attenuation"):
+        found = attenuation(tables, scenes, trace, in_air)
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

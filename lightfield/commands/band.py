@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, add_tracing, given
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
@@ -55,12 +56,13 @@ def run(args: argparse.Namespace) -> int:
         output_file(file, *inputs, *outputs[:k])
     from lightfield.studies.band import as_data, as_text, best_band
 
-    found = best_band(
-        scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
-        high_nm=between[1], response=None if args.response is None else str(args.response),
-        electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
-        **(DEFAULTS | given(args)),
-    )  # fmt: skip
+    with progress_of("band"):
+        found = best_band(
+            scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
+            high_nm=between[1], response=None if args.response is None else str(args.response),
+            electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
+            **(DEFAULTS | given(args)),
+        )  # fmt: skip
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
+from lightfield.commands._progress import progress_of
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -83,15 +84,16 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
 
     output_file(args.output / "scene.toml", args.scene)
     replaced = replaced_in(args.output)
-    made = hide(
-        scene,
-        Secret(args.effect, args.strength, values, args.lamp),
-        args.seed or 0,
-        Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
-        layout=args.layout,
-        order="plane" if args.plane_order else "random",
-        **given(args, "max_photons"),
-    )
+    with progress_of("hide"):
+        made = hide(
+            scene,
+            Secret(args.effect, args.strength, values, args.lamp),
+            args.seed or 0,
+            Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
+            layout=args.layout,
+            order="plane" if args.plane_order else "random",
+            **given(args, "max_photons"),
+        )
     folder = made.save(args.output)
     if replaced:
         print(f"replaced, of a riddle of before: {', '.join(replaced)}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_tracing, given
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
@@ -60,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
-    found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
+    with progress_of("link"):
+        found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
     print(as_text(found))
     if args.json:
         write_json(as_data(found), args.json)

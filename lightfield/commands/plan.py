@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, assignment
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.readings.columns import LAYOUT
@@ -64,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
         diffuse = response_for
     if args.effects is not None:
         return _together(layout, scene, diffuse, args)
-    made = plan(layout, scene, diffuse)
+    with progress_of("plan"):
+        made = plan(layout, scene, diffuse)
     print(as_text(made))
     for warning in layout.warnings:
         print(f"warning: {warning}")
@@ -80,7 +82,8 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     names = [name.strip() for name in args.effects.split(",") if name.strip()]
     if not names:
         raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
-    made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
+    with progress_of("plan"):
+        made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
     print(made.as_text())
     for warning in layout.warnings:
         print(f"warning: {warning}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
 from lightfield.commands._json import write_json
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 
@@ -41,14 +42,15 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.sequence import poses_of
 
     outputs_of(args, args.scene, args.readings)
-    found = poses_of(
-        args.readings,
-        scene,
-        space_of(scene, args),
-        filtered=args.filter,
-        photons=photons_of(args),
-        seed=args.seed or 0,
-    )
+    with progress_of("pose"):
+        found = poses_of(
+            args.readings,
+            scene,
+            space_of(scene, args),
+            filtered=args.filter,
+            photons=photons_of(args),
+            seed=args.seed or 0,
+        )
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)
@@ -64,7 +66,10 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
 
     outputs_of(args, args.scene)
     waters = SCATTERING_PER_M if args.scattering is None else _numbers(args.scattering)
-    found = bias_study(scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0)
+    with progress_of("pose"):
+        found = bias_study(
+            scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0
+        )
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)

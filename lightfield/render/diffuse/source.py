@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
+from lightfield.progress import step
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.between_g import SHAPES, BetweenG
@@ -253,12 +254,13 @@ def _trace(
     from lightfield.render.tracer.accumulate import trace_by_direction
 
     tallies, errors = [], []
-    for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
+    for k, (g, sent) in enumerate(zip(g_nodes or (None,), photons.tolist(), strict=True)):
         path = SHAPES[scene.water.phase.type].path if g is not None else ""
         one = scene if g is None else scene.with_values({path: g}, validate=False)
-        tally, stderr, histories, excess, density = trace_by_direction(
-            one, grid, reference, beam_nodes, sent, seed, images
-        )
+        with step(k, len(photons), "" if g is None else f"g = {g:g}"):
+            tally, stderr, histories, excess, density = trace_by_direction(
+                one, grid, reference, beam_nodes, sent, seed, images
+            )
         wanted = np.isin(light_classes(histories), needed)
         tallies.append(tally[:, wanted])
         errors.append(stderr)

@@ -7,6 +7,7 @@ from math import ceil
 
 import numpy as np
 
+from lightfield.progress import part_of_trace, tell
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import (
@@ -59,7 +60,7 @@ def trace_until(
     launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
-    first = 0
+    first, reached = 0, float("inf")
     while True:
         for batch in range(batches):
             counts, book = trace(
@@ -77,6 +78,7 @@ def trace_until(
             sums[batch] += counts
             books.append(book)
             shares.append(launch)
+            _tell(first * batches + (batch + 1) * launch, first * batches, reached, settings)
         first += launch
         spent = first * batches
         # The relative error of sums is that of means: the tally, which is large, is not copied for it.
@@ -92,6 +94,14 @@ def trace_until(
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
+
+
+def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
+    """Say how far a trace is whose error was `reached` when `judged` photons had been sent."""
+    by_now = reached * (judged / sent) ** 0.5 if judged else reached
+    error = f", error {100 * reached:.2g} % of {100 * settings.rel_error:.2g} % asked for" if judged else ""
+    part = part_of_trace(sent, by_now, settings.rel_error, settings.max_photons)
+    tell(f"{sent:.3g} photons{error}", part)
 
 
 def _whole_lanes(photons: float) -> int:
@@ -181,6 +191,7 @@ def trace_by_direction(
             mirror_x=symmetric,
             direct=False,  # a fit knows it in closed form
         )
+        tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
         counts /= np.float32(counted(photons // DIRECTION_BATCHES, symmetric))
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
