@@ -178,7 +178,7 @@ def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str, narrow: boo
             belief = name if name in COLOURS else ""
             scatter = np.nan_to_num(one[f"{metric}_stderr"].values) * data.attrs["runs"] ** 0.5
             axis.errorbar(
-                at, one[metric].values, scatter, marker="o", capsize=3,
+                at, one[metric].values, scatter, marker="o", capsize=3, linestyle="-" if numbers else "none",
                 color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
             )  # fmt: skip
         if not numbers:
