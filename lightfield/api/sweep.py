@@ -91,9 +91,15 @@ class Sweep(Result[xr.Dataset]):
         from lightfield.report.result import write_result
         from lightfield.report.sweep import formula_figure, profiles_figure, tiles_figure
 
-        drawn = (draw(self.details) for draw in (profiles_figure, formula_figure, tiles_figure))
-        figures = [figure for figure in drawn if figure is not None]
-        return write_result(self, path, "Sweep", figures)
+        wide, narrow = (
+            [
+                one
+                for draw in (profiles_figure, formula_figure, tiles_figure)
+                if (one := draw(self.details, one_a_row)) is not None
+            ]
+            for one_a_row in (False, True)
+        )
+        return write_result(self, path, "Sweep", wide, narrow=narrow)
 
 
 def sweep(

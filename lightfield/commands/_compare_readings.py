@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._json import write_json
 from lightfield.commands._options import LARGEST_SEED, add_option, given
+from lightfield.commands._progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
@@ -93,7 +94,8 @@ def _fit(
         from lightfield.render.diffuse.source import response_for
 
         source = partial(response_for, cache=not args.no_cache)
-    report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
+    with progress_of("compare"):
+        report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"

@@ -8,7 +8,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from lightfield.sweep.estimate import duration
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from lightfield.commands._console import console
+from lightfield.progress import duration, heard_by
 
 #: Seconds between two lines; what is done before the first says nothing.
 EVERY_S = 10.0
@@ -26,7 +30,7 @@ def status_lines(name: str, every_s: float = EVERY_S) -> Iterator[Callable[[str,
         Takes what has been done in words, and what part of all it is, 0 to 1.
     """
     began, over = time.monotonic(), threading.Event()
-    said: list[tuple[str, float]] = [("starting", 0.0)]
+    said: list[tuple[str, float]] = [("", 0.0)]
 
     def note(words: str, done: float) -> None:
         said[0] = words, done
@@ -34,7 +38,8 @@ def status_lines(name: str, every_s: float = EVERY_S) -> Iterator[Callable[[str,
     def speak() -> None:
         while not over.wait(every_s):
             words, done = said[0]
-            print(f"{name}: {words}; {times(time.monotonic() - began, done)}", file=sys.stderr, flush=True)
+            told = "; ".join(filter(None, (words, times(time.monotonic() - began, done))))
+            print(f"{name}: {told}", file=sys.stderr, flush=True)
 
     speaker = threading.Thread(target=speak, daemon=True)
     speaker.start()
@@ -53,15 +58,20 @@ def times(passed_s: float, done: float) -> str:
     return words
 
 
-def part_of_trace(photons: float, reached: float, requested: float, max_photons: float) -> float:
-    """What part of a trace is done: its error falls with the root of the photons, unless they run out.
-
-    Parameters
-    ----------
-    photons, max_photons : float
-        So far, and at most.
-    reached, requested : float
-        Relative errors.
-    """
-    by_error = (requested / reached) ** 2 if 0 < reached < float("inf") else 0.0
-    return min(1.0, max(by_error, photons / max_photons))
+@contextmanager
+def progress_of(name: str) -> Iterator[None]:
+    """Say on standard error how far what is done within is: a bar on a terminal, else a line now and then."""
+    output = console(stderr=True)
+    if not output.is_terminal:
+        with status_lines(name) as note, heard_by(note):
+            yield
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=output, transient=True) as bar:
+        task = bar.add_task(name, total=1.0)
+        with heard_by(
+            lambda words, part: bar.update(
+                task, completed=part, description=f"{name}: {words}" if words else name
+            )
+        ):
+            yield

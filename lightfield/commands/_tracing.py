@@ -12,7 +12,8 @@ from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
 from lightfield.commands._options import add_tracing, given
-from lightfield.commands._progress import part_of_trace, status_lines
+from lightfield.commands._progress import status_lines
+from lightfield.progress import heard_by, part_of_trace
 from lightfield.render.maps import Rendering
 from lightfield.render.settings import OnProgress, Settings
 from lightfield.scene import Scene
@@ -45,11 +46,8 @@ def progress_bar(name: str, max_photons: float = Settings().max_photons) -> Iter
     """Progress of a trace on standard error: a bar on a terminal, elsewhere a line every ten seconds."""
     output = console(stderr=True)
     if not output.is_terminal:
-        with status_lines(name) as note:
-            yield lambda photons, reached, requested: note(
-                f"{photons:.3g} photons, error {100 * reached:.2g} % of {100 * requested:.2g} % asked for",
-                part_of_trace(photons, reached, requested, max_photons),
-            )
+        with status_lines(name) as note, heard_by(note):  # the tracer tells it, batch by batch
+            yield lambda *_: None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Bar(*columns, console=output, transient=True) as bar:

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
 from lightfield.commands._json import write_json
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 def _show(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.survey import survey
 
-    with stage_line("what the array knows of its pose"):
+    with progress_of("array"):
         found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
     print(found.as_text())
     if args.json:
@@ -94,7 +94,7 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
 
     others = {str(path): Scene.load(path) for path in args.others}
     space = space_of(scene, args)
-    with stage_line("what the arrays know of their pose"):
+    with progress_of("array"):
         found = compare(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
     return _compared(found, args)
 
@@ -112,7 +112,7 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
             raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
     if args.table:
         output_file(args.table, args.scene, *(file for file in (args.json, args.report) if file))
-    with stage_line("arrays that know their pose better"):
+    with progress_of("array"):
         found = optimise(
             scene,
             args.elements,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         from lightfield.render.diffuse.source import response_for
 
         trace = response_for
-    with stage_line("the light that readings in water share"):
+    with progress_of("attenuation"):
         found = attenuation(tables, scenes, trace, in_air)
     print(as_text(found))
     if args.json:

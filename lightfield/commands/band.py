@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, add_tracing, given
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         output_file(file, *inputs, *outputs[:k])
     from lightfield.studies.band import as_data, as_text, best_band
 
-    with stage_line("the light in every band"):
+    with progress_of("band"):
         found = best_band(
             scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
             high_nm=between[1], response=None if args.response is None else str(args.response),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._follower import photons_of
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import progress_of
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
 
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         max(planes) if args.far is None else args.far,
         args.step,
     )
-    with stage_line("the light on the grid"):
+    with progress_of("field"):
         found = field_dataset(scene, asked, photons=photons, seed=args.seed or 0)
     sizes = " x ".join(str(found.sizes[name]) for name in ("x", "y", "z"))
     print(f"{sizes} places, {photons:g} photons: {write_netcdf(found, args.output).resolve()}")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._follower import PHOTONS, outputs_of, photons_of
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file, output_folder
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
-    with stage_line("the light, and runs in it"):
+    with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
     print(found.as_text())
     if args.json:
@@ -110,10 +110,13 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         )  # fmt: skip
     output_folder(args.output.parent)
     axes = [parse_axis(text, "--vary") for text in args.vary]
-    plan, done = run_follow_sweep(
-        scene, axes, args.output, runs=args.runs, seed=args.seed or 0, photons=photons_of(args),
-        workers=args.workers or 0,
-    )  # fmt: skip
+    from lightfield.commands.sweep import progress_bar
+
+    with progress_bar("follow") as report:
+        plan, done = run_follow_sweep(
+            scene, axes, args.output, runs=args.runs, seed=args.seed or 0, photons=photons_of(args),
+            workers=args.workers or 0, report=report,
+        )  # fmt: skip
     print(
         f"{args.output}: {plan.cases.count} cases, {done.cases_done} run now, {done.cases_before} were there "
         f"already, {done.failed} failed"

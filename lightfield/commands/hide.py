@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option, assignment, given
+from lightfield.commands._progress import progress_of
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -86,7 +86,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
 
     output_file(args.output / "scene.toml", args.scene)
     replaced = replaced_in(args.output)
-    with stage_line("the light with what is hidden in it"):
+    with progress_of("hide"):
         made = hide(
             scene,
             Secret(args.effect, args.strength, values, args.lamp),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_tracing, given
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
-    with stage_line("the light at every distance in every water"):
+    with progress_of("link"):
         found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
     print(as_text(found))
     if args.json:

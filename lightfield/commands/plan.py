@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, assignment
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.readings.columns import LAYOUT
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         diffuse = response_for
     if args.effects is not None:
         return _together(layout, scene, diffuse, args)
-    with stage_line("what each effect would do at these places"):
+    with progress_of("plan"):
         made = plan(layout, scene, diffuse)
     print(as_text(made))
     for warning in layout.warnings:
@@ -83,7 +83,7 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     names = [name.strip() for name in args.effects.split(",") if name.strip()]
     if not names:
         raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
-    with stage_line("what the effects together would do at these places"):
+    with progress_of("plan"):
         made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
     print(made.as_text())
     for warning in layout.warnings:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
 from lightfield.commands._json import write_json
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 
@@ -42,7 +42,7 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.sequence import poses_of
 
     outputs_of(args, args.scene, args.readings)
-    with stage_line("the light, and the poses in it"):
+    with progress_of("pose"):
         found = poses_of(
             args.readings,
             scene,
@@ -66,7 +66,7 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
 
     outputs_of(args, args.scene)
     waters = SCATTERING_PER_M if args.scattering is None else _numbers(args.scattering)
-    with stage_line("the light in every water, and poses by the formula"):
+    with progress_of("pose"):
         found = bias_study(
             scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0
         )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         from lightfield.render.diffuse.source import response_for
 
         trace = response_for
-    with stage_line("the light at every distance"):
+    with progress_of("range"):
         found = working_range(
             scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
             **({} if args.max_photons is None else {"photons": args.max_photons}),

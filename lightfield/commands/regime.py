@@ -56,7 +56,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     settings = SweepSettings(**DEFAULTS | given(args), maps=False)
     plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
-    with progress_bar(plan) as report:
+    with progress_bar("regime") as report:
         done = run_sweep(plan, store, workers=args.workers or 0, report=report)
     print(as_text(plan, done, store))
     dataset = regime.regime_of(open_store(store))

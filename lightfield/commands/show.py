@@ -11,6 +11,7 @@ import xarray as xr
 from lightfield.commands._options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
+from lightfield.studies.following.metrics import METRICS
 from lightfield.sweep.estimate import size
 from lightfield.sweep.results import axes_of, choose, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
@@ -18,7 +19,7 @@ from lightfield.sweep.zarrfile import size_on_disk
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("store", type=Path, metavar="STORE", help="what `lightfield sweep` wrote")
+    parser.add_argument("store", type=Path, metavar="STORE", help="what `sweep`, or `follow --vary`, wrote")
     parser.add_argument(
         "-o",
         "--output",
@@ -36,7 +37,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(args: argparse.Namespace) -> int:
-    data = open_store(args.store)
+    try:
+        data = open_store(args.store)
+    except OutputError as error:
+        from lightfield.studies.following.sweep import QUANTITY
+
+        if error.found != QUANTITY:
+            raise
+        return _runs(open_store(args.store, QUANTITY), args)
     print(as_text(data, args.store))
     data = choose(data, args.case or [])
     if not (data.status == 1).any():
@@ -55,6 +63,25 @@ def _show(args: argparse.Namespace) -> int:
             figure = draw(data)
             if figure is not None:
                 print(save_png(figure, folder / f"{name}.png"))
+    return 0
+
+
+def _runs(data: xr.Dataset, args: argparse.Namespace) -> int:
+    """Draw runs of a follower: how well it docks or keeps its distance over what was varied."""
+    from lightfield.report.follower.follow_figures import sweep_figure
+    from lightfield.report.style import save_png
+
+    print(as_text(data, args.store))
+    chosen = choose(data, args.case or [])
+    found = [name for name in METRICS if name in chosen and np.isfinite(chosen[name].values).any()]
+    if not found:
+        raise OutputError(
+            "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
+        )
+    figures = args.output or args.store.with_name(f"{args.store.stem}-figures")
+    with locked_folder(figures) as folder:
+        for name in found:
+            print(save_png(sweep_figure(chosen, axes_of(chosen), name), folder / f"{name}.png"))
     return 0
 
 

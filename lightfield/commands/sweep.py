@@ -9,18 +9,19 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
 from lightfield.commands._options import LARGEST_SEED, add_option, add_tracing, given
 from lightfield.commands._progress import status_lines
 from lightfield.errors import UsageError
+from lightfield.progress import duration
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.estimate import duration, size
+from lightfield.sweep.estimate import size
 from lightfield.sweep.plan import Plan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
@@ -113,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
             rule=f"about {size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
         )  # fmt: skip
-    with progress_bar(plan) as report:
+    with progress_bar() as report:
         done = run_sweep(
             plan,
             args.output,
@@ -173,42 +174,43 @@ def as_text(plan: Plan, done: SweepProgress, path: Path) -> str:
 
 
 @contextmanager
-def progress_bar(plan: Plan) -> Iterator[Report]:
+def progress_bar(name: str = "sweep") -> Iterator[Report]:
     """Cases done, photons per second and time left on standard error; else a line now and then."""
     output = console(stderr=True)
     if not output.is_terminal:
-        with status_lines("sweep") as note:
-
-            def line(progress: SweepProgress) -> None:
-                done = progress.cases_before + progress.cases_done
-                # A trace is most of the work of its cases; those kept from an earlier run took no time now.
-                now = progress.cases_done + progress.traced
-                todo = max(plan.cases.count - progress.cases_before + progress.traces, 1)
-                note(
-                    f"{done} of {plan.cases.count} cases, {progress.traced} of {progress.traces} traces",
-                    now / todo,
-                )
-
-            note(f"0 of {plan.cases.count} cases", 0.0)
-            yield line
+        with status_lines(name) as note:
+            yield lambda progress: note(in_words(progress), progress.part)
         return
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("cases"),
+        TextColumn("{task.fields[cases]}"),
         TimeRemainingColumn(),
     )
     with Bar(*columns, console=output) as bar:
-        task = bar.add_task("starting", total=plan.cases.count)
+        task = bar.add_task("starting", total=1.0, cases="")
 
         def report(progress: SweepProgress) -> None:
             rate = progress.photons / max(progress.seconds, 1e-9)
             failed = f", {progress.failed} failed" if progress.failed else ""
+            done = progress.cases_before + progress.cases_done
             bar.update(
                 task,
-                completed=progress.cases_before + progress.cases_done,
+                completed=progress.part,
                 description=f"{progress.traced}/{progress.traces} traces, {rate:.3g} photons/s{failed}",
+                cases=f"{done}/{progress.cases} cases",
             )
 
         yield report
+
+
+def in_words(progress: SweepProgress) -> str:
+    """How far a sweep is."""
+    done = progress.cases_before + progress.cases_done
+    told = [f"{done} of {progress.cases} cases"]
+    if progress.traces:
+        parts = ", ".join(f"{100 * part:.0f} %" for part in list(progress.underway.values()))
+        told.append(
+            f"{progress.traced} of {progress.traces} traces" + (f" and {parts} of the next" if parts else "")
+        )
+    return ", ".join(told + ([f"{progress.failed} failed"] if progress.failed else []))

@@ -15,20 +15,18 @@ from lightfield.report.style import (
     MUTED,
     RENDER,
     SERIES,
-    WIDTH,
-    figure,
     label,
     legend_under,
+    panels,
     percent_axis,
 )
 from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows, water_sentence
 
 
-def band_figure(found: Bands) -> Figure:
+def band_figure(found: Bands, narrow: bool = False) -> Figure:
     """Left: what is left of the lamp's light and K. Right: what a band of that width is worth, far away."""
     at, z = found.spectrum.wavelength_nm.values, found.spectrum.z_m.values
-    with figure(WIDTH, 4.6) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 4.6, narrow=narrow, each=3.8) as (fig, (left, right)):
         left.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
         for k, far in enumerate(z):
             left.plot(
@@ -66,7 +64,7 @@ def band_page(found: Bands) -> str:
     """The page."""
     drawing = page_figure(
         band_figure(found), "band", "Grey: 500 to 550 nm, the paper's band. Dots: the best by each rule.",
-        "Signal and attenuation over wavelength, and the worth of bands",
+        "Signal and attenuation over wavelength, and the worth of bands", band_figure(found, narrow=True),
     )  # fmt: skip
     low, high = found.flat_nm()
     paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())

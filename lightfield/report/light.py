@@ -12,14 +12,16 @@ from matplotlib.figure import Figure
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
-from lightfield.report.style import MUTED, figure, save_pixels
+from lightfield.report.style import MUTED, NARROW, figure, save_pixels
 
 DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
 
 
-def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
+def light_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
     """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
+
+    What is left out is said. `narrow`: one wavelength, and a plane a row.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
     """
     quantity = dataset.attrs["quantity"]
     planes = _some(dataset.sizes["z_m"], most)
-    waves = _some(dataset.sizes["wavelength_nm"], 3)
+    waves = _some(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
     values = dataset[quantity].values
     x, y = dataset.x_m.values, dataset.y_m.values
     wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
@@ -38,8 +40,15 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
     extent = (x[0] - wide, x[-1] + wide, y[0] - high, y[-1] + high)
     top = float(np.nanmax(values))
     norm = LogNorm(top / 10**DECADES, top) if top > 0 else None
-    with figure(max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + 1.85 * len(waves)) as fig:
-        axes = fig.subplots(len(waves), len(planes), squeeze=False, sharex=True, sharey=True)
+    shape = (len(planes), 1) if narrow else (len(waves), len(planes))
+    size = (
+        (NARROW, 0.9 + 2.6 * len(planes))
+        if narrow
+        else (max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + 1.85 * len(waves))
+    )
+    with figure(*size) as fig:
+        axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True)
+        axes = axes.reshape(len(waves), len(planes))
         for row, wave in enumerate(waves):
             for column, plane in enumerate(planes):
                 axis, light = axes[row, column], values[wave, plane]
@@ -56,15 +65,21 @@ def light_figure(dataset: xr.Dataset, most: int = 5) -> Figure:
                     axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
                 axis.grid(False)
                 axis.tick_params(labelsize=8.5)
-                if row == 0:
+                if row == 0 or narrow:
                     axis.set_title(f"z = {float(dataset.z_m[plane]):g} m", loc="center")
             axes[row, 0].set_ylabel(f"{float(dataset.wavelength_nm[wave]):g} nm\n\ny (m)")
-        for axis in axes[-1]:
+        for axis in axes[-1, -1:] if narrow else axes[-1]:
             axis.set_xlabel("x (m)")
         bar = fig.colorbar(shown, ax=axes, extend="min", pad=0.015, aspect=20)
         unit = dataset[quantity].attrs["units"]
         bar.set_label(f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}", fontsize=9)
-        fig.supxlabel("Contours: 50 %, 10 % and 1 % of the plane's maximum", fontsize=9, color=MUTED)
+        words = ["Contours: 50 %, 10 % and 1 % of the plane's maximum"]
+        for shown_, there, name in (
+            (len(planes), dataset.sizes["z_m"], "planes"),
+            (len(waves), dataset.sizes["wavelength_nm"], "wavelengths"),
+        ):
+            words += [f"{shown_} of {there} {name}"] if shown_ < there else []
+        fig.supxlabel(("\n" if narrow else "; ").join(words), fontsize=9, color=MUTED)
     return fig
 
 

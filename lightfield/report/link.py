@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import BAD, INK, SERIES, WIDTH, figure, label, legend_below
+from lightfield.report.style import BAD, INK, SERIES, label, legend_below, panels
 from lightfield.studies.link.study import DOCKING_TO_M, Link
 from lightfield.studies.link.text import (
     ASKED,
@@ -29,12 +29,11 @@ LEAST_BER = 1e-12
 SIGMAS = 3.0
 
 
-def reach_figure(found: Link) -> Figure:
+def reach_figure(found: Link, narrow: bool = False) -> Figure:
     """Left: errors per bit against distance. Right: how far each water lets data go, and docking reports."""
     data, z = found.dataset, found.dataset.z_m.values
     names = [str(name) for name in data.water.values]
-    with figure(WIDTH, 4.2) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         for k, name in enumerate(names):
             shade = SERIES[k % len(SERIES)]
             left.plot(z, np.maximum(data.ber.values[k], LEAST_BER), color=shade, label=name)
@@ -69,15 +68,14 @@ def reach_figure(found: Link) -> Figure:
         right.set_yticks(range(len(names), 0, -1), names)
         right.grid(False, axis="y")
         label(right, "farthest distance (m)", "", "With scattered light; black: by exp(−cz)")
-        legend_below(fig, left, title="left, dashed: exp(−cz)")
+        legend_below(fig, left, title="lines; dashed: exp(−cz)")
     return fig
 
 
-def light_figure(found: Link) -> Figure:
+def light_figure(found: Link, narrow: bool = False) -> Figure:
     """Left: received power. Right: bandwidth that the lengths of the paths leave."""
     data, z = found.dataset, found.dataset.z_m.values
-    with figure(WIDTH, 3.6) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 3.6, narrow=narrow) as (fig, (left, right)):
         for k, name in enumerate(str(n) for n in data.water.values):
             shade, power = SERIES[k % len(SERIES)], data.power_w.values[k]
             error = SIGMAS * data.power_stderr_w.values[k]
@@ -106,7 +104,7 @@ def light_figure(found: Link) -> Figure:
         label(left, "z (m)", "W", "Received power")
         right.set_yscale("log")
         label(right, "z (m)", "MHz", "Bandwidth by the traced paths")
-        legend_below(fig, left, title="left, dashed: exp(−cz)")
+        legend_below(fig, left, title="lines; dashed: exp(−cz)")
     return fig
 
 
@@ -114,11 +112,11 @@ def link_page(found: Link) -> str:
     """The page."""
     reach = page_figure(
         reach_figure(found), "reach", "Red: the errors that are accepted. Scattered light carries data too.",
-        "Errors per bit against distance, and ranges for data and docking",
+        "Errors per bit against distance, and ranges for data and docking", reach_figure(found, narrow=True),
     )  # fmt: skip
     light = page_figure(
         light_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
-        "Received power and bandwidth against distance",
+        "Received power and bandwidth against distance", light_figure(found, narrow=True),
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", HEAD, rows(found),

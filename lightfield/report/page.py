@@ -38,6 +38,11 @@ class PageFigure:
     alt: str
     narrow: str = ""
 
+    @property
+    def caption_narrow(self) -> str:
+        """The caption where what stands side by side stands one above the other."""
+        return self.caption.replace("Left:", "Above:").replace("Right:", "Below:")
+
 
 def page_figure(
     drawing: Figure, name: str, caption: str, alt: str, narrow: Figure | None = None

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import figure
+from lightfield.report.style import NARROW, figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +36,7 @@ def write_result(
     title: str,
     figures: Sequence[Figure] | None = None,
     scene_toml: str = "",
+    narrow: Sequence[Figure] = (),
 ) -> Path:
     """Write the page, whole or not at all.
 
@@ -43,12 +44,20 @@ def write_result(
     ----------
     figures : sequence of Figure, optional
         Default: what the answer plots.
+    narrow : sequence of Figure, optional
+        The first of them once more, for a telephone.
     """
     if figures is None:
-        with figure(8.0, 4.6) as drawing:
-            answer.plot(drawing.subplots())
-        figures = [drawing]
-    drawn = [page_figure(one, f"figure{k}", "", title) for k, one in enumerate(figures)]
+        both = []
+        for size in ((8.0, 4.6), (NARROW, 3.6)):
+            with figure(*size) as drawing:
+                answer.plot(drawing.subplots())
+            both.append(drawing)
+        figures, narrow = both[:1], both[1:]
+    drawn = [
+        page_figure(one, f"figure{k}", "", title, narrow[k] if k < len(narrow) else None)
+        for k, one in enumerate(figures)
+    ]
     table = answer.summary()
     rows = [[_cell(value) for value in row] for row in table.head(MOST_ROWS).itertuples(index=False)]
     rest = f" The first {MOST_ROWS} of {len(table)} rows." if len(table) > MOST_ROWS else ""

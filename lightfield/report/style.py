@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
@@ -45,6 +45,7 @@ THEMED = {
     SERIES[5]: "series-6",
 }
 WIDTH = 10.0  # inches of a figure that fills the page
+NARROW = 4.3  # inches of a figure on a telephone
 PAGE_PIXELS = 1020
 PNG_DPI = 150
 #: Of Matplotlib, while a figure is made.
@@ -92,6 +93,35 @@ def figure(width: float = WIDTH, height: float = 4.0) -> Iterator[Figure]:
     """
     with matplotlib.rc_context(STYLE):
         yield Figure(figsize=(width, height), layout="constrained")
+
+
+@contextmanager
+def panels(
+    count: int,
+    height: float,
+    *,
+    narrow: bool = False,
+    each: float = 3.3,
+    ratios: Sequence[float] | None = None,
+    sharey: bool = False,
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """New figure with panels side by side; narrow: one panel a row, as a telephone shows them.
+
+    Parameters
+    ----------
+    height : float, inches
+        Of the row.
+    each : float, inches
+        Height of a panel of the narrow figure.
+    ratios : sequence of float, optional
+        Widths of the panels of the row.
+    """
+    with figure(*((NARROW, 0.3 + each * count) if narrow else (WIDTH, height))) as fig:
+        if narrow:
+            found = fig.subplots(count, 1, squeeze=False, sharey=sharey)[:, 0]
+        else:
+            found = fig.subplots(1, count, squeeze=False, sharey=sharey, width_ratios=ratios)[0]
+        yield fig, list(found)
 
 
 def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> Path:

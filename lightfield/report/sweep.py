@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 import xarray as xr
@@ -13,12 +14,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
 from lightfield.report.regime import COLOURS, NAMES, percent
-from lightfield.report.style import MUTED, SERIES, WIDTH, figure, label
+from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label
 from lightfield.studies.compare.maps import SIGMAS
 from lightfield.studies.regime import LEVELS
 from lightfield.sweep.results import axes_of
 
-MOST_LINES, MOST_TILES = 6, 5
+MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
 SHORT = {
     "W m-2 nm-1": "W/(m² nm)",
     "W m-2 sr-1 nm-1": "W/(m² sr nm)",
@@ -27,7 +28,7 @@ SHORT = {
 }
 
 
-def profiles_figure(data: xr.Dataset) -> Figure:
+def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     """Derived quantities against the longest axis, colours for the next, the rest held at its middle step.
 
     Parameters
@@ -44,10 +45,11 @@ def profiles_figure(data: xr.Dataset) -> Figure:
         f"on_axis_{quantity}": f"{_sentence(quantity.replace('_', ' '))} on the axis",
         "half_width_m": "Half width of the spot",
         "plane_power": "Integral over the plane",
-        "formula_error_on_axis": "Error of the closed-form model on the axis",
+        "formula_error_on_axis": "Error of the formula on the axis",
     }
-    with figure(WIDTH, 6.4) as fig:
-        for axis, name in zip(fig.subplots(2, 2, sharex=True).ravel(), panels, strict=True):
+    rows = 4 if narrow else 2
+    with figure(*((NARROW, 11.6) if narrow else (WIDTH, 6.4))) as fig:
+        for axis, name in zip(fig.subplots(rows, 4 // rows, sharex=True).ravel(), panels, strict=True):
             chosen = _some(held.sizes[hue], MOST_LINES)
             for line, step in enumerate(chosen):
                 at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
@@ -60,7 +62,7 @@ def profiles_figure(data: xr.Dataset) -> Figure:
                 axis.yaxis.set_major_formatter(PercentFormatter(1, decimals=0))
             elif name != "half_width_m":
                 axis.set_yscale("log")
-        for axis in fig.axes[2:4]:
+        for axis in fig.axes[3:4] if narrow else fig.axes[2:4]:
             axis.set_xlabel(_axis_name(held, along))
             if _is_log(held[along].values):
                 axis.set_xscale("log")
@@ -68,7 +70,7 @@ def profiles_figure(data: xr.Dataset) -> Figure:
         handles, names = fig.axes[0].get_legend_handles_labels()
         fig.legend(
             handles, names, title=_axis_name(held, hue), fontsize=8.5, title_fontsize=8.5,
-            loc="outside right upper",
+            loc="outside lower center" if narrow else "outside right upper", ncols=2 if narrow else 1,
         )  # fmt: skip
         where = "" if hue == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
         cut = [*_cut(held, hue, chosen), *_first_of(held)]
@@ -76,7 +78,7 @@ def profiles_figure(data: xr.Dataset) -> Figure:
     return fig
 
 
-def formula_figure(data: xr.Dataset) -> Figure:
+def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     """Where the formula holds: its error on the axis over two axes, one panel per plane.
 
     Parameters
@@ -88,11 +90,11 @@ def formula_figure(data: xr.Dataset) -> Figure:
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane = _plane(held)
     panels = [0] if up == plane else _some(held.sizes[plane], 4)
-    columns, lines = _some(held.sizes[along], 14), _some(held.sizes[up], 12)
+    columns, lines = _some(held.sizes[along], 5 if narrow else 14), _some(held.sizes[up], 12)
     colours, classes = ListedColormap(COLOURS), BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
-    wide = 2 if len(panels) > 1 and len(columns) <= 7 else 1
+    wide = 2 if len(panels) > 1 and len(columns) <= 7 and not narrow else 1
     rows = -(-len(panels) // wide)
-    with figure(WIDTH, 1.3 + rows * (0.6 + max(1.1, 0.3 * len(lines)))) as fig:
+    with figure(NARROW if narrow else WIDTH, 1.3 + rows * (0.6 + max(1.1, 0.3 * len(lines)))) as fig:
         axes = fig.subplots(rows, wide, squeeze=False, sharex=True, sharey=True)
         for axis in axes.ravel()[len(panels) :]:
             axis.set_axis_off()
@@ -117,7 +119,7 @@ def formula_figure(data: xr.Dataset) -> Figure:
             axis.set_xlabel(_axis_name(held, along))
         fig.supylabel(_axis_name(held, up), fontsize=10)
         handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
-        fig.legend(handles=handles, loc="outside lower center", ncols=4)
+        fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
         cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
         cut += [*([] if up == plane else _cut(held, plane, panels)), *_first_of(held)]
         what = "error of the closed-form model on the axis, in %"
@@ -125,7 +127,7 @@ def formula_figure(data: xr.Dataset) -> Figure:
     return fig
 
 
-def tiles_figure(data: xr.Dataset) -> Figure | None:
+def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure | None:
     """Maps side by side over two axes, on one logarithmic scale; None where the store holds no maps.
 
     Parameters
@@ -139,7 +141,8 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
     along, up = _two_axes(data)
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane, middle = _plane(held), held.sizes[_plane(held)] // 2
-    columns, lines = _some(held.sizes[along], MOST_TILES), _some(held.sizes[up], MOST_TILES)
+    most = FEW_TILES if narrow else MOST_TILES
+    columns, lines = _some(held.sizes[along], most), _some(held.sizes[up], most)
     chosen = held[quantity].isel({along: columns, up: lines}).isel(wavelength_nm=0, missing_dims="ignore")
     chosen = chosen.isel(band=0, missing_dims="ignore")
     if up != plane:
@@ -147,7 +150,7 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
     row, column = chosen.dims[-2:]
     values = chosen.transpose(up, along, row, column).values
     top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
-    width = min(WIDTH, 2.2 + 1.75 * len(columns))
+    width = NARROW if narrow else min(WIDTH, 2.2 + 1.75 * len(columns))
     shape = _extent(held, column, row)
     tall = float(np.clip((shape[3] - shape[2]) / (shape[1] - shape[0]), 0.2, 1.6)) if shape else 1.0
     with figure(width, 1.2 + (0.16 + 1.45 * tall) * len(lines)) as fig:
@@ -163,7 +166,8 @@ def tiles_figure(data: xr.Dataset) -> Figure | None:
                 axis.set_title(_step_name(held, along, columns[i]), fontsize=9.5, loc="center")
             if i == 0:
                 axis.set_ylabel(_step_name(held, up, lines[len(lines) - 1 - j]), fontsize=9.5)
-        bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30)
+        where = "bottom" if narrow else "right"
+        bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30, location=where)
         unit = held[quantity].attrs["units"]
         bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT.get(unit, unit)})", fontsize=9)
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
@@ -279,4 +283,6 @@ def _sentence(text: str) -> str:
 
 def _note(fig: Figure, parts: Sequence[str]) -> None:
     text = "; ".join(part for part in parts if part)
+    if fig.get_figwidth() < WIDTH / 2:
+        text = fill(text, 56)
     fig.suptitle(text, x=0.01, ha="left", fontsize=9, color=MUTED)

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from lightfield.diagnosis.verdict.parts import Spot
-from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, WIDTH, figure, label
+from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label
 from lightfield.scene import Tank
 
-NARROW = 4.3  # inches of a figure on a telephone
 SHOWN_BEHIND_M, SHOWN_BEYOND_M = 0.8, 1.5  # of a long tank only the part with readings is drawn
 
 

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from textwrap import fill
 
 from matplotlib.figure import Figure
 
 from lightfield.diagnosis.expected import ABOUT, HEAD, Together
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import BAD, FORMULA, GOOD, MUTED, WIDTH, figure, label, percent_axis
+from lightfield.report.style import BAD, FORMULA, GOOD, MUTED, NARROW, WIDTH, figure, label, percent_axis
 
 _SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
 
 
-def chances_figure(made: Together) -> Figure:
+def chances_figure(made: Together, narrow: bool = False) -> Figure:
     """A bar for every effect: the chance that it is certain, and beyond it that it is the simplest."""
     names = [one.effect.replace("_", " ") for one in made.expected]
-    with figure(WIDTH, 1.1 + 0.42 * len(names)) as fig:
+    with figure(NARROW if narrow else WIDTH, 1.1 + 0.42 * len(names)) as fig:
         axes = fig.subplots()
         for k, one in enumerate(made.expected):
             y, shade = len(names) - k, _SHADES[one.level]
@@ -43,7 +44,8 @@ def chances_figure(made: Together) -> Figure:
         axes.set_xlim(0, 1)
         axes.grid(False, axis="y")
         percent_axis(axes.xaxis)
-        label(axes, "chance to be certain (dark), or at least the simplest explanation (light)", "")
+        words = "chance to be certain (dark), or at least the simplest explanation (light)"
+        label(axes, fill(words, 46) if narrow else words, "")
     return fig
 
 
@@ -51,7 +53,7 @@ def together_page(made: Together) -> str:
     """The page."""
     chances = page_figure(
         chances_figure(made), "chances", "All effects act at once; of each, the worst rival decides.",
-        "Chance of every effect to be certain",
+        "Chance of every effect to be certain", chances_figure(made, narrow=True),
     )  # fmt: skip
     table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()])
     sizes = "; ".join(made.sizes(one) for one in made.expected)

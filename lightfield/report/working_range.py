@@ -17,10 +17,9 @@ from lightfield.report.style import (
     MUTED,
     RENDER,
     SERIES,
-    WIDTH,
-    figure,
     label,
     legend_below,
+    panels,
     percent_axis,
     plain_log_axis,
 )
@@ -33,11 +32,10 @@ SIGMAS = 3.0
 DASH = (0, (5, 2))
 
 
-def light_figure(found: WorkingRange) -> Figure:
+def light_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     """Normalised intensity against distance (left) and the radius of half intensity (right)."""
     data, z = found.dataset, found.dataset.z_m.values
-    with figure(WIDTH, 4.2) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         light, error = data.light.values, SIGMAS * data.light_stderr.values
         left.fill_between(z, light - error, light + error, color=RENDER, alpha=0.3, linewidth=0)
         left.plot(z, light, color=RENDER, label="with scattered light")
@@ -85,11 +83,10 @@ def light_figure(found: WorkingRange) -> Figure:
 TITLES = {"across": "Across the beam", "along": "Along the beam", "turned": "Yaw and pitch"}
 
 
-def pose_figure(found: WorkingRange) -> Figure:
+def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     """Least standard errors of a pose against distance, with what docking asks."""
     data, z = found.dataset, found.dataset.z_m.values
-    with figure(WIDTH, 4.1) as fig:
-        axes = fig.subplots(1, 3)
+    with panels(3, 4.1, narrow=narrow, each=2.9) as (fig, axes):
         for axis, (name, (_, unit, limit)) in zip(axes, POSE_RULES.items(), strict=True):
             for suffix, shade, words in (
                 ("", RENDER, "gain known as the scene says"),
@@ -115,7 +112,7 @@ def pose_figure(found: WorkingRange) -> Figure:
             axis.set_yscale("log")
             plain_log_axis(axis.yaxis)
             label(axis, "z (m)", f"standard error ({unit})", TITLES[name])
-        legend_below(fig, axes[0])
+        legend_below(fig, axes[0], columns=1 if narrow else 4)
     return fig
 
 
@@ -124,13 +121,13 @@ def range_page(found: WorkingRange) -> str:
     light = page_figure(
         light_figure(found), "light",
         f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
-        "Light on the axis and radius of half intensity against distance",
+        "Light on the axis and radius of half intensity against distance", light_figure(found, narrow=True),
     )  # fmt: skip
     pose = page_figure(
         pose_figure(found), "pose",
         f"Dashed: the same by the formula. Red: what docking asks. Bands of {SIGMAS:g} standard errors of "
         "the render.",
-        "Least standard errors of a pose against distance",
+        "Least standard errors of a pose against distance", pose_figure(found, narrow=True),
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", ("up to", "with scattered light", "formula"), rows(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
+from lightfield.progress import duration
 from lightfield.sweep.plan import Plan, Trace
 
 # Of one core of an ordinary machine; they serve the estimate alone.
@@ -71,13 +72,6 @@ def as_text(plan: Plan) -> str:
         f"memory {size(cost.memory_bytes)} per worker"
     )
     return "\n".join(lines)
-
-
-def duration(seconds: float) -> str:
-    """A time in the unit that suits it."""
-    if seconds < 90:
-        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def size(count: float) -> str:

@@ -112,7 +112,8 @@ def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
     if held != quantity if quantity else held not in (*QUANTITIES, "reading"):
         raise OutputError(
             "this store holds something else", where=str(path), found=str(held),
-            rule=quantity or "maps of light", remedy="xarray opens it as it is",
+            rule=quantity or "maps of light",
+            remedy="`lightfield show` draws runs of a follower, xarray opens it as it is",
         )  # fmt: skip
     return data
 

@@ -17,7 +17,7 @@ from lightfield.sweep.cluster import check_workers, connected
 from lightfield.sweep.plan import Block, Plan
 from lightfield.sweep.schema import Kind, attributes, coordinates, variables_of
 from lightfield.sweep.store import SweepStore
-from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target
+from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target, topic_of
 
 Report = Callable[["SweepProgress"], None]
 #: Maps of light and what is derived from them.
@@ -43,6 +43,8 @@ class SweepProgress:
         Most memory held by every process that worked, bytes.
     repaired : list of str
         Damaged files of the store that are written again.
+    underway : dict of int to float
+        Part that is done of every trace that a worker has told of and not finished.
     """
 
     cases: int
@@ -57,6 +59,13 @@ class SweepProgress:
     started: float = field(default_factory=time.perf_counter)
     workers: dict[str, int] = field(default_factory=dict)
     repaired: list[str] = field(default_factory=list)
+    underway: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def part(self) -> float:
+        """What is done of what this run has to do, each case and each trace one piece of it."""
+        todo = self.cases - self.cases_before + self.traces
+        return (self.cases_done + self.traced + sum(self.underway.values())) / max(todo, 1)
 
     @property
     def seconds(self) -> float:
@@ -128,7 +137,9 @@ def _run(
     try:
         if left:
             with connected(store.path, workers, scheduler, memory_gb) as client:
-                _Dispatch(client, plan, store, progress, report).follow(left)
+                dispatch = _Dispatch(client, plan, store, progress, report)
+                client.subscribe_topic(topic_of(store.path), dispatch.heard)
+                dispatch.follow(left)
         store.finish()
     except BaseException:
         with contextlib.suppress(OSError, LightfieldError):  # the disk may be full: the journal has it all
@@ -155,6 +166,14 @@ class _Dispatch:
         self.broken: dict[int, str] = {}
         self.queue: list[int] = []
 
+    def heard(self, event: tuple[float, dict[str, Any]]) -> None:
+        """A worker says how far a trace is; in the client's own thread."""
+        _, told = event
+        if (True, told["trace"]) in self.running.values():
+            self.progress.underway[told["trace"]] = told["part"]
+            if self.report is not None:
+                self.report(self.progress)
+
     def follow(self, left: list[Block]) -> None:
         """Work until no block is left."""
         self.queue = sorted({t for block in left for t in block.traces})
@@ -170,6 +189,8 @@ class _Dispatch:
         while self.running:
             job = next(self.completed)
             is_trace, number = self.running.pop(job.key)
+            if is_trace:
+                self.progress.underway.pop(number, None)
             result = self._result(job, is_trace, number)
             if isinstance(result, TraceDone):
                 self._traced(result)

@@ -19,6 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError, OutputError
+from lightfield.progress import Listener, heard_by
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import scene_grid
@@ -39,6 +40,7 @@ from lightfield.sweep.store import trace_file
 from lightfield.sweep.zarrfile import Variable
 
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
+TELL_EVERY_S = 1.0
 # One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
 _busy = threading.Lock()
 
@@ -109,7 +111,8 @@ def do_trace(
         if stored is None:
             _loaded.cache_clear()  # a trace needs the room of the response that was used last
             # One thread, or sums would be taken in another order each time and repeat to six digits only.
-            with limited_threads(int(os.environ.get(THREADS_VARIABLE) or 1)):
+            threads = int(os.environ.get(THREADS_VARIABLE) or 1)
+            with limited_threads(threads), heard_by(_to_whoever_waits(trace.number, path)):
                 rendering = render_scene(
                     scene,
                     rel_error=settings.rel_error,
@@ -130,6 +133,30 @@ def do_trace(
             worker_name(),
             peak_bytes(),
         )
+
+
+def topic_of(path: Path) -> str:
+    """Under which name a worker tells how far its traces for a store are."""
+    return f"lightfield traces {path}"
+
+
+def _to_whoever_waits(number: int, path: Path) -> Listener:
+    """Tell the part of a trace that is done through Dask, now and then; outside a worker nobody."""
+    from distributed import get_worker
+
+    try:
+        worker = get_worker()
+    except ValueError:
+        return lambda words, part: None
+    told_at = [0.0]
+
+    def listener(words: str, part: float) -> None:
+        now = time.monotonic()
+        if now - told_at[0] >= TELL_EVERY_S:
+            told_at[0] = now
+            worker.log_event(topic_of(path), {"trace": number, "part": part})
+
+    return listener
 
 
 def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: Target) -> BlockDone:

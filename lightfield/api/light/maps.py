@@ -122,8 +122,11 @@ class Maps(Result[xr.Dataset]):
         from lightfield.report.light import light_figure
         from lightfield.report.result import write_result
 
-        figures = [light_figure(self.details)] if "z_m" in self.details.dims else None
-        return write_result(self, path, "Rendered light", figures, self.details.attrs["scene_toml"])
+        if "z_m" not in self.details.dims:
+            return write_result(self, path, "Rendered light", None, self.details.attrs["scene_toml"])
+        wide, narrow = light_figure(self.details), light_figure(self.details, 3, narrow=True)
+        scene = self.details.attrs["scene_toml"]
+        return write_result(self, path, "Rendered light", [wide], scene, [narrow])
 
     def save(self, path: AnyPath) -> Path:
         """Write the maps as NetCDF; `Maps.load` reads them back."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from typing import Any
 
@@ -13,6 +14,7 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
+from lightfield.progress import heard_by, step
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.between_g import SHAPES, BetweenG
@@ -281,22 +283,21 @@ def _trace(
     from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
 
     seen: list[tuple[NDArray[np.bool_], Array]] = []  # rows that are needed and were lit, and their tallies
-    errors, done = [], 0
+    errors = []
     under = " under the water surface" if scene.surface_reflects else ""
-    what = f"tracing scattered and reflected light{under}"
 
-    def follow(sent: int, part: float) -> None:
+    def follow(words: str, part: float) -> None:
         if told is not None:
-            told(what, (done + part * sent) / float(photons.sum()))
+            told(f"tracing scattered and reflected light{under}", part)
 
-    for g, sent in zip(g_nodes or (None,), photons.tolist(), strict=True):
-        follow(sent, 0.0)
+    for k, (g, sent) in enumerate(zip(g_nodes or (None,), photons.tolist(), strict=True)):
         path = SHAPES[scene.water.phase.type].path if g is not None else ""
         one = scene if g is None else scene.with_values({path: g}, validate=False)
-        tally, stderr, histories, excess, density = trace_by_direction(
-            one, grid, reference, beam_nodes, sent, seed, images, functools.partial(follow, sent)
-        )
-        done += sent
+        listening = nullcontext() if told is None else heard_by(follow)
+        with listening, step(k, len(photons), "" if g is None else f"g = {g:g}"):
+            tally, stderr, histories, excess, density = trace_by_direction(
+                one, grid, reference, beam_nodes, sent, seed, images
+            )
         lit = np.isin(light_classes(histories), needed) & tally.any(axis=(0, 2))
         seen.append((lit, tally[:, lit]))
         errors.append(stderr)

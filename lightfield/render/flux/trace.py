@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lightfield.progress import tell
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.tracer.accumulate import LARGEST_LAUNCH, response_from
@@ -52,4 +53,6 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
                 direct=False,
             )
             sums[batch] += counts
+            sent = batch * each + first + launch
+            tell(f"{sent:.3g} photons", sent / (BATCHES * each))
     return response_from(sums, counted(each), each * BATCHES, setup)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
 from math import ceil
 
 import drjit as dr
 import numpy as np
 
+from lightfield.progress import part_of_trace, tell
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import (
@@ -61,7 +61,7 @@ def trace_until(
     launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
-    first = 0
+    first, reached = 0, float("inf")
     while True:
         for batch in range(batches):
             counts, book = trace(
@@ -79,6 +79,7 @@ def trace_until(
             sums[batch] += counts
             books.append(book)
             shares.append(launch)
+            _tell(first * batches + (batch + 1) * launch, first * batches, reached, settings)
         first += launch
         spent = first * batches
         # The relative error of sums is that of means: the tally, which is large, is not copied for it.
@@ -94,6 +95,14 @@ def trace_until(
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
+
+
+def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
+    """Say how far a trace is whose error was `reached` when `judged` photons had been sent."""
+    by_now = reached * (judged / sent) ** 0.5 if judged else reached
+    error = f", error {100 * reached:.2g} % of {100 * settings.rel_error:.2g} % asked for" if judged else ""
+    part = part_of_trace(sent, by_now, settings.rel_error, settings.max_photons)
+    tell(f"{sent:.3g} photons{error}", part)
 
 
 def _whole_lanes(photons: float) -> int:
@@ -152,14 +161,8 @@ def trace_by_direction(
     photons: int,
     seed: int,
     images: MirrorImages,
-    progress: Callable[[float], None] = lambda part: None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
-
-    Parameters
-    ----------
-    progress : callable
-        Told the part of the photons that is traced.
 
     Returns
     -------
@@ -194,13 +197,13 @@ def trace_by_direction(
             mirror_x=symmetric,
             direct=False,  # a fit knows it in closed form
         )
+        tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
         counts /= np.float32(counted(photons // DIRECTION_BATCHES, symmetric))
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
         beam = np.einsum("n,rnc->rc", own, by_node)
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
         del counts, by_node  # so that the next tally takes the memory of this one
-        progress((batch + 1) / DIRECTION_BATCHES)
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = np.divide(stderr, mean, out=np.zeros_like(mean), where=mean > 0)

@@ -12,9 +12,8 @@ from lightfield.report.style import (
     MUTED,
     RENDER,
     SERIES,
-    WIDTH,
-    figure,
     label,
+    panels,
     plain_log_axis,
 )
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -27,12 +26,11 @@ from lightfield.studies.attenuation.text import some
 LINES = 6
 
 
-def percent_figure(one: Apparent) -> Figure:
+def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
     """Light lost per metre and over every distance that was measured, with bands of one standard error."""
     colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.ratios.path_m, 3))
     marker = "o" if len(colour) < 30 else ""
-    with figure(WIDTH, 4.2) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         value, error = one.percent()
         left.fill_between(colour, value - error, value + error, color=RENDER, alpha=0.25, linewidth=0)
         left.plot(colour, value, color=RENDER, marker=marker, markersize=4)
@@ -69,19 +67,20 @@ def percent_figure(one: Apparent) -> Figure:
     return fig
 
 
-def lines_figure(one: Apparent) -> Figure:
+def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
     """ln(water / air) against distance with the fitted straight lines, and what is left over."""
     r, e = one.ratios, one.estimate
     order = np.argsort(r.path_m)
-    with figure(WIDTH, 3.8) as fig:
-        upper, lower = fig.subplots(1, 2)
-        for k, colour in enumerate(some(len(one.K_per_m), LINES)):
+    chosen = some(len(one.K_per_m), LINES)
+    with panels(2, 3.8, narrow=narrow) as (fig, (upper, lower)):
+        for k, colour in enumerate(chosen):
             shade = SERIES[k % len(SERIES)]
             error = np.hypot(r.stderr[:, colour], r.stay_stderr[r.stay])
             upper.errorbar(r.path_m, r.y[:, colour], error, color=shade, fmt="o", markersize=4)
             line = e.theta[colour, 0] - one.K_per_m[colour] * r.path_m
             upper.plot(r.path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")
-        upper.legend(loc="lower left", fontsize=8.5)
+        cut = f"{len(chosen)} of {len(one.K_per_m)} wavelengths" if len(chosen) < len(one.K_per_m) else None
+        upper.legend(loc="best", fontsize=8.5, title=cut, title_fontsize=8.5)
         label(upper, "path in water (m)", "ln(water / air)", "Straight lines, to the eye")
         scaled = e.residual / r.stderr
         for colour in range(scaled.shape[1]):
@@ -93,6 +92,7 @@ def lines_figure(one: Apparent) -> Figure:
                 f"{value:+.1f} %".replace("-", "\N{MINUS SIGN}"), (place, 0.97), ha="center", va="top",
                 xycoords=("data", "axes fraction"), fontsize=8.5, color=FORMULA,
             )  # fmt: skip
+        lower.margins(x=0.09)
         reach = float(np.nanmax(np.abs(scaled), initial=1.0))
         lower.set_ylim(-1.15 * reach, 1.5 * reach)
         label(
@@ -101,11 +101,10 @@ def lines_figure(one: Apparent) -> Figure:
     return fig
 
 
-def hidden_figure(one: Apparent, found: Scattered, content: Content | None) -> Figure:
+def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narrow: bool = False) -> Figure:
     """Left: K between a and c. Right: the line of a and b that the readings allow at the clearest colour."""
     colour, k = found.wavelength_nm, int(np.argmin(found.combined))
-    with figure(WIDTH, 4.0) as fig:
-        left, right = fig.subplots(1, 2)
+    with panels(2, 4.0, narrow=narrow) as (fig, (left, right)):
         left.fill_between(
             colour,
             one.K_per_m - one.K_stderr,
@@ -155,7 +154,7 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None) -> F
     return fig
 
 
-def content_figure(found: Content) -> Figure:
+def content_figure(found: Content, narrow: bool = False) -> Figure:
     """Each constituent by each model: 95 % thin, 68 % thick; other phase functions as open marks."""
     models = [
         (m, name, shade)
@@ -167,8 +166,7 @@ def content_figure(found: Content) -> Figure:
         if m is not None
     ]
     names = list(found.beer_lambert.amounts)
-    with figure(WIDTH, 2.7) as fig:
-        axes = fig.subplots(1, len(names), sharey=True)
+    with panels(len(names), 2.7, narrow=narrow, each=1.9, sharey=True) as (fig, axes):
         for axis, name in zip(axes, names, strict=True):
             for row, (model, _, shade) in enumerate(models):
                 amount, y = model.amounts[name], len(models) - row

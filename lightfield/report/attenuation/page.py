@@ -37,12 +37,14 @@ def attenuation_page(found: Attenuation) -> str:
     first = found.apparent[0]
     sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
     if found.scattered is not None:
-        drawing = hidden_figure(first, found.scattered, found.content)
+        drawing, narrow = (
+            hidden_figure(first, found.scattered, found.content, one_a_row) for one_a_row in (False, True)
+        )
         caption = (
             "Left: scattered light that still arrives hides a part of the loss, so K lies between absorption "
             "and beam attenuation. Right: the waters that the layout allows, with one standard error."
         )
-        hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told")
+        hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told", narrow)
         sections.append(
             Section(
                 "What K hides", (hidden,), (*scattered_sentences(found.scattered), *scene_sentences(found))
@@ -71,7 +73,10 @@ def _content(found: Content) -> Section:
         "Maximum of the likelihood, intervals of 68 % (thick) and 95 % (thin). Diamonds: with another phase "
         "function. All models see the same readings."
     )
-    drawing = page_figure(content_figure(found), "content", caption, "Each constituent by each model")
+    drawing = page_figure(
+        content_figure(found), "content", caption, "Each constituent by each model",
+        content_figure(found, narrow=True),
+    )  # fmt: skip
     table = Table(
         "Intervals of 68 % from the profile of the likelihood.", content_head(found), content_rows(found)
     )
@@ -80,6 +85,8 @@ def _content(found: Content) -> Section:
 
 def _apparent(one: Apparent, number: int) -> Section:
     quantity = str(one.ratios.scene.detector.quantity).replace("_", " ")
+    rows, there = table_rows(one, ROWS), len(one.K_per_m)
+    cut = f" {len(rows)} of {there} wavelengths; the figure above shows all." if len(rows) < there else ""
     return Section(
         f"Apparent attenuation, {quantity}",
         (
@@ -88,6 +95,7 @@ def _apparent(one: Apparent, number: int) -> Section:
                 f"percent{number}",
                 "Bands of one standard error. Grey: 500 to 550 nm, the band of the paper.",
                 "Light lost per metre and over each distance, against wavelength",
+                percent_figure(one, narrow=True),
             ),
             page_figure(
                 lines_figure(one),
@@ -95,8 +103,9 @@ def _apparent(one: Apparent, number: int) -> Section:
                 "Left: logarithms of the ratios with their fitted lines. Right: what the lines leave, and in "
                 "orange the error of each stay that all wavelengths share, as fitted.",
                 "Logarithm of water over air against distance, and residuals",
+                lines_figure(one, narrow=True),
             ),
         ),
         (fit_sentence(one), *published_sentences(one)),
-        (Table("± is one standard error.", table_head(one), table_rows(one, ROWS)),),
+        (Table(f"± is one standard error.{cut}", table_head(one), rows),),
     )

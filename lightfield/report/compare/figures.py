@@ -15,6 +15,7 @@ from lightfield.report.style import (
     GRID,
     INK,
     MUTED,
+    NARROW,
     RENDER,
     WIDTH,
     figure,
@@ -25,7 +26,6 @@ from lightfield.report.style import (
 from lightfield.studies.compare.maps import LEVELS, SIGMAS, PlaneComparison
 
 MOST_PLANES, MOST_NARROW = 5, 3
-NARROW = 4.3  # inches of a figure on a telephone
 FLAT = 0.6  # height over width under which a panel has no room beside it for words
 ERROR_SCALE = 0.50  # the colours of error maps end here
 CONTOURS = dict(zip(LEVELS, ((0, (2, 2)), "solid"), strict=True))

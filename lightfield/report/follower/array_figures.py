@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from lightfield.report.style import BAD, GOOD, INK, MUTED, PAPER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.report.style import (
+    BAD,
+    GOOD,
+    INK,
+    MUTED,
+    NARROW,
+    PAPER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    panels,
+    plain_log_axis,
+)
 from lightfield.studies.follower.design import Judged
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
@@ -22,11 +36,10 @@ MOST_ARRAYS = 4  # side by side
 WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
 
 
-def survey_figure(survey: Survey) -> Figure:
+def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
     """The array, and the bound on the beam's axis beside what docking asks for."""
-    with figure(WIDTH, 3.9) as fig:
-        array, bars = fig.subplots(1, 2, width_ratios=(1, 1.6))
-        draw_array(array, survey.elements, survey.here.readings)
+    with panels(2, 3.9, narrow=narrow, ratios=(1, 1.6)) as (fig, (array, bars)):
+        draw_array(array, survey.elements, survey.here.readings, narrow)
         names = survey.here.names
         shown = [*survey.axis, survey.here]
         width = 0.8 / len(shown)
@@ -55,15 +68,18 @@ def survey_figure(survey: Survey) -> Figure:
         )  # fmt: skip
         bars.set_yscale("log")
         low, high = bars.get_ylim()
-        bars.set_ylim(low, max(high, 2.0) * 6)
-        bars.set_xticks(range(len(names)), [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names])
+        bars.set_ylim(low, max(high, 2.0) * (30 if narrow else 6))
+        words = [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names]
+        bars.set_xticks(range(len(names)), words, fontsize=8 if narrow else None)
         bars.grid(False, axis="x")
-        bars.legend(loc="upper left", ncols=2, fontsize=8.5)
+        bars.legend(loc="upper left", ncols=1 if narrow else 2, fontsize=8 if narrow else 8.5)
         label(bars, "", "smallest error / what docking allows", "What one reading can tell at best")
     return fig
 
 
-def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = None) -> None:
+def draw_array(
+    axis: Axes, elements: Elements, readings: np.ndarray | None = None, narrow: bool = False
+) -> None:
     """Elements as the lamp sees them; arrows: where they face."""
     x, y, _ = elements.place_m.T
     light = None if readings is None else 100 * readings / readings.max()
@@ -75,18 +91,25 @@ def draw_array(axis: Axes, elements: Elements, readings: np.ndarray | None = Non
         scale=3 / size, width=0.005, zorder=4,
     )  # fmt: skip
     if light is not None:
-        axis.figure.colorbar(points, ax=axis, shrink=0.75, label="reading at the scene's pose (%)")
+        where = "bottom" if narrow else "right"
+        axis.figure.colorbar(
+            points, ax=axis, shrink=0.75, label="reading at the scene's pose (%)", location=where
+        )
     axis.set_aspect("equal")
-    axis.margins(0.15)
+    # An arrow is a third of the reach long at most: all of it is seen.
+    edge = (
+        1.1 * np.abs(np.concatenate([x, y, *(np.stack([x, y]) + elements.normal[:, :2].T * size / 3)])).max()
+    )
+    axis.set_xlim(-edge, edge)
+    axis.set_ylim(-edge, edge)
     label(axis, "x (m)", "y (m)", f"{len(elements)} elements, as the lamp sees them")
 
 
-def map_figure(survey: Survey) -> Figure:
+def map_figure(survey: Survey, narrow: bool = False) -> Figure:
     """Bounds over the formation space, seen from above; the line is what docking allows."""
     names = [n for n in ("x", "z", "yaw") if n in survey.here.names]
     x, z = survey.space.x_m.values, survey.space.z_m.values
-    with figure(WIDTH, 3.6) as fig:
-        axes = fig.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    with panels(len(names), 3.6, narrow=narrow, each=3.0, sharey=True) as (fig, axes):
         for axis, name in zip(axes, names, strict=True):
             unit, factor = SHOWN[name]
             values = factor * survey.space[f"sigma_{name}"].values
@@ -106,7 +129,8 @@ def map_figure(survey: Survey) -> Figure:
             )
             axis.grid(False)
             label(axis, "x (m)", "", f"{WORDS[name].capitalize()}: within {100 * _met(survey, name):.0f} %")
-        axes[0].set_ylabel("distance from the lamp z (m)")
+        for axis in axes if narrow else axes[:1]:
+            axis.set_ylabel("distance from the lamp z (m)")
     return fig
 
 
@@ -114,22 +138,27 @@ def _met(survey: Survey, name: str) -> float:
     return float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
 
 
-def comparison_figure(arrays: Sequence[Judged]) -> Figure:
-    """The arrays, best first, over bars of their criterion."""
+def comparison_figure(arrays: Sequence[Judged], narrow: bool = False) -> Figure:
+    """The arrays, best first, over bars of their criterion; narrow: an array a row."""
     shown = arrays[:MOST_ARRAYS]
+    tall = 2.6 * (len(shown) if narrow else 1)
     reach = 1.25 * max(one.elements.reach_m for one in shown)
-    with figure(WIDTH, 3.4 + 0.45 * len(shown)) as fig:
-        ratios = (2.6, 0.5 + 0.45 * len(shown))
+    with figure(NARROW if narrow else WIDTH, tall + 0.8 + 0.45 * len(shown)) as fig:
+        ratios = (tall, 0.5 + 0.45 * len(shown))
         upper, lower = fig.subfigures(2, 1, squeeze=False, height_ratios=ratios)[:, 0]
-        for axis, one in zip(upper.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        drawn = upper.subplots(*((len(shown), 1) if narrow else (1, len(shown))), squeeze=False)
+        for axis, one in zip(drawn.ravel(), shown, strict=True):
             draw_array(axis, one.elements)
             axis.set_xlim(-reach, reach)
             axis.set_ylim(-reach, reach)
             axis.set_title(f"{one.name}\n{len(one.elements)} elements", fontsize=9)
         axis = lower.subplots()
+        if len(shown) < len(arrays):
+            upper.suptitle(f"the best {len(shown)} of {len(arrays)} arrays", fontsize=9, color=MUTED)
         values = [one.criterion for one in shown]
         colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
-        axis.barh([one.name for one in shown], values, color=colours)
+        axis.barh(range(len(shown)), values, color=colours)
+        axis.set_yticks(range(len(shown)), [fill(one.name, 16) if narrow else one.name for one in shown])
         for k, value in enumerate(values):
             axis.annotate(f"{value:.3g}", (value, k), (4, 0), textcoords="offset points", va="center")
         axis.set_xscale("log")

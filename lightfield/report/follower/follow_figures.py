@@ -9,11 +9,24 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, RENDER, SERIES, WIDTH, figure, label
+from lightfield.report.style import (
+    BAD,
+    FORMULA,
+    GOOD,
+    INK,
+    MUTED,
+    NARROW,
+    RENDER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    panels,
+)
 from lightfield.studies.following.study import BELIEFS, SHORT, Followed
 
 #: Frames of a strip, and rows of one figure.
-FRAMES, MOST_ROWS = 5, 6
+FRAMES, FEW_FRAMES, MOST_ROWS = 5, 3, 6
 #: Width and height of a frame, inches, about.
 PANEL_INCHES = np.array([1.7, 0.9])
 #: Half widths of the lamp's beam that are drawn as light, the outer ones fainter.
@@ -24,27 +37,34 @@ COLOURS = {
 }  # fmt: skip
 
 
-def strip_figure(cases: Sequence[Followed]) -> Figure:
-    """Frames of the most typical run of every follower, from above: lamp on the left, light to the right."""
+def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
+    """Frames of the most typical run of every follower, from above: lamp on the left, light to the right.
+
+    `narrow`: fewer frames, one a row.
+    """
+    frames = FEW_FRAMES if narrow else FRAMES
     shown = cases[:MOST_ROWS]
     ways = [one.track.pose[:, one.typical, :3] + one.track.leader_m for one in shown]
     far = max(float(way[:, 2].max()) for way in ways) + 0.8
     wide = max(0.5, *(float(np.abs(way[:, 0]).max()) for way in ways)) + 0.3
-    with figure(WIDTH, 0.75 + 1.35 * len(shown)) as fig:
-        axes = fig.subplots(len(shown), FRAMES, squeeze=False, sharex=True, sharey=True)
+    shape = (frames * len(shown), 1) if narrow else (len(shown), frames)
+    size = (NARROW, 0.75 + (0.3 + 1.2 * frames) * len(shown)) if narrow else (WIDTH, 0.75 + 1.35 * len(shown))
+    with figure(*size) as fig:
+        axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True).reshape(len(shown), frames)
         for row, one in zip(axes, shown, strict=True):
             times = one.track.time_s
-            for axis, k in zip(row, np.linspace(0, len(times) - 1, FRAMES).round().astype(int), strict=True):
+            for axis, k in zip(row, np.linspace(0, len(times) - 1, frames).round().astype(int), strict=True):
                 _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]))
                 axis.set_xlim(-0.4, far)
                 axis.set_ylim(-wide, wide)
             row[0].set_ylabel("across (m)", fontsize=8.5)
+            believed = (SHORT if narrow else BELIEFS)[one.mission.believes]
             name = row[0].annotate(
-                f"{one.name}; believes {BELIEFS[one.mission.believes]}", (0, 1), (0, 15), ha="left",
+                f"{one.name}; believes {believed}", (0, 1), (0, 15), ha="left",
                 xycoords="axes fraction", textcoords="offset points", fontsize=9.5, fontweight="bold",
             )  # fmt: skip
             name.set_in_layout(False)
-        for axis in axes[-1]:
+        for axis in axes[-1, -1:] if narrow else axes[-1]:
             axis.set_xlabel("along the beam (m)", fontsize=8.5)
     return fig
 
@@ -93,10 +113,9 @@ def _vehicle(axis: Axes, pose: np.ndarray, size: np.ndarray, colour: str, *, fil
     )  # fmt: skip
 
 
-def way_figure(cases: Sequence[Followed]) -> Figure:
+def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     """Distance and offset of all runs over time; thick: their mean."""
-    with figure(WIDTH, 3.6) as fig:
-        far, aside = fig.subplots(1, 2, width_ratios=(1.5, 1))
+    with panels(2, 3.6, narrow=narrow, ratios=(1.5, 1)) as (fig, (far, aside)):
         for k, one in enumerate(cases[:MOST_ROWS]):
             track = one.track
             colour, style = (
@@ -146,21 +165,20 @@ def _events(axis: Axes, one: Followed) -> None:
         axis.axvline(mission.current_from_s, color=MUTED, linestyle=":")
 
 
-def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str) -> Figure:
+def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str, narrow: bool = False) -> Figure:
     """A metric over the first axis, a line for every step of the others; bars: scatter from run to run."""
     first, others = axes[0], list(axes[1:])
     steps = data[first].values
     numbers = steps.dtype.kind in "fi"
     at = steps if numbers else np.arange(len(steps))
-    with figure(WIDTH, 3.8) as fig:
-        axis = fig.subplots()
+    with panels(1, 3.8, narrow=narrow) as (fig, (axis,)):
         for k, at_others in enumerate(np.ndindex(*(data.sizes[name] for name in others))):
             one = data.isel(dict(zip(others, at_others, strict=True)))
             name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
             belief = name if name in COLOURS else ""
             scatter = np.nan_to_num(one[f"{metric}_stderr"].values) * data.attrs["runs"] ** 0.5
             axis.errorbar(
-                at, one[metric].values, scatter, marker="o", capsize=3,
+                at, one[metric].values, scatter, marker="o", capsize=3, linestyle="-" if numbers else "none",
                 color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
             )  # fmt: skip
         if not numbers:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lightfield.report.follower.follow_figures import strip_figure, sweep_figure, way_figure
+from lightfield.report.follower.follow_figures import MOST_ROWS, strip_figure, sweep_figure, way_figure
 from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
@@ -35,6 +35,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
     names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
     rows = [[f"{n.replace('_', ' ')} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
+    cut = f" The first {MOST_ROWS} of {len(cases)} followers." if len(cases) > MOST_ROWS else ""
     sections = [
         section(
             "From above",
@@ -44,8 +45,9 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
                     "strip",
                     "The most typical run of every follower. Circle: the lamp, with its light; green: where "
                     "the follower should be; filled: where it is; dashed outline: where it takes itself to "
-                    "be. Across is stretched, and the vehicle is drawn larger than it is.",
+                    "be. Across is stretched, and the vehicle is drawn larger than it is." + cut,
                     "Film strip of the followers from above",
+                    strip_figure(cases, narrow=True),
                 )
             ],
         ),
@@ -59,6 +61,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
                     "says that they are not known. Thick: their mean. Grey band: dark; green band: the water "
                     "changes.",
                     "Distance and offset over time",
+                    way_figure(cases, narrow=True),
                 )
             ],
             text=["; ".join(f"{n.replace('_', ' ')}: {METRICS[n][1]}" for n in names) + "."],
@@ -112,7 +115,7 @@ def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
                 page_figure(
                     sweep_figure(data, axes, metric), "sweep",
                     f"{meaning.capitalize()} ({unit}); bars: scatter from run to run.",
-                    "A metric over parameters",
+                    "A metric over parameters", sweep_figure(data, axes, metric, narrow=True),
                 )
             ],
             "Mean of the runs ± scatter from run to run.",

@@ -102,6 +102,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
                     "Left: the elements and where they face. Right: the smallest error any method can have "
                     "(Cramer-Rao), as a part of what docking allows; numbers in mm and degrees.",
                     "Array and bounds",
+                    survey_figure(survey, narrow=True),
                 )
             ],
             "One standard deviation of the best unbiased estimate from one reading of all elements. A: sum "
@@ -118,6 +119,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
                     "From above, lamp below, follower facing along the tank. Dark: poorly known. Red line: "
                     "what docking allows. Circle: the scene's pose. Per cent: part of the space good enough.",
                     "Maps of the bounds",
+                    map_figure(survey, narrow=True),
                 )
             ],
         ),
@@ -169,11 +171,10 @@ def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
             "Side by side",
             [
                 page_figure(
-                    comparison_figure(found.arrays), "arrays", "Every array as the lamp sees it; arrows: "
-                                                               "where its "
-                    "elements face. Below: sum of the variances, smaller is better; a factor of 4 is half "
-                    "the error.",
-                    "Arrays side by side",
+                    comparison_figure(found.arrays), "arrays",
+                    "Every array as the lamp sees it; arrows: where its elements face. Bars: sum of the "
+                    "variances, smaller is better; a factor of 4 is half the error.",
+                    "Arrays side by side", comparison_figure(found.arrays, narrow=True),
                 )
             ],
             f"Root mean square bounds over the poses of the task ({found.task}).",

@@ -16,11 +16,13 @@ from lightfield.report.style import (
     GRID,
     INK,
     MUTED,
+    NARROW,
     RENDER,
     SERIES,
     WIDTH,
     figure,
     label,
+    panels,
 )
 from lightfield.studies.follower.bias import BiasStudy
 from lightfield.studies.follower.frames import POSE
@@ -32,13 +34,12 @@ SIGMAS = 2
 LEAST_ARROW_M = 0.005
 
 
-def bias_figure(study: BiasStudy) -> Figure:
+def bias_figure(study: BiasStudy, narrow: bool = False) -> Figure:
     """Along the beam, against scattering, one panel per way to calibrate."""
     axis = study.axis
     calibrations, z, b = axis.calibration.values, axis.z_m.values, axis.scattering_per_m.values
-    with figure(WIDTH, 3.7) as fig:
-        panels = fig.subplots(1, len(calibrations), sharey=True)
-        for panel, name in zip(panels, calibrations, strict=True):
+    with panels(len(calibrations), 3.7, narrow=narrow, each=2.7, sharey=True) as (fig, each):
+        for panel, name in zip(each, calibrations, strict=True):
             panel.axhspan(-0.3, 0.3, color=GRID, alpha=0.8, linewidth=0)
             panel.axhline(0, color=MUTED, linewidth=0.8)
             for k, distance in enumerate(z):
@@ -47,25 +48,27 @@ def bias_figure(study: BiasStudy) -> Figure:
                     b, one.bias_z.values, SIGMAS * one.sigma_z.values, color=SERIES[k], marker="o",
                     markersize=4, capsize=2, label=f"z = {distance:g} m",
                 )  # fmt: skip
-            label(panel, "scattering b (1/m)", "", fill(str(name), 18))
+            label(panel, "scattering b (1/m)", "", fill(str(name), 40 if narrow else 18))
             panel.title.set_fontsize(9.5)
-        panels[0].set_ylabel("believed \N{MINUS SIGN} true distance (m)")
-        panels[0].set_yscale("symlog", linthresh=0.3, linscale=1.2)
-        panels[0].set_yticks([-1, -0.3, -0.1, 0, 0.1, 0.3, 1, 3])
-        panels[0].set_yticklabels(
+        for panel in each if narrow else each[:1]:
+            panel.set_ylabel("believed \N{MINUS SIGN} true distance (m)")
+        each[0].set_yscale("symlog", linthresh=0.3, linscale=1.2)
+        each[0].set_yticks([-1, -0.3, -0.1, 0, 0.1, 0.3, 1, 3])
+        each[0].set_yticklabels(
             ["\N{MINUS SIGN}1", "\N{MINUS SIGN}0.3", "\N{MINUS SIGN}0.1", "0", "0.1", "0.3", "1", "3"]
         )
-        panels[0].legend(loc="best", fontsize=8.5)
+        each[0].legend(loc="best", fontsize=8.5)
     return fig
 
 
-def plane_figure(study: BiasStudy) -> Figure:
+def plane_figure(study: BiasStudy, narrow: bool = False) -> Figure:
     """From above: where the follower is, and where it believes to be, in the scene's own water."""
     plane = study.plane
     x, z = np.meshgrid(plane.x_m.values, plane.z_m.values)
-    with figure(WIDTH, 4.4) as fig:
-        panels = fig.subplots(1, plane.sizes["calibration"], sharex=True, sharey=True)
-        for panel, name in zip(panels, plane.calibration.values, strict=True):
+    ends = x + plane.bias_x.values  # [calibration, z, x]
+    room = 0.1 * float(np.ptp(x) or 1.0)
+    with panels(plane.sizes["calibration"], 4.4, narrow=narrow, each=3.4, sharey=True) as (fig, each):
+        for panel, name in zip(each, plane.calibration.values, strict=True):
             one = plane.sel(calibration=name)
             dx, dz = one.bias_x.values, one.bias_z.values
             length = np.hypot(dx, dz)
@@ -80,14 +83,16 @@ def plane_figure(study: BiasStudy) -> Figure:
                 f"up to {length.max():.2f} m", (0.5, 0.02), xycoords="axes fraction", ha="center", fontsize=9,
                 color=BAD if length.max() > 0.3 else GOOD,
             )  # fmt: skip
-            label(panel, "x (m)", "", fill(str(name), 18))
+            label(panel, "x (m)", "", fill(str(name), 40 if narrow else 18))
+            panel.set_xlim(min(x.min(), ends.min()) - room, max(x.max(), ends.max()) + room)
             panel.title.set_fontsize(9.5)
             panel.set_ylim(min(z.min() - 1, 3), z.max() + 3)
-        panels[0].set_ylabel("distance from the lamp z (m)")
+        for panel in each if narrow else each[:1]:
+            panel.set_ylabel("distance from the lamp z (m)")
     return fig
 
 
-def sequence_figure(poses: Poses) -> Figure:
+def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
     """Every coordinate over time: single readings with their noise, the filter, and where light was lost."""
     at = [POSE.index(n) for n in poses.names]
     t = poses.time_s
@@ -96,9 +101,9 @@ def sequence_figure(poses: Poses) -> Figure:
         np.full(len(at), np.nan) if one.noise_only is None else np.sqrt(np.diag(one.noise_only.covariance))
         for one in poses.estimates
     ])  # fmt: skip
-    with figure(WIDTH, 1.5 * len(at) + 0.6) as fig:
-        panels = fig.subplots(len(at), 1, sharex=True, squeeze=False)[:, 0]
-        for k, (panel, name) in enumerate(zip(panels, poses.names, strict=True)):
+    with figure(NARROW if narrow else WIDTH, 1.5 * len(at) + 0.6) as fig:
+        each = fig.subplots(len(at), 1, sharex=True, squeeze=False)[:, 0]
+        for k, (panel, name) in enumerate(zip(each, poses.names, strict=True)):
             unit, factor = SHOWN[name]
             unit, factor = ("m", 1.0) if unit == "mm" else (unit, factor)
             good = np.array([one.fits for one in poses.estimates])
@@ -120,6 +125,6 @@ def sequence_figure(poses: Poses) -> Figure:
                 if one.lost:
                     panel.axvline(moment, color=BAD, alpha=0.3)
             label(panel, "", f"{WORDS[name]} ({unit})")
-        panels[0].legend(loc="best", ncols=3, fontsize=8.5)
-        panels[-1].set_xlabel("time (s)")
+        each[0].legend(loc="best", ncols=3, fontsize=7.5 if narrow else 8.5)
+        each[-1].set_xlabel("time (s)")
     return fig

@@ -49,7 +49,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
                     bias_figure(study), "bias", "Above zero the follower believes to be farther away "
                     "than it is, and comes too near. Bars: two standard deviations of the noise of "
                     "one reading. Grey: 0.3 m.",
-                    "Bias against scattering",
+                    "Bias against scattering", bias_figure(study, narrow=True),
                 )
             ],
             "Believed less true distance on the axis, mm, ± noise of one reading ± error of the trace. "
@@ -64,6 +64,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
                 page_figure(
                     plane_figure(study), "plane", "From above, lamp below. Every arrow begins where "
                     "the follower is and ends where it believes to be.", "Map of the bias",
+                    plane_figure(study, narrow=True),
                 )
             ],
         ),
@@ -99,6 +100,8 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
         state = one.status
         state += f", {len(one.rivals)} rivals" if one.rivals else ""
         rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
+    there = len(poses.estimates)
+    cut = f" The first {MOST_ROWS} of {there} readings; the figure shows all." if there > MOST_ROWS else ""
     verdict = f"{len(poses.estimates)} readings: " + (
         "all fit the light that is believed in."
         if not poses.lost + poses.misfits
@@ -110,13 +113,12 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
             [
                 page_figure(
                     sequence_figure(poses), "way", "Points: every reading by itself, with its noise. Line "
-                                                   "and band: the "
-                    "filter, with two standard deviations of all that is not known. Red: light lost, or "
-                    "readings that "
-                    "do not fit.", "Poses over time",
+                    "and band: the filter, with two standard deviations of all that is not known. Red: light "
+                    "lost, or readings that do not fit.", "Poses over time",
+                    sequence_figure(poses, narrow=True),
                 )
             ],
-            "Pose, with one standard deviation of all that is not known (noise, gain, water).",
+            "Pose, with one standard deviation of all that is not known (noise, gain, water)." + cut,
             ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "chi2"],
             rows,
         )

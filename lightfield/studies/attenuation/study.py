@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from lightfield.errors import MeasurementError, RenderError, SceneError
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.apparent import Apparent, apparent_attenuation
@@ -113,7 +114,10 @@ def attenuation(
     stack, others, scattered = None, {}, None
     if trace is not None:
         try:
-            stack, others = traced_stack(apparent, trace), other_phases(apparent, trace)
+            with step(0, 2, "scattered light"):
+                stack = traced_stack(apparent, trace)
+            with step(1, 2, "other phase functions"):
+                others = other_phases(apparent, trace)
             scattered = scattered_light(apparent, stack, others)
         except RenderError as error:
             notes.append(f"scattered light could not be traced: {error}")

@@ -11,6 +11,7 @@ import xarray as xr
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.progress import step, tell
 from lightfield.scene import Follower, Scene
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.elements import elements_of
@@ -258,13 +259,16 @@ def follow(
     for k, (name, scene) in enumerate(whole):
         elements = elements_of(array_of(scene))
         _check_length(scene, runs)
-        light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
+        with step(2 * k, 2 * len(whole), f"light of {name}"):
+            light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
 
         def told(part: float, done: int = k) -> None:
+            tell("", part)
             if report is not None:
                 report((done + part) / len(whole))
 
-        track = run_loop(scene, light, elements, runs=runs, seed=seed, report=told)
+        with step(2 * k + 1, 2 * len(whole), f"runs of {name}"):
+            track = run_loop(scene, light, elements, runs=runs, seed=seed, report=told)
         mission = (scene.follower or Follower()).mission
         cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
     return Following(cases)

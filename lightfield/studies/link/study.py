@@ -25,6 +25,7 @@ from scipy.special import erfc, erfcinv
 from lightfield.arrays import Array
 from lightfield.errors import RenderError, UsageError
 from lightfield.formula.field import direct_field
+from lightfield.progress import step
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
@@ -206,12 +207,14 @@ def link(
             raise UsageError("impossible water", where=name, found=pair, rule="a and b of 0 or more, 1/m")
     nodes, fine = np.geomspace(from_m, to_m, _DISTANCES), np.linspace(from_m, to_m, _SCAN)
     parts, reaches = [], {}
-    for name, (a, b) in every.items():
-        parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
-        docking = docking_reach(
-            grey(scene.model_copy(update={"tank": None}), a, b), from_m, max(DOCKING_TO_M, 1.5 * from_m),
-            photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
-        )  # fmt: skip
+    for k, (name, (a, b)) in enumerate(every.items()):
+        with step(2 * k, 2 * len(every), f"data, {name}"):
+            parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
+        with step(2 * k + 1, 2 * len(every), f"docking, {name}"):
+            docking = docking_reach(
+                grey(scene.model_copy(update={"tank": None}), a, b), from_m, max(DOCKING_TO_M, 1.5 * from_m),
+                photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
+            )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)
     pairs = list(every.values())
     waters_read = xr.Dataset(

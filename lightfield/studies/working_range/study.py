@@ -20,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.light_at import LightAt, light_at
@@ -138,12 +139,14 @@ def working_range(
     first, last = _ends(scene, to_m)
     nodes = np.linspace(first, last, _DISTANCES)
     z = np.unique(np.concatenate([np.linspace(first, last, _SHOWN), _planes(scene, last)]))
-    field, light = _field(scene, trace, nodes)
+    with step(0, 2, "light"):
+        field, light = _field(scene, trace, nodes)
     plain, _ = _field(scene, None, nodes)
     fine = np.linspace(first, last, _SCAN)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
     at = np.linspace(first, last, _POSES)
-    known = known_poses(scene, at, photons=0.0 if trace is None else photons)
+    with step(1, 2, "poses"):
+        known = known_poses(scene, at, photons=0.0 if trace is None else photons)
     modes = light.relative_modes[:: len(RADII)]
     relative = np.interp(z, nodes, np.linalg.norm(modes - modes[:1], axis=1))
     ratio, formula = (there / there[0] for there in axis)

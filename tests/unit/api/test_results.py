@@ -83,6 +83,8 @@ def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, map
         if name not in DRAWN_ELSEWHERE:
             page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
             assert "</html>" in page and "<svg" in page, name
+            assert page.count('<div class="wide"><svg') == page.count("<figure") > 0, name
+            assert page.count('<div class="narrow"><svg') == page.count("<figure"), name
 
 
 @pytest.mark.slow

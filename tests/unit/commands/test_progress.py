@@ -6,7 +6,10 @@ import time
 
 import pytest
 
-from lightfield.commands._progress import part_of_trace, status_lines, times
+from lightfield.commands._progress import status_lines, times
+from lightfield.commands.sweep import in_words
+from lightfield.progress import heard_by, part_of_trace, step, tell
+from lightfield.sweep.runner import SweepProgress
 
 
 def test_nothing_is_said_of_what_is_quickly_done(capsys):
@@ -41,3 +44,38 @@ def test_time_left():
 )
 def test_the_part_of_a_trace_knows_its_error_and_its_photon_limit(photons, reached, limit, part):
     assert part_of_trace(photons, reached, 0.02, limit) == pytest.approx(part)
+
+
+def test_steps_within_steps_are_parts_of_the_whole():
+    """Two steps, the second of them of four: half way through its third is 0.5 + 0.5 * 2.5 / 4."""
+    heard: list[tuple[str, float]] = []
+    with heard_by(lambda words, part: heard.append((words, part))):
+        with step(0, 2, "light"):
+            tell("1e6 photons", 0.3)
+        with step(1, 2, "poses"), step(2, 4):
+            tell("2e6 photons", 0.5)
+    assert ("light: 1e6 photons", pytest.approx(0.15)) in heard
+    assert ("poses: 2e6 photons", pytest.approx(0.8125)) in heard
+    parts = [part for _, part in heard]
+    assert parts == sorted(parts) and parts[-1] == 1.0
+
+
+def test_where_nobody_listens_nothing_is_told_and_a_listener_leaves_with_its_work():
+    heard: list[float] = []
+    with heard_by(lambda words, part: heard.append(part)):
+        pass
+    with step(0, 1, "light"):
+        tell("1e6 photons", 0.3)
+    assert heard == []
+
+
+def test_a_sweep_moves_while_a_single_trace_runs():
+    """Ten cases of two traces: twelve pieces, of which one case, one trace and a half are done."""
+    before = SweepProgress(cases=10, traces=2, cases_done=1, traced=1)
+    now = SweepProgress(cases=10, traces=2, cases_done=1, traced=1, underway={1: 0.5})
+    assert before.part == pytest.approx(2 / 12) and now.part == pytest.approx(2.5 / 12)
+    assert in_words(now) == "1 of 10 cases, 1 of 2 traces and 50 % of the next"
+    assert in_words(before) == "1 of 10 cases, 1 of 2 traces"
+    continued = SweepProgress(cases=10, traces=0, cases_before=8, cases_done=1, failed=1)
+    assert continued.part == pytest.approx(0.5)
+    assert in_words(continued) == "9 of 10 cases, 1 failed"

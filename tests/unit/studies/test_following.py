@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lightfield import cli
 from lightfield.errors import SceneError
 from lightfield.report.follower.follow_page import write_follow_sweep, write_following
 from lightfield.scene import Scene
@@ -195,3 +196,14 @@ def test_a_case_that_cannot_be_is_recorded(tmp_path: Path) -> None:
     _, done = run_follow_sweep(scene, axes, tmp_path / "runs.zarr", runs=1, photons=0)
     assert done.failed == 1
     assert "not nearer" in str(open_store(tmp_path / "runs.zarr", QUANTITY).message.values[1])
+
+
+@pytest.mark.slow
+def test_show_draws_runs_over_parameters_and_export_says_what_does(tmp_path, capsys):
+    store = tmp_path / "runs.zarr"
+    scene = KNOWN.with_values({"follower.mission.duration_s": 4.0})
+    run_follow_sweep(scene, [parse_axis("follower.x_m=0.1,0.2", "vary")], store, runs=1, photons=0)
+    assert cli.main(["show", str(store), "-o", str(tmp_path / "drawn")]) == 0
+    assert (tmp_path / "drawn" / "standoff.png").stat().st_size > 1000
+    assert cli.main(["export", str(store), "--exr", str(tmp_path / "exr")]) == 2
+    assert "`lightfield show` draws" in capsys.readouterr().err
