@@ -1,7 +1,8 @@
 """Local unknowns: a dip across the beam, a plume, a step in time, a ripple over the angle; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
-They are effects of the user's own, ready to be tested, renamed and made better.
+They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
+moves with the detector is a dip, that of one which stands in the tank, and of bubbles that rise, a plume.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
 _SIZE, _TYPICAL = 0.9, 0.05
 #: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
 _EDGE_M = 0.1
+#: What stands before the first plane shades the same rays at all of them, wherever it stands: so many edges
+#: before it a plume is whole, to a per cent.
+_BEFORE = 3.0
 #: What takes so little of the time between two readings is sudden: shorter times are all alike.
 _SUDDEN = 0.02
 
@@ -65,7 +69,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             laboratory="Repeat a reference position every few minutes; ask what was switched then.",
         )
     if (planes := np.unique(np.round(readings.z_m, 3))).size > 2:
-        near, far = float(planes[0]), float(planes[-2])
+        near, far = float(planes[0]) - _BEFORE * _EDGE_M, float(planes[-2])
         x = np.asarray(readings.x_m, float)
         if (span := float(np.ptp(x))) > 2 * _NARROWEST_M / _WIDEST_PART:
             yield OwnEffect(
@@ -76,7 +80,9 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 parameters={
                     "depth": _size(),
                     "x0": _within("m", 0.5 * x, "its middle, where it rises"),
-                    "z0": OwnParameter(unit="m", range=(near, far), meaning="its distance from the lamp"),
+                    "z0": OwnParameter(
+                        unit="m", range=(near, far), meaning="its distance, or before all readings"
+                    ),
                     "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
                 },
                 physics="Something rises at one distance and dims what passes through it: the rays beyond.",
