@@ -169,6 +169,9 @@ def test_an_unexplained_rest_comes_with_its_curve(tmp_path: Path) -> None:
         assert estimate.stderr is not None and abs(estimate.value - true) < 4 * estimate.stderr, name
     assert verdict.unexplained_coordinate == best.coordinate, "headline and curve speak of one thing"
     assert verdict.misfit is not None and verdict.misfit.worst_at == best.at[int(np.argmin(best.factor))]
+    assert verdict.next_measurement is not None
+    (spot,) = verdict.next_measurement.readings
+    assert spot.z_m > 6 and abs(spot.x_m * 6 / spot.z_m + 0.2) < 0.1, "in the shadow"
     # Drawn at the farthest plane, 8.5 m: the shadow lies at x = -0.2 * 8.5 / 6 m.
     far = float(table.z_m.max())
     at, factor = np.array(best.at), np.array(best.factor)

@@ -164,9 +164,7 @@ def _record(
 
 def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Array, Array]:
     """Where along its coordinate an unknown acts on bright readings, and these over the model without it."""
-    values = fit.values
-    neutral = {p.path: p.value(0.0) for p in fit.model.parameters if p.path in _sizes(name)}
-    without = problem.forward.predict(values | neutral)
+    values, without = fit.values, without_it(fit, name)
     shown = np.asarray(bright(problem), bool)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     along = {"x": x, "y": y, "time": t, "angle": np.degrees(np.arctan2(np.hypot(x, y), z))}[ALONG[name]]
@@ -176,9 +174,11 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     return along[shown], problem.value[shown] / without[shown]
 
 
-def _sizes(name: str) -> tuple[str, ...]:
-    """Paths of the amplitudes of a local unknown."""
-    return tuple(f"effect.{name}.{key}" for key in ("depth", "size", "a", "b"))
+def without_it(fit: Fit, name: str) -> Array:
+    """Readings as a fit has them, but for a local unknown, shape (n,)."""
+    sizes = {f"effect.{name}.{key}" for key in ("depth", "size", "a", "b")}
+    neutral = {p.path: p.value(0.0) for p in fit.model.parameters if p.path in sizes}
+    return fit.model.forward.predict(fit.values | neutral)
 
 
 def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:

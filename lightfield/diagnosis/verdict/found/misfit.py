@@ -20,7 +20,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict import aside_words, words
-from lightfield.diagnosis.verdict.found.left import Local
+from lightfield.diagnosis.verdict.found.left import Local, without_it
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, NextMeasurement, Spot
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.least_squares import Fit
@@ -82,7 +82,7 @@ def unexplained(
         beside.append((finding.closest.explanation, _linear(problem, finding.closest.fit, plain)))
     found = [d for effects, fit in beside for d in _factors(problem, plain, effects, fit, scale)]
     if local:
-        found.append(_local(problem, plain, local[0], beside[-1][1], scale))
+        found.append(_local(problem, plain, local[0], scale))
     best = min(found, key=lambda d: d.score, default=None)
     prediction = beside[0][1].prediction if best is None else best.prediction
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
@@ -143,7 +143,7 @@ def _factors(
     ]  # fmt: skip
 
 
-def _local(problem: Problem, plain: Whitener, one: Local, best: Fit, scale: float) -> _Description:
+def _local(problem: Problem, plain: Whitener, one: Local, scale: float) -> _Description:
     """A local unknown, on the same footing."""
     residual = plain(problem.keep * (problem.value - one.fit.prediction))
     score = float(residual @ residual) / scale + _numbers(problem, one.explanation)
@@ -158,4 +158,4 @@ def _local(problem: Problem, plain: Whitener, one: Local, best: Fit, scale: floa
         period_deg=None if period is None else period.value,
         like=record.name,
     )
-    return _Description(score, record.removed_percent / 100, misfit, best.prediction)
+    return _Description(score, record.removed_percent / 100, misfit, without_it(one.fit, record.name))
