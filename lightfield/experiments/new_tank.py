@@ -61,7 +61,7 @@ QUESTIONS = (
     Question("lamp_depth", "Lamp below the surface, m", "a number; half the depth if not given", ""),
     Question(
         "walls", "Part of the light that walls and floor send back",
-        "0 to 0.9: black paint or cloth 0.03, dark paint 0.1, white tiles 0.7", "0.1",
+        "0 to 0.9: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
     ),
     Question("surface", "Is there a free water surface above", "yes or no", "yes"),
     Question("lamp", "Spectrum of the lamp", "a name such as led-green, or PEAK/WIDTH in nm", "led-green"),

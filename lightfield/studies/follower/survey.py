@@ -112,7 +112,9 @@ def array_of(scene: Scene) -> DetectorArray:
     """
     if scene.array is None:
         raise SceneError(
-            "the scene has no array", rule="a follower needs an [array]", remedy="add the table [array]"
+            "the scene has no array",
+            rule="a follower needs an [array]",
+            remedy="add the table [array] (empty, it is a flat grid of 5 x 5 over 0.6 m)",
         )
     return scene.array
 

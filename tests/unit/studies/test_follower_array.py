@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lightfield.errors import SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, jackknife
 from lightfield.studies.follower.light import FormulaLight, Model
 from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.survey import array_of
 
 HALF = np.radians(3.81)
 C = 0.1
@@ -184,3 +186,10 @@ def test_jackknife_is_the_error_of_a_mean_and_finds_the_bias_of_a_square() -> No
     square = jackknife(values.mean() ** 2, list(without**2)) * values.mean() ** 2
     assert square == pytest.approx(np.hypot(2 * values.mean() * error, error**2), rel=0.02)
     assert jackknife(1.0, []) == 0.0 and jackknife(1.0, [1.0, np.inf]) == 1.0
+
+
+def test_an_empty_array_is_what_the_error_says_it_is() -> None:
+    with pytest.raises(SceneError, match=r"flat grid of 5 x 5 over 0\.6 m"):
+        array_of(Scene())
+    array = array_of(Scene.from_dict({"array": {}}))
+    assert (array.layout, array.count, array.size_m, array.radius_m) == ("grid", (5, 5), 0.6, 0.0)
