@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.result import Result
 from lightfield.scene import Scene
+from lightfield.scene.in_air import in_air
 from lightfield.studies.follower import design, survey
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import Space
@@ -25,6 +26,13 @@ if TYPE_CHECKING:
 __all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
 
 PHOTONS, HALF_WIDTH_M = 1e7, 0.4
+Medium = Literal["water", "air"]
+
+
+def filled(scene: Scene | AnyPath, medium: Medium) -> Scene:
+    """A scene, without its water where that is asked for."""
+    known = scene_of(scene)
+    return in_air(known) if medium == "air" else known
 
 
 def space_and_photons(scene: Scene, half_width: float, max_photons: float, trace: bool) -> dict[str, Any]:
@@ -130,6 +138,7 @@ def show(
     scene: Scene | AnyPath,
     *,
     half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -142,6 +151,8 @@ def show(
         With an [array].
     half_width : float, m
         Of the formation space in x and y; in z from the first to the last plane.
+    medium : "water" or "air"
+        "air": the tank empty, as a rehearsal on the bench has it.
     max_photons, seed
         Of the trace.
     trace : bool
@@ -152,7 +163,7 @@ def show(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = scene_of(scene)
+    known = filled(scene, medium)
     return Survey(survey.survey(known, **space_and_photons(known, half_width, max_photons, trace), seed=seed))
 
 
@@ -162,6 +173,7 @@ def compare(
     *,
     task: design.Task = "formation",
     half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -174,7 +186,7 @@ def compare(
         By what they shall be called; only their arrays count.
     task : "formation" or "docking"
         Poses that count.
-    scene, half_width, max_photons, seed, trace
+    scene, half_width, medium, max_photons, seed, trace
         As `show` takes them.
 
     Raises
@@ -182,7 +194,7 @@ def compare(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = scene_of(scene)
+    known = filled(scene, medium)
     others = {name: scene_of(other) for name, other in with_.items()}
     where = space_and_photons(known, half_width, max_photons, trace)
     return Arrays(design.compare(known, others, task=task, **where, seed=seed))
@@ -197,6 +209,7 @@ def optimise(
     spacing: float = 0.025,
     task: design.Task = "formation",
     half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -214,7 +227,7 @@ def optimise(
         Least distance of two.
     task : "formation" or "docking"
         Poses that count.
-    scene, half_width, max_photons, seed, trace
+    scene, half_width, medium, max_photons, seed, trace
         As `show` takes them.
 
     Raises
@@ -222,7 +235,7 @@ def optimise(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = scene_of(scene)
+    known = filled(scene, medium)
     where = space_and_photons(known, half_width, max_photons, trace)
     found = design.optimise(
         known, elements, box, tilt_max_deg=tilt_max, spacing_m=spacing, task=task, **where, seed=seed

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.array import HALF_WIDTH_M, PHOTONS, sigma_columns, space_and_photons
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, filled, sigma_columns, space_and_photons
+from lightfield.api.given import AnyPath
 from lightfield.api.result import Result
+from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower import bias as biases
 from lightfield.studies.follower import sequence
@@ -122,6 +123,7 @@ def estimate(
     *,
     filter: bool = False,
     half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -136,7 +138,7 @@ def estimate(
         With an [array].
     filter : bool
         Follow a sequence with a Kalman filter, too.
-    half_width, max_photons, seed, trace
+    half_width, medium, max_photons, seed, trace
         As `lightfield.array.show` takes them.
 
     Raises
@@ -144,7 +146,7 @@ def estimate(
     MeasurementError, SceneError, RenderError
         Readings that cannot be read; no array; a space that is not in the water.
     """
-    known = scene_of(scene)
+    known = filled(scene, medium)
     where = space_and_photons(known, half_width, max_photons, trace)
     return Poses(sequence.poses_of(readings, known, filtered=filter, **where, seed=seed))
 
@@ -152,8 +154,9 @@ def estimate(
 def bias(
     scene: Scene | AnyPath,
     *,
-    scattering: Sequence[float] = biases.SCATTERING_PER_M,
+    scattering: Sequence[float] | None = None,
     half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -164,9 +167,9 @@ def bias(
     ----------
     scene : Scene or path-like
         With an [array].
-    scattering : sequence of float, 1/m
-        Waters on the axis.
-    half_width, max_photons, seed, trace
+    scattering : sequence of float, 1/m, optional
+        Waters on the axis; default: 0 to 0.3, and in air 0.
+    half_width, medium, max_photons, seed, trace
         As `lightfield.array.show` takes them.
 
     Raises
@@ -174,6 +177,10 @@ def bias(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = scene_of(scene)
+    known = filled(scene, medium)
     where = space_and_photons(known, half_width, max_photons, trace)
-    return Bias(biases.bias_study(known, where.pop("space"), tuple(scattering), **where, seed=seed))
+    usual = biases.SCATTERING_PER_M if medium == "water" else (0.0,)
+    waters = usual if scattering is None else tuple(scattering)
+    if medium == "air" and any(waters):
+        raise UsageError("air does not scatter", where="scattering", found=waters, rule="water")
+    return Bias(biases.bias_study(known, where.pop("space"), waters, **where, seed=seed))

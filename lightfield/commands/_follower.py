@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.scene.in_air import in_air
 from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
@@ -23,9 +24,19 @@ def add_space(parser: argparse.ArgumentParser) -> None:
         "--half-width", type=float, metavar="M",
         help="of the formation space in x and y (default 0.4 m); in z from the first to the last plane",
     )  # fmt: skip
+    parser.add_argument(
+        "--medium", choices=("water", "air"), default="water",
+        help="air: the tank empty, as a rehearsal on the bench has it (default water)",
+    )  # fmt: skip
     add_option(parser, "--max-photons", PHOTONS)
     add_option(parser, "--seed", 0)
     add_option(parser, "--no-trace")
+
+
+def scene_of(args: argparse.Namespace) -> Scene:
+    """The scene, without its water where that is asked for."""
+    scene = Scene.load(args.scene)
+    return in_air(scene) if args.medium == "air" else scene
 
 
 def space_of(scene: Scene, args: argparse.Namespace) -> Space:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
+from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_of, space_of
 from lightfield.commands._json import write_json
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -68,7 +68,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = Scene.load(args.scene)
+    scene = scene_of(args)
     outputs_of(args, args.scene, *getattr(args, "others", ()))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)

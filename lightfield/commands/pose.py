@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, space_of
+from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_of, space_of
 from lightfield.commands._json import write_json
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = Scene.load(args.scene)
+    scene = scene_of(args)
     return _estimate(scene, args) if args.task_name == "estimate" else _bias(scene, args)
 
 
@@ -65,7 +65,10 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.bias import SCATTERING_PER_M, bias_study
 
     outputs_of(args, args.scene)
-    waters = SCATTERING_PER_M if args.scattering is None else _numbers(args.scattering)
+    usual = SCATTERING_PER_M if args.medium == "water" else (0.0,)
+    waters = usual if args.scattering is None else _numbers(args.scattering)
+    if args.medium == "air" and any(waters):
+        raise UsageError("air does not scatter", where="--scattering", found=args.scattering, rule="water")
     with progress_of("pose"):
         found = bias_study(
             scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0

@@ -35,11 +35,12 @@ FUNCTIONS = {
     "link": "scene, area, responsivity, amplifier_noise, background, bit_rate, ber, water, to, rel_error, "
     "max_photons, seed",
     "regime": "output, scene, rel_error, max_photons, seed, workers",
-    "array.show": "scene, half_width, max_photons, seed, trace",
-    "array.compare": "scene, with_, task, half_width, max_photons, seed, trace",
-    "array.optimise": "scene, elements, box, tilt_max, spacing, task, half_width, max_photons, seed, trace",
-    "pose.estimate": "readings, scene, filter, half_width, max_photons, seed, trace",
-    "pose.bias": "scene, scattering, half_width, max_photons, seed, trace",
+    "array.show": "scene, half_width, medium, max_photons, seed, trace",
+    "array.compare": "scene, with_, task, half_width, medium, max_photons, seed, trace",
+    "array.optimise": "scene, elements, box, tilt_max, spacing, task, half_width, medium, max_photons, seed, "
+    "trace",
+    "pose.estimate": "readings, scene, filter, half_width, medium, max_photons, seed, trace",
+    "pose.bias": "scene, scattering, half_width, medium, max_photons, seed, trace",
 }
 #: Answers, and what each can do beside what every `Result` can.
 RESULTS = {

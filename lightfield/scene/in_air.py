@@ -1,0 +1,38 @@
+"""The same experiment with the tank empty: no water, and the beam as it leaves the window into air."""
+
+from __future__ import annotations
+
+from lightfield.errors import SceneError
+from lightfield.scene.scene import Scene
+
+
+def in_air(scene: Scene) -> Scene:
+    """A scene without its water.
+
+    Nothing absorbs or scatters, nothing lies mirrored in a surface. A flat window sends the beam of water
+    n = `lamp.window_index` times as wide into air, I(theta / n) / n^2, as readings in air see it. On-axis
+    intensity is what light is relative to, so the factor 1 / n^2 is left to the gain.
+
+    Raises
+    ------
+    SceneError
+        A window that bends a beam which is not given by its half widths.
+    """
+    values: dict[str, object] = {}
+    if scene.tank is not None and scene.surface_reflects:
+        values |= {"tank.surface_reflectance": 0.0}
+    n = scene.lamp.window_index
+    if n != 1.0:
+        lamp = scene.lamp
+        if lamp.intensity_table is not None or lamp.apparent_distance_m or lamp.profile_departure:
+            raise SceneError(
+                "the beam of this lamp in air is not known",
+                where="lamp.window_index",
+                found=n,
+                rule="1 with a table of intensity, a free profile or an apparent source",
+                remedy="give the beam as it is in air, and lamp.window_index = 1",
+            )
+        wider = {f"lamp.{name}": n * getattr(lamp, name) for name in ("hwhm_deg", "skirt_hwhm_deg")}
+        values |= wider | {"lamp.window_index": 1.0}
+    dry = scene.model_copy(update={"water": type(scene.water)()})
+    return dry.with_values(values)

@@ -1,0 +1,45 @@
+"""A tank without its water, held against what readings in air see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.errors import SceneError
+from lightfield.formula.field import direct_field
+from lightfield.scene import Scene
+from lightfield.scene.in_air import in_air
+
+TURBID = {
+    "tank": {"width_m": 3.0, "length_m": 9.0, "depth_m": 2.0, "surface": "flat", "wall_albedo": 0.1},
+    "water": {"base": "pure", "scattering_per_m": 0.2, "chlorophyll_mg_per_m3": 1.0},
+    "detector": {"planes_m": [2.0, 4.0]},
+}
+
+
+def scene(**lamp: object) -> Scene:
+    return Scene.model_validate(TURBID | {"lamp": {"hwhm_deg": 5.0, **lamp}})
+
+
+@pytest.mark.parametrize("index", [1.0, 1.34])
+def test_its_light_is_that_of_readings_in_air(index: float) -> None:
+    """The reading table's own air: no attenuation and I(theta / n) / n^2, its factor left to the gain."""
+    wet = scene(window_index=index)
+    x, z = np.array([0.0, 0.1, 0.3, 0.0, 0.2]), np.array([2.0, 2.0, 2.0, 4.0, 4.0])
+    in_water = direct_field(wet, x, 0 * x, z)
+    read = direct_field(wet, x, 0 * x, z, medium=np.repeat("air", 5))
+    dry = direct_field(in_air(wet), x, 0 * x, z)
+    assert dry == pytest.approx(index**2 * read, rel=1e-12)
+    assert (dry > 1.5 * in_water).all()
+
+
+def test_nothing_of_the_water_is_left() -> None:
+    wet = scene()
+    dry = in_air(wet)
+    assert dry.water == type(dry.water)() and not dry.surface_reflects
+    assert dry.tank is not None and dry.tank.wall_albedo == 0.1, "walls stay"
+
+
+def test_a_beam_that_a_window_would_bend_unknown() -> None:
+    with pytest.raises(SceneError, match="window_index"):
+        in_air(scene(window_index=1.34, apparent_distance_m=0.5))
