@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
 from lightfield.api.result import Result
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import plan as planning
@@ -110,7 +110,7 @@ def diagnose(
     readings: Readings | AnyPath,
     scene: Scene | AnyPath,
     *,
-    effects: Sequence[str] | None = None,
+    effects: str | Sequence[str] | None = None,
     effects_file: AnyPath | None = None,
     alpha: float = ALPHA,
     seed: int = 0,
@@ -125,7 +125,7 @@ def diagnose(
     scene : Scene or path-like
         What the experimenter believes. Gain, beam half width and absorption are refitted; an effect that the
         scene switches on stays on.
-    effects : sequence of str, optional
+    effects : str or sequence of str, optional
         Names of the effects to consider; default: the whole table.
     effects_file : path-like, optional
         Effects of your own, beside those of the table (TOML).
@@ -149,8 +149,8 @@ def diagnose(
     """
     known = scene_of(scene, effects_file)
     found = diagnosing.diagnose(
-        readings_of(readings, known), known, diffuse="trace" if trace else None, only=effects, alpha=alpha,
-        seed=seed,
+        readings_of(readings, known), known, diffuse="trace" if trace else None,
+        only=None if effects is None else named(effects), alpha=alpha, seed=seed,
     )  # fmt: skip
     return Diagnosis(found.rendered() if trace and render and found.steps[1:] else found)
 
@@ -253,7 +253,7 @@ def plan(
     layout: Readings | AnyPath,
     scene: Scene | AnyPath,
     *,
-    effects: Sequence[str] | None = None,
+    effects: str | Sequence[str] | None = None,
     size: Mapping[str, float] | None = None,
     effects_file: AnyPath | None = None,
     trace: bool = True,
@@ -266,7 +266,7 @@ def plan(
         Positions, times and, if known, standard errors; values are not used and may be absent.
     scene : Scene or path-like
         Its lamp, water and tank are taken to be true.
-    effects : sequence of str, optional
+    effects : str or sequence of str, optional
         Which of these, all acting at once, would be certain? Default: every effect alone, and pairs.
     size : mapping of str to float, optional
         Values of parameters of these effects; default: twice the typical size.
@@ -287,7 +287,7 @@ def plan(
     known = scene_of(scene, effects_file)
     table = readings_of(layout, known, layout=True)
     if effects is not None:
-        return Together(together(table, known, effects, size, light_of(trace)))
+        return Together(together(table, known, named(effects), size, light_of(trace)))
     if size:
         raise UsageError("a size of no effect", where="size", rule="together with effects")
     return Plan(planning.plan(table, known, light_of(trace)))

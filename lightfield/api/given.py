@@ -24,6 +24,11 @@ def scene_of(scene: Scene | AnyPath, effects_file: AnyPath | None = None) -> Sce
     return with_effects(scene if isinstance(scene, Scene) else Scene.load(scene), effects_file)
 
 
+def named(names: str | Sequence[str]) -> list[str]:
+    """Names, also of one string with commas as the command line has them."""
+    return [one.strip() for one in names.split(",") if one.strip()] if isinstance(names, str) else list(names)
+
+
 def readings_of(
     readings: Readings | AnyPath, scene: Scene | None = None, *, layout: bool = False
 ) -> Readings:

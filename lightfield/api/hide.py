@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, named, scene_of
 from lightfield.api.result import Result
 from lightfield.experiments import hide as hiding
 from lightfield.experiments.layouts import layout_named
@@ -91,7 +91,7 @@ class Riddle(Result[hiding.Hidden]):
 def hide(
     scene: Scene | AnyPath,
     *,
-    effect: Sequence[str] = (),
+    effect: str | Sequence[str] = (),
     lamp: AnyPath | None = None,
     size: Mapping[str, float] | None = None,
     effects_file: AnyPath | None = None,
@@ -110,7 +110,7 @@ def hide(
     ----------
     scene : Scene or path-like
         What the experimenter believes; every band is read.
-    effect : sequence of str
+    effect : str or sequence of str
         Effects to hide, "name" or "name:form", or "unknown:ripple" and the like. Without any, what every
         measurement has: a guess of width and absorption that is 10 to 25 % wrong.
     lamp : path-like, optional
@@ -144,7 +144,7 @@ def hide(
     SceneError, RenderError, BackendError
         A scene that cannot be read or rendered.
     """
-    names, believed = list(effect), scene_of(scene, effects_file)
+    names, believed = named(effect), scene_of(scene, effects_file)
     hiding.check_request(names, strength, noise, plane_gain, position)
     secret = hiding.Secret(names, strength, dict(size or {}), None if lamp is None else fspath(lamp))
     made = hiding.hide(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
 from lightfield.api.light.maps import Maps, nearest, render
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
@@ -135,7 +135,7 @@ def compare(
 ) -> Comparison: ...  # fmt: skip
 @overload
 def compare(
-    what: Readings | AnyPath, scene: Scene | AnyPath, *, with_: Sequence[str] = (),
+    what: Readings | AnyPath, scene: Scene | AnyPath, *, with_: str | Sequence[str] = (),
     effects_file: AnyPath | None = None, solver: str = "analytic", trace: bool = True,
     rel_error: float | None = None, max_photons: float | None = None, seed: int | None = None,
     cache: bool = True,
@@ -144,7 +144,7 @@ def compare(
     what: Scene | Maps | Readings | AnyPath,
     scene: Scene | AnyPath | None = None,
     *,
-    with_: Sequence[str] = (),
+    with_: str | Sequence[str] = (),
     effects_file: AnyPath | None = None,
     solver: str = "analytic",
     trace: bool = True,
@@ -161,7 +161,7 @@ def compare(
         A scene to render, maps as they are, or readings of `scene`; or the file (.toml, .nc, .csv) of one.
     scene : Scene or path-like, optional
         Scene that readings belong to.
-    with_ : sequence of str
+    with_ : str or sequence of str
         Effects to set free in a fit to readings, "name" or "name:form".
     effects_file : path-like, optional
         Effects of your own, beside those of the table (TOML).
@@ -212,7 +212,7 @@ def compare(
         asked["seed"] += 1
     known, light = scene_of(scene, effects_file), light_of(trace)
     report = fitting.fit_readings(
-        readings_of(what, known), known, with_, solver=solver, tracing=asked,
+        readings_of(what, known), known, named(with_), solver=solver, tracing=asked,
         diffuse=None if light is None else partial(light, cache=cache),
     )  # fmt: skip
     return Fit(report)
