@@ -13,7 +13,9 @@ def test_names_in_one_string_are_those_of_the_command_line(given) -> None:
     assert named(given) == ["scattering", "walls"]
 
 
-def test_a_name_alone_is_not_taken_letter_by_letter(tmp_path) -> None:
-    scene = lf.Scene.model_validate({"water": {"absorption_per_m": 0.1}, "detector": {"planes_m": [1.0, 2.0]}})
+def test_a_name_alone_is_not_taken_letter_by_letter() -> None:
+    scene = lf.Scene.model_validate(
+        {"water": {"absorption_per_m": 0.1}, "detector": {"planes_m": [1.0, 2.0]}}
+    )
     with pytest.raises(lf.LightfieldError, match="no_such_effect"):
         lf.hide(scene, effect="no_such_effect")
