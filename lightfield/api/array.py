@@ -10,8 +10,8 @@ import numpy as np
 
 from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.result import Result
+from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
-from lightfield.scene.in_air import in_air
 from lightfield.studies.follower import design, survey
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import Space

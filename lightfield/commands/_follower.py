@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
+from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
-from lightfield.scene.in_air import in_air
 from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:

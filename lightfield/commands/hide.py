@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
 from lightfield.commands._progress import progress_of
+from lightfield.experiments.layouts import layout_named
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -81,7 +82,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
     from lightfield.experiments.hide import Secret, hide, replaced_in
-    from lightfield.experiments.layouts import layout_named
     from lightfield.experiments.measure import Instrument
 
     output_file(args.output / "scene.toml", args.scene)

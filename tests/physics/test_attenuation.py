@@ -233,7 +233,7 @@ def test_the_whole_study_names_what_the_formula_gets_wrong(study) -> None:
     assert set(study.content.other_phases) == {0.87, 0.97}
     assert "plain Beer-Lambert" in as_text(study)
     page = attenuation_page(study)
-    assert page.count("<svg") == 4 and "<script" not in page and "What K hides" in page
+    assert page.count("<svg") == 2 * 4 and "<script" not in page and "What K hides" in page
     data = json.loads(json.dumps(as_data(study)))
     assert data["constituents"]["traced"]["amounts"]["sediment_g_per_m3"]["distinguished"] in (True, False)
     assert len(data["scattered_light"]["kappa"]) == len(COLOURS)

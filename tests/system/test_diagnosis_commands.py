@@ -91,7 +91,7 @@ def test_climbing_by_hand_appends_to_the_ledger(folder: Path, capsys, monkeypatc
         more = ["--scene", f"{folder}/scene.toml", "--with", names, "-o", f"{folder}/byhand"]
         errors.append(_fit(folder, capsys, *more)["error_percent"])
         page = (folder / "byhand" / "index.html").read_text(encoding="utf-8")
-        rungs.append(re.findall(r'<th scope="row">(\+ [^<]+)</th>', page))
+        rungs.append(re.findall(r'<th scope="row"[^>]*>(\+ [^<]+)</th>', page))
         assert f"error {errors[-1]:.3g} %" in page
     assert errors[1] < errors[0]
     assert rungs == [["+ beam_offset"], ["+ beam_offset", "+ beam_offset + beam_tilt"]]

@@ -6,11 +6,13 @@ import io
 import os
 import shutil
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from lightfield.cli import main
+from lightfield.commands import _progress
 from lightfield.scene import Scene
 
 
@@ -35,12 +37,13 @@ def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
 
 def test_work_that_takes_long_says_so(tmp_path, monkeypatch, capsys):
     """Minutes of silence look like a program that hangs: a line now and then, apart from the answer."""
-    monkeypatch.setattr("lightfield.commands._console.EVERY_S", 1e-3)
+    often = partial(_progress.status_lines, every_s=1e-3)
+    monkeypatch.setattr(_progress, "status_lines", often)
     assert main(["new", "tank", "--points", "3", "-o", str(tmp_path / "pool")]) == 0
     layout, scene = str(tmp_path / "pool" / "layout.csv"), str(tmp_path / "pool" / "scene.toml")
     assert main(["plan", layout, "--scene", scene, "--no-trace"]) == 0
     printed = capsys.readouterr()
-    assert "s: what each effect would do" in printed.err and "what each effect would do" not in printed.out
+    assert "plan: " in printed.err and " s so far" in printed.err and "so far" not in printed.out
 
 
 class Terminal(io.StringIO):

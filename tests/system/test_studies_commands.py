@@ -56,7 +56,7 @@ def test_from_jaz_files_to_a_page_of_attenuation(readings, capsys) -> None:
     with xr.open_dataset(readings.with_name("k.nc")) as kept:
         assert kept.attenuation.values == pytest.approx(K)
     page = readings.with_name("k.html").read_text(encoding="utf-8")
-    assert page.count("<svg") == 3 and "http://" not in page.replace("http://www.w3.org", "")
+    assert page.count("<svg") == 2 * 3 and "http://" not in page.replace("http://www.w3.org", "")
 
 
 def test_real_jaz_files_go_all_the_way(reference, tmp_path, monkeypatch, capsys) -> None:

@@ -28,13 +28,17 @@ def found() -> Diagnosis:
 def settle_to(monkeypatch: pytest.MonkeyPatch, slant: float) -> None:
     """With the better light the readings on the right are brighter by this part, and on the left darker."""
 
-    def moved(problem: Problem, tried: Tried) -> module._Settled:
+    def moved(problem: Problem, tried: Tried) -> module.Settled:
         assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
         there = replace(problem, value=problem.value * (1 + slant * np.sign(problem.layout.x_m)))
         whiten = tried.test.whiten
-        return module._Settled(there, whiten, there.fit(tried.explanation, whiten, [tried.fit.u]))
+        return module.Settled(there, whiten, there.fit(tried.explanation, whiten, [tried.fit.u]))
 
-    for name, value in (("_settle", moved), ("scatters", lambda *_: True), ("can_follow", lambda *_: True)):
+    for name, value in (
+        ("_settled_from", moved),
+        ("scatters", lambda *_: True),
+        ("can_follow", lambda *_: True),
+    ):
         monkeypatch.setattr(module, name, value)
 
 

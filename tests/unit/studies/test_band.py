@@ -124,4 +124,4 @@ def test_distances_lie_in_the_tank() -> None:
 def test_words_data_and_page() -> None:
     found = best_band(scene(), False)
     assert len(json.loads(json.dumps(as_data(found)))["best"]) == 6
-    assert "of the best signal" in as_text(found) and band_page(found).count("<svg") == 1
+    assert "of the best signal" in as_text(found) and band_page(found).count("<svg") == 2 * 1

@@ -163,7 +163,7 @@ def test_a_page_and_its_data(tmp_path: Path) -> None:
     scene = scene.with_values({"follower.mission.dark_for_s": 0.4})
     found = follow({"<a>": scene, "b": scene}, ["exact"], runs=2, photons=0)
     html = write_following(found, tmp_path / "f.html").read_text(encoding="utf-8")
-    assert "&lt;a&gt;" in html and html.count("<svg") == 2 and "Asked for 6.5 m" in html
+    assert "&lt;a&gt;" in html and html.count("<svg") == 2 * 2 and "Asked for 6.5 m" in html
     data = found.as_data()["cases"][0]
     assert data["metrics"]["standoff"]["by_run"] == found.cases[0].runs["standoff"].tolist()
     assert found.cases[0].dataset()["pose"].sizes == {"time_s": 11, "run": 2, "coordinate": 6}

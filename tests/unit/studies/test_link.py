@@ -166,4 +166,4 @@ def test_words_data_and_page(clear) -> None:
     assert data["reaches"]["c = 0.1"]["data_m"] == pytest.approx(40.6, abs=0.15)
     assert "10 to 15 m (turbid bay; Cowen" in as_text(clear)
     assert "first source" in link_page(clear)
-    assert link_page(clear).count("<svg") == 2
+    assert link_page(clear).count("<svg") == 2 * 2

@@ -204,7 +204,7 @@ def test_words_data_and_page(formula) -> None:
     )
     assert "8.31 m" in as_text(formula)
     page = range_page(formula)
-    assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2
+    assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2 * 2
 
 
 def test_where_an_array_sees_nothing_of_a_direction_its_bound_is_infinite() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lightfield.errors import SceneError
-from lightfield.scene.scene import Scene
+from lightfield.scene import Scene
 
 
 def in_air(scene: Scene) -> Scene:

@@ -7,8 +7,8 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.formula.field import direct_field
+from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
-from lightfield.scene.in_air import in_air
 
 TURBID = {
     "tank": {"width_m": 3.0, "length_m": 9.0, "depth_m": 2.0, "surface": "flat", "wall_albedo": 0.1},
