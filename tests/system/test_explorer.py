@@ -296,13 +296,11 @@ def test_what_is_saved_opens_again(page, folder: Path, tmp_path: Path) -> None:
 @needs_browser
 def test_a_diagnosis_runs_beside_the_page_and_its_explanation_is_accepted(page) -> None:
     rest(page)
+    page.locator('html[data-maps="ready"]').wait_for()  # one job at a time
     before = error(page)
     page.get_by_role("button", name="Diagnose").click()
-    # In the page itself, which is quicker than the diagnosis on any machine.
-    page.wait_for_function(
-        "() => { const job = document.querySelector('#job'), shown = !job.hidden;"
-        " if (shown) job.querySelector('button').click(); return shown; }"
-    )
+    page.locator("#job-text", has_text="diagnosis").wait_for()
+    page.get_by_role("button", name="Cancel").click()
     page.locator("#job").wait_for(state="hidden")
     assert not page.get_by_role("button", name="Accept: background").is_visible()
     page.get_by_role("button", name="Diagnose").click()
