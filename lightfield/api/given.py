@@ -92,8 +92,8 @@ def import_(
     ----------
     index : path-like
         CSV that says of every file where it was taken: file, medium, x_m, y_m, z_m, time_s, role (signal,
-        dark, reference, ignore), integration_time_s, spectrum; only file and z_m are required. With a `column` for
-        z_m a table of your own that has the places in it.
+        dark, reference, ignore), integration_time_s, spectrum; only file and z_m are required. With a
+        `column` for z_m a table of your own that has the places in it.
     column : mapping of str to str, optional
         Which column is what, by its name or number: of files of plain columns wavelength_nm, value, dark,
         reference; of a table of your own z_m, x_m, y_m, time_s, integration_time_s, medium, role, value.
