@@ -1,4 +1,4 @@
-"""What a long command says where there is no terminal: a line every ten seconds on standard error."""
+"""How far long work is, on standard error: a bar on a terminal, else a line every ten seconds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
@@ -75,3 +75,23 @@ def progress_of(name: str) -> Iterator[None]:
             )
         ):
             yield
+
+
+@contextmanager
+def stage_line(first: str) -> Iterator[Callable[[str], None]]:
+    """The stage of work whose end nobody knows, and the time, on a terminal; else a line now and then.
+
+    Yields
+    ------
+    callable
+        Takes the name of the stage that begins, or how far it is.
+    """
+    output = console(stderr=True)
+    if not output.is_terminal:
+        with status_lines(first) as note:
+            yield lambda stage: note(stage, 0.0)
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Bar(*columns, console=output, transient=True) as line:
+        task = line.add_task(first)
+        yield lambda stage: line.update(task, description=stage)

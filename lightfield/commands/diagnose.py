@@ -8,8 +8,8 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from lightfield.commands._console import stage_line
 from lightfield.commands._options import add_option
+from lightfield.commands._progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
 from lightfield.fitting.effects import all_of, curves
