@@ -21,7 +21,8 @@ from lightfield.diagnosis.search.preparation import Prepared, prepare
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.truncation import with_truncation
-from lightfield.diagnosis.verdict import calibration, compose, refutation, text, words
+from lightfield.diagnosis.verdict import calibration, compose, refutation, text
+from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.found.left import ranked
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
@@ -136,8 +137,8 @@ class Diagnosis:
                 reason=DoubtReason.NOT_CONFIRMED, named=verdict.effects,
                 fitted_percent=last.error_percent, rendered_percent=fresh,
             )  # fmt: skip
-            warning = f"{words.not_confirmed(doubt)}: the explanation is no better than the former"
-            update["warnings"] = [*verdict.warnings, warning]
+            told = {"fitted_percent": last.error_percent, "rendered_percent": fresh}
+            update["cautions"] = [*verdict.cautions, Caution(warns=Warns.NOT_CONFIRMED, values=told)]
             if verdict.verdict != "unexplained":
                 update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}
         return replace(self, verdict=verdict.model_copy(update=update))

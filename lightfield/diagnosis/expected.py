@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
 from lightfield.diagnosis.verdict.words import join
 
@@ -82,7 +83,7 @@ class Together:
     expected: list[Expected]
     readings: int
     units: Mapping[str, str]
-    assumed: tuple[str, ...]
+    assumed: tuple[Assumed, ...]
 
     def of_level(self, *levels: str) -> list[str]:
         """Effects that would be known so well."""
@@ -148,5 +149,6 @@ class Together:
                 }
                 for one in self.expected
             ],
-            "assumed": list(self.assumed),
+            "assumed": [str(a) for a in self.assumed],
+            "assumptions": [a.as_data() for a in self.assumed],
         }

@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
+from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
@@ -84,7 +85,7 @@ class LayoutPlan:
     helpful: list[Helpful]
     units: dict[str, str]
     readings: int
-    assumed: tuple[str, ...]
+    assumed: tuple[Assumed, ...]
 
 
 def planned(readings: Readings, scene: Scene) -> Readings:
@@ -339,5 +340,6 @@ def as_data(made: LayoutPlan) -> dict[str, Any]:
             }
             for extra in made.helpful
         ],
-        "assumed": list(made.assumed),
+        "assumed": [str(a) for a in made.assumed],
+        "assumptions": [a.as_data() for a in made.assumed],
     }

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.explorer.experiment import Experiment
+from lightfield.explorer.experiment import PERCENT, Experiment
 from lightfield.explorer.fits import Fits, Fitted, Score
 from lightfield.explorer.state import State
+from lightfield.fitting.light_source import GAIN
 from lightfield.fitting.parameter import FitParameter
 
 #: A slider of what is found on a logarithmic scale goes to so many times the fitted value, and down alike.
@@ -43,7 +44,7 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
         "kept": e.problem.keep > 0,
         "angle_deg": np.degrees(e.layout.angle_rad),
         "floor_percent": fits.floor_percent,
-        "assumed": list(e.assumed),
+        "assumed": _assumed(e),
         "warnings": [str(w) for w in r.warnings],
         "untestable": dict(e.untestable),
     }
@@ -120,9 +121,16 @@ def _parameter(
     }
 
 
+def _assumed(experiment: Experiment) -> list[str]:
+    """What misfits are counted in."""
+    if not experiment.has_data:
+        return [f"misfits count in {PERCENT:g} % of the render"]
+    return [str(one) for one in experiment.assumed]
+
+
 def label_of(path: str) -> str:
     """A parameter's name for people, without its unit."""
-    if path.startswith("gain"):
+    if path.startswith(GAIN):
         return path.replace(".", " ")
     part, _, rest = path.partition(".")
     for ending in _ENDINGS:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
@@ -60,7 +61,7 @@ class Experiment:
     places : MapPlaces
     gain : float, optional
         Of the render that takes the place of readings.
-    assumed : tuple of str
+    assumed : tuple of Assumed
         Terms of the error budget that were not given.
     """
 
@@ -76,7 +77,7 @@ class Experiment:
     maps: tuple[SceneForward, ...]
     places: MapPlaces
     gain: float | None = None
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[Assumed, ...] = ()
 
     @property
     def forward(self) -> SceneForward:
@@ -198,7 +199,7 @@ def _against_render(
     whiten = Whitener(Noise(layout, sigma, value, Budget(0.0, 0.0, 0.0), zero))
     return Experiment(
         scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, (whole,), places,
-        scale, (f"misfits count in {PERCENT:g} % of the render",),
+        scale,
     )  # fmt: skip
 
 

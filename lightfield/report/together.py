@@ -59,7 +59,7 @@ def together_page(made: Together) -> str:
     sizes = "; ".join(made.sizes(one) for one in made.expected)
     told = [f"Asked about: {sizes}."]
     if made.assumed:
-        told.append(f"Assumed: {'; '.join(made.assumed)}.")
+        told.append(f"Assumed: {'; '.join(map(str, made.assumed))}.")
     return study_page(
         "Which effects would be certain?",
         made.sentence,

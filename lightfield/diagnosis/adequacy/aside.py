@@ -19,6 +19,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.structure import Span, Structure
 from lightfield.diagnosis.problem.layout import AIR_APART_M, PLACE_DECIMALS, SAME, Labels, Layout
 
+#: Rows of places beside each other: numbers along them are no lengths.
+_ROWS = ("along x", "along y", "along z")
 #: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
 #: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_aside.py holds it.
 LEVEL = 0.003
@@ -93,8 +95,7 @@ def _sequences(layout: Layout, prediction: Array, at: Labels) -> dict[str, Array
         out |= {"x/z": x / z, "y/z": y / z}
     out["angle"] = np.degrees(layout.angle_rad[at])
     out["signal"] = np.argsort(np.argsort(prediction[at])).astype(float)
-    rows = {"along x": (x, y, plane), "along y": (y, x, plane), "along z": (z, x, y)}
-    for name, keys in rows.items():
+    for name, keys in zip(_ROWS, ((x, y, plane), (y, x, plane), (z, x, y)), strict=True):
         place = np.empty(len(at))
         place[np.lexsort(keys)] = np.arange(len(at))
         out[name] = place
@@ -131,7 +132,7 @@ def _scan(
     value, rounding = sequences[name], 10.0**-PLACE_DECIMALS
     members = seen[(value[seen] >= first - rounding) & (value[seen] <= last + rounding)]
     chance = float((least <= least[0]).sum()) / len(places)
-    kind = "place" if name.startswith("along") else name
+    kind = "place" if name in _ROWS else name
     return _Window(kind, _span(name, first, last), members, chance)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.chain import ChainFactor, Link, alone, fewer, low_rank
 from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
@@ -113,7 +114,7 @@ class Budget:
     position_m: float
     tolerance: float
     gain_stated: bool = False
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[Assumed, ...] = ()
     outlier_rate: float = 0.0
     #: Standard error of the calibration; None on a relative scale.
     calibration: float | None = None

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.problem.candidates import Setting, candidates
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
-from lightfield.diagnosis.problem.noise import Budget, errors_stated
+from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Budget, errors_stated
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
 from lightfield.errors import FitError
@@ -72,30 +73,28 @@ MOST_MURKY = 4000
 
 def budget_of(readings: Readings) -> Budget:
     """The stated error budget; what is missing is estimated from repeats or assumed, and named."""
-    stated, assumed = readings.budget, []
+    stated = readings.budget
+    assumed: list[Assumed] = []
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
     repeats = repeats_of(readings) if gain is None else None
     if repeats is not None:
         gain = 100 * plane_gain(repeats, PLANE_GAIN_PERCENT / 100)
-        where = "the reference position" if repeats.reference else "one position"
-        assumed.append(f"plane_gain_percent = {gain:.2g} from {repeats.visits} repeats of {where}")
+        assumed.append(Assumed(Term.PLANE_GAIN, gain, repeats.visits, repeats.reference))
     elif gain is None:
-        assumed.append(
-            f"plane_gain_percent = {PLANE_GAIN_PERCENT:g} for every stay of several readings at one distance"
-        )
+        assumed.append(Assumed(Term.PLANE_GAIN, PLANE_GAIN_PERCENT))
     if position is None:
-        assumed.append(f"position_mm = {POSITION_MM:g}")
+        assumed.append(Assumed(Term.POSITION, POSITION_MM))
     if tolerance is None:
-        assumed.append(f"tolerance_percent = {TOLERANCE_PERCENT:g}")
+        assumed.append(Assumed(Term.TOLERANCE, TOLERANCE_PERCENT))
     slips = stated.outlier_percent
     if slips is None:
         slips = OUTLIER_PERCENT
-        assumed.append(f"outlier_percent = {slips:g}")
+        assumed.append(Assumed(Term.OUTLIERS, slips))
     calibration = calibration_of(readings)
     if calibration is not None and stated.calibration_percent is None:
-        assumed.append(f"calibration_percent = {CALIBRATION_PERCENT:g}")
+        assumed.append(Assumed(Term.CALIBRATION, CALIBRATION_PERCENT))
     if not errors_stated(np.asarray(readings.stderr, float)):
-        assumed.append("stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated")
+        assumed.append(Assumed(Term.STDERR, 100 * ASSUMED_RELATIVE, floor_percent=100 * ASSUMED_FLOOR))
     return Budget(
         (PLANE_GAIN_PERCENT if gain is None else gain) / 100,
         (POSITION_MM if position is None else position) / 1000,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
-from lightfield.diagnosis.verdict.parts import NextMeasurement, SetAside, Spot
+from lightfield.diagnosis.verdict.parts import SetAside, Spot
 
 #: Readings set aside that the sentence names one by one.
 _NAMED_ASIDE = 3
@@ -13,21 +13,11 @@ _NAMED_ASIDE = 3
 REPEATS = 3
 
 
-def advice(aside: list[SetAside]) -> NextMeasurement:
-    """What to do about readings set aside that are no slips."""
-    one = aside[0]
-    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
-    sentence = (
-        "Look for what stands between lamp and detector, and repeat the readings set aside (the farthest at "
-        f"{place(one, False)}): what repeats is a structure of the light, what does not is a slip."
-    )
-    return NextMeasurement(sentence=sentence, readings=[spot])
-
-
-def place(one: SetAside, waves: bool) -> str:
-    """Where a reading was taken."""
+def place(one: SetAside | Spot, waves: bool = False) -> str:
+    """Where a reading was taken, or is to be taken."""
     medium = "" if one.medium == "water" else f" in {one.medium}"
-    colour = f", {one.wavelength_nm:g} nm" if waves and one.wavelength_nm is not None else ""
+    wavelength = one.wavelength_nm if isinstance(one, SetAside) and waves else None
+    colour = "" if wavelength is None else f", {wavelength:g} nm"
     x, y, z = (round(v, PLACE_DECIMALS) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
     return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
 

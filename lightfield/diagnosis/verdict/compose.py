@@ -13,14 +13,15 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.verdict import aside_words, words
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
-from lightfield.diagnosis.verdict.cautions import cautions, variance_scale
+from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
+from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.misfit import along, unexplained
 from lightfield.diagnosis.verdict.found.records import found_effects
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
+from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement, look
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -29,13 +30,11 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
-    NextMeasurement,
     Reason,
     Rung,
     SetAside,
     Spot,
 )
-from lightfield.diagnosis.verdict.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.trust import Trust, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -224,16 +223,14 @@ def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
         Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats)
         for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
-    advice = NextMeasurement(
-        sentence="",
+    alike = best.predicted_sigma < SAME_CLASS_SIGMA
+    return NextMeasurement(
+        asks=Asks.OTHER_KIND if alike else Asks.PART,
         between=[list(one.names), list(two.names)],
-        readings=readings,
+        readings=[] if alike else readings,
         separation_now_sigma=best.now_sigma,
         separation_predicted_sigma=best.predicted_sigma,
     )
-    if best.predicted_sigma < SAME_CLASS_SIGMA:
-        return advice.model_copy(update={"sentence": words.other_kind(one.names, two.names), "readings": []})
-    return advice.model_copy(update={"sentence": words.next_reading(one.names, two.names, advice)})
 
 
 def _set_aside(found: Found) -> list[SetAside]:
@@ -311,7 +308,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
     if doubt is not None and doubt.structure is not None:
-        coordinate, advice = doubt.structure.coordinate, aside_words.advice(aside)
+        coordinate, advice = doubt.structure.coordinate, look(aside)
     explanations = _explanations(found, units, advise)
     counted = bright(problem)
     sigma = standard_errors(prepared, finding)[counted] / prepared.noise.prediction[counted]
@@ -344,12 +341,11 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         noise_percent=trust.noise_percent,
         next_measurement=advice,
         stated=own_effects,
-        assumed=list(budget.assumed),
-        warnings=[
+        assumptions=list(budget.assumed),
+        cautions=[
             *hints(found.forward, problem, found.steps[-1].fit, budget.calibration),
             *exchanged(found.forward, problem, finding),
             *cautions(found.readings, prepared, finding, explanations),
-            *unnamed.warnings(small, of_best),
         ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=level.tolerance > 0,

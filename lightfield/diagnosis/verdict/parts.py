@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from lightfield.diagnosis.adequacy.structure import Structure
 
@@ -16,6 +16,13 @@ class Part(BaseModel):
     """Plain data that nothing changes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, given: object) -> object:
+        """Words that are read back are no data."""
+        words = cls.model_computed_fields
+        return {k: v for k, v in given.items() if k not in words} if isinstance(given, dict) else given
 
 
 class _Word(str, Enum):
@@ -172,18 +179,6 @@ class Spot(Part):
     z_m: float
     medium: str
     repeats: int
-
-
-class NextMeasurement(Part):
-    """What to measure next, and what it would decide."""
-
-    sentence: str
-    between: list[list[str]] = Field(
-        default_factory=list, description="the two explanations it would separate"
-    )
-    readings: list[Spot] = Field(default_factory=list)
-    separation_now_sigma: float | None = None
-    separation_predicted_sigma: float | None = None
 
 
 class SetAside(Part):

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.diagnosis.verdict import aside_words, stated, words
-from lightfield.diagnosis.verdict.found import rest
+from lightfield.diagnosis.verdict.found import rest, unnamed
 from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
+from lightfield.fitting.light_source import GAIN
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.verdict.verdict import Verdict
@@ -25,6 +26,12 @@ def words_of(verdict: Verdict) -> words.Said:
         told = told.then(rest.sentences(verdict.left_over, verdict.misfit))
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, verdict.several_wavelengths)
     return told.then(aside)
+
+
+def warnings_of(verdict: Verdict) -> list[str]:
+    """What to be warned of, in words."""
+    best = verdict.explanations[0].parameters if verdict.explanations else {}
+    return [*(one.sentence for one in verdict.cautions), *unnamed.sentences(verdict.unnamed, best)]
 
 
 def _found(verdict: Verdict) -> words.Said:
@@ -70,7 +77,7 @@ def as_text(verdict: Verdict) -> str:
         values = ", ".join(
             f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
             for path, e in explanation.parameters.items()
-            if not path.startswith("gain") and not path.rpartition(".")[2].isdigit()  # of a curve
+            if not path.startswith(GAIN) and not path.rpartition(".")[2].isdigit()  # of a curve
         )
         lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
     if verdict.next_measurement:

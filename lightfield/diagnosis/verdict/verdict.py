@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import Field, computed_field, model_validator
+from pydantic import Field, computed_field
 
+from lightfield.diagnosis.problem.assumed import Assumed
+from lightfield.diagnosis.verdict.cautions.caution import Caution
+from lightfield.diagnosis.verdict.next_measurement import NextMeasurement
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -15,14 +18,13 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
-    NextMeasurement,
     Part,
     Rung,
     SetAside,
     StatedEffect,
     Unnamed,
 )
-from lightfield.diagnosis.verdict.text import words_of
+from lightfield.diagnosis.verdict.text import warnings_of, words_of
 from lightfield.diagnosis.verdict.words import doubt
 
 
@@ -59,8 +61,10 @@ class Verdict(Part):
     stated: list[StatedEffect] = Field(
         default_factory=list, description="the scene's own effects: hypotheses too"
     )
-    assumed: list[str] = Field(description="terms of the error budget that were not given")
-    warnings: list[str] = Field(default_factory=list)
+    assumptions: list[Assumed] = Field(
+        default_factory=list, description="terms of the error budget that were not given"
+    )
+    cautions: list[Caution] = Field(default_factory=list, description="what to be warned of")
     base_p: float = Field(description="adequacy of the base model")
     within_tolerance: bool = Field(description="holds only within the tolerated smooth model error")
     tolerance_percent: float = Field(description="smooth model error that is of no interest")
@@ -120,12 +124,15 @@ class Verdict(Part):
     def doubt(self) -> str | None:
         return None if self.reason_to_doubt is None else doubt(self.reason_to_doubt)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, given: object) -> object:
-        """Words that are read back are no data."""
-        words = cls.model_computed_fields
-        return {k: v for k, v in given.items() if k not in words} if isinstance(given, dict) else given
+    @computed_field(description="`assumptions` in words")  # type: ignore[prop-decorator]
+    @property
+    def assumed(self) -> list[str]:
+        return [str(one) for one in self.assumptions]
+
+    @computed_field(description="`cautions` and `unnamed` in words")  # type: ignore[prop-decorator]
+    @property
+    def warnings(self) -> list[str]:
+        return warnings_of(self)
 
 
 def json_schema() -> dict[str, Any]:

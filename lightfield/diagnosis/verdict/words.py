@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
+from lightfield.diagnosis.verdict.cautions.caution import not_confirmed
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -14,11 +15,8 @@ from lightfield.diagnosis.verdict.parts import (
     DoubtReason,
     Misfit,
     NearestRival,
-    NextMeasurement,
     Reason,
-    Spot,
 )
-from lightfield.fitting import effects
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.
 UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
@@ -62,7 +60,8 @@ class Said:
         return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """An effect's name for people."""
     return "CDOM" if name == "cdom" else name.replace("_", " ")
 
 
@@ -72,7 +71,7 @@ def _sentence(text: str) -> str:
 
 def join(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
-    words = [_plain(n) for n in names]
+    words = [plain(n) for n in names]
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
@@ -142,7 +141,7 @@ def unexplained_about(misfit: Misfit | None) -> str:
         return "it is not a function of one coordinate"
     if misfit.like is not None and misfit.period_deg is None:
         name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
-        return f"it looks like a {_plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
+        return f"it looks like a {plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
     return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
 
 
@@ -171,12 +170,6 @@ def doubt(why: Doubt) -> str:
         return f"readings that no known effect reaches are no slips: {_in_common(why.structure)}"
     named = join(why.named) if why.named else "the base model"
     return f"{named} would explain the readings, but {not_confirmed(why)}"
-
-
-def not_confirmed(why: Doubt) -> str:
-    """How a fresh render contradicts a fit."""
-    missed = f"{why.rendered_percent:.2g} % against {why.fitted_percent:.2g} %"
-    return f"the fresh render does not confirm the fit ({missed})"
 
 
 def _in_common(found: Structure) -> str:
@@ -210,7 +203,7 @@ def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:
         limit = limits[name]
         if limit.within_range:
             unit = "" if limit.unit == "1" else f" {limit.unit}"
-            return f"{noise}{_plain(name)} above {limit.value:.2g}{unit} would have been seen"
+            return f"{noise}{plain(name)} above {limit.value:.2g}{unit} would have been seen"
     return f"{noise}no effect of plausible size would have been seen: these readings say nothing of any"
 
 
@@ -224,40 +217,3 @@ def at_noise(percent: float | None, errors_stated: bool, variance_scale: float) 
         low, high = _AS_STATED
         origin = "as stated" if low < factor < high else f"{factor:.2g} times the stated one"
     return f"at a noise of {percent:.2g} % of a bright reading ({origin}), "
-
-
-def repeat(spot: Spot, misfit: Misfit | None) -> str:
-    """What to do about a misfit that nothing explains.
-
-    Parameters
-    ----------
-    spot : Spot
-        Where it is largest.
-    """
-    if misfit is not None and misfit.coordinate == "time":
-        return "Repeat one reference position every few minutes: the misfit follows the time, not the place."
-    where = f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
-    return (
-        f"Repeat readings where the misfit is largest ({where}) at another time: what repeats is a "
-        "structure, what does not is noise."
-    )
-
-
-def other_kind(first: Sequence[str], second: Sequence[str]) -> str:
-    """What to do when no further reading of the same kind parts two explanations."""
-    different = [n for n in (*first, *second) if (n in first) != (n in second)]
-    advice = " ".join(f"For {_plain(n)}: {effects.get(n).laboratory}" for n in different)
-    return (
-        f"No further reading of this kind separates {join(first)} from {join(second)}; "
-        f"change the kind of measurement. {advice}"
-    )
-
-
-def next_reading(first: Sequence[str], second: Sequence[str], advice: NextMeasurement) -> str:
-    """Advice with numbers."""
-    spots = "; ".join(f"x = {s.x_m:.2f}, y = {s.y_m:.2f}, z = {s.z_m:.2f} m" for s in advice.readings)
-    count = sum(s.repeats for s in advice.readings)
-    return (
-        f"{count} readings ({spots}) would part {join(first)} and {join(second)} by "
-        f"{advice.separation_predicted_sigma:.1f} sigma (now {advice.separation_now_sigma:.1f})."
-    )

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -20,10 +21,11 @@ from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare
 from lightfield.diagnosis.search.settled import settle
 from lightfield.diagnosis.verdict.calibration import by_shape
+from lightfield.diagnosis.verdict.cautions.caution import Caution
+from lightfield.diagnosis.verdict.cautions.plausibility import hints
 from lightfield.diagnosis.verdict.compose import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
 from lightfield.diagnosis.verdict.parts import Estimate
-from lightfield.diagnosis.verdict.plausibility import hints
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.fitted_curves import save_lamp, save_spectrum
@@ -113,9 +115,15 @@ class FitReport:
     estimates: dict[str, Estimate]
     statistics: Statistics
     residuals: Residuals
-    notes: list[str]
+    assumed: tuple[Assumed, ...]
+    cautions: list[Caution]
     base_prediction: Array
     sigma: Array
+
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed, and what to be warned of, in words."""
+        return [f"assumed: {a}" for a in self.assumed] + [f"warning: {c.sentence}" for c in self.cautions]
 
     def save(self, folder: str | Path, command: str = "compare") -> Path:
         """Store the fitted scene as a rung and add it to the folder's ledger.
@@ -233,7 +241,8 @@ def fit_readings(
     with threadpool_limits(1, "blas"):
         budget = budget_of(readings)
         model, prepared, made, base = _refit(readings, scene, with_effects, diffuse, budget, seed)
-        noted = [*hints(model.forward, model.problem, model.fit, budget.calibration), *readings.warnings]
+        cautions = hints(model.forward, model.problem, model.fit, budget.calibration)
+        cautions += [Caution.of_table(w) for w in readings.warnings]
         for _ in range(2 if solver == "render" else 0):
             model = model.corrected(made.whiten, tracing or {})
         problem, fit = model.problem, model.fit
@@ -253,7 +262,8 @@ def fit_readings(
                 floor,
             ),
             Residuals.of(problem, fit.prediction, sigma),
-            [f"assumed: {a}" for a in budget.assumed] + [f"warning: {w}" for w in noted],
+            budget.assumed,
+            cautions,
             base,
             sigma,
         )

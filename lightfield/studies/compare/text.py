@@ -75,5 +75,7 @@ def as_data(report: FitReport) -> dict[str, Any]:
         "residual_sigma": [float(v) for v in report.residuals.sigma],
         "prediction": [float(v) for v in model.fit.prediction],
         "notes": report.notes,
+        "assumptions": [a.as_data() for a in report.assumed],
+        "cautions": [c.model_dump(mode="json") for c in report.cautions],
         "scene": model.scene.to_toml(),
     }

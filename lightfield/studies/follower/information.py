@@ -21,7 +21,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.scene import Scene
 from lightfield.studies.follower.frames import POSE, in_degrees
-from lightfield.studies.follower.light import Model
+from lightfield.studies.follower.light import LAMP_TILTS, Model
 from lightfield.studies.follower.noise import PERCENT, Noise
 
 #: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
@@ -47,7 +47,7 @@ def nuisances_of(scene: Scene) -> dict[str, float]:
         water = PERCENT * scene.follower.water_known_percent
         found |= {"absorption": water, "scattering": water}
         tilt = float(np.radians(scene.follower.lamp_tilt_known_deg))
-        found |= {"lamp tilt x": tilt, "lamp tilt y": tilt}
+        found |= dict.fromkeys(LAMP_TILTS, tilt)
     return {name: sigma for name, sigma in found.items() if sigma > 0}
 
 

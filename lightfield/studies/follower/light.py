@@ -20,6 +20,8 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE, placed, rotations
 
+#: What the lamp may be tilted towards, which a follower does not know, and the axis of the scene that it is.
+LAMP_TILTS = {"lamp tilt x": "x", "lamp tilt y": "y"}
 #: Step of numerical derivatives, m and rad, and of a logarithm: the light changes over decimetres and
 #: degrees, so
 #: the relative error of a central difference is about (step / length)^2 = 1e-6.
@@ -191,7 +193,7 @@ class Model:
     def _by(self, pose: Array, name: str) -> Array:
         if name == "gain":
             return self.readings(pose[None])[0]
-        return self._by_tilt(pose, name[-1]) if name.startswith("lamp tilt") else self._by_water(pose, name)
+        return self._by_tilt(pose, LAMP_TILTS[name]) if name in LAMP_TILTS else self._by_water(pose, name)
 
     def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
         """Derivatives by coordinates of the pose, shape (m, n_elements, len(names))."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.studies.follower.light import LAMP_TILTS
 from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.study import WorkingRange
 
@@ -50,7 +51,7 @@ FLAT = "A flat array that faces the lamp trades yaw against a step aside: a curv
 
 
 def _known(name: str, sigma: float) -> str:
-    return f"{np.degrees(sigma):.2g} deg" if name.startswith("lamp tilt") else f"{100 * sigma:.3g} %"
+    return f"{np.degrees(sigma):.2g} deg" if name in LAMP_TILTS else f"{100 * sigma:.3g} %"
 
 
 def rows(found: WorkingRange) -> list[list[str]]:

@@ -8,6 +8,7 @@ import pytest
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
+from lightfield.diagnosis.verdict.next_measurement import repeat
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -162,9 +163,9 @@ def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
     spot = Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
     time = Misfit(coordinate="time", worst_at=3.0)
-    assert words.repeat(spot, time).startswith("Repeat one reference position every few minutes:")
+    assert repeat(spot, time).sentence.startswith("Repeat one reference position every few minutes:")
     for other in (None, Misfit(coordinate="x", worst_at=0.3)):
-        assert words.repeat(spot, other) == (
+        assert repeat(spot, other).sentence == (
             "Repeat readings where the misfit is largest (x = 0.30, y = 0.00, z = 6.50 m) at another time: "
             "what repeats is a structure, what does not is noise."
         )

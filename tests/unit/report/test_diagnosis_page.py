@@ -87,7 +87,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         ],
         "noise_floor_percent": 0.4,
         "next_measurement": {
-            "sentence": "Twelve readings at x = 1.2 m, z = 3 m would separate them by 10 sigma.",
+            "asks": "part two explanations",
             "between": [["scattering"], ["beam_skirt"]],
             "readings": [
                 {"x_m": 1.2, "y_m": 0.0, "z_m": 3.0, "medium": "water", "repeats": 8},
@@ -98,7 +98,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         }
         if kind == "ambiguous"
         else None,
-        "assumed": ["plane gain 0.3 %"],
+        "assumptions": [{"term": "plane_gain_percent", "value": 0.3}],
         "base_p": 0.001,
         "within_tolerance": False,
         "tolerance_percent": 0.3,
@@ -110,7 +110,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         "outliers": [2],
         "saturated": [],
         "readings": z.size,
-        "warnings": ["scan order = plane order: time and distance cannot be told apart"],
+        "cautions": [{"warns": "table", "about": "scan_order", "said": "scan order = plane order"}],
         "run": 2,
     }
     predictions = [Prediction("base", base + 0.3 * glow)]
@@ -151,7 +151,7 @@ def test_every_verdict_is_said_first(kind):
     assert html.index(view.verdict.headline) < html.index("<h2>")
     for said in view.verdict.support:
         assert html.index(said) < html.index("<h2>")
-    for needed in ("base", "noise floor 0.4 %", "plane gain 0.3 %", "no readings off the axis in y"):
+    for needed in ("base", "noise floor 0.4 %", "plane_gain_percent = 0.3", "no readings off the axis in y"):
         assert needed in html
     assert ("What would explain it" in html) == (kind == "ambiguous")
     assert "src=" not in html.replace('src="data:', "")
@@ -162,7 +162,7 @@ def test_advice_is_drawn_and_listed():
     html = diagnosis_page(example())
     assert "measure here next" in html
     assert "8 times" in html
-    assert "would separate them by 10 sigma" in html
+    assert "would part scattering and beam skirt by 10.0 sigma" in html
 
 
 @pytest.mark.usefixtures("undrawn")

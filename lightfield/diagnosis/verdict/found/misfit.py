@@ -19,9 +19,10 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict import aside_words, words
+from lightfield.diagnosis.verdict.aside_words import REPEATS
 from lightfield.diagnosis.verdict.found.left import Local, without_it
-from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, NextMeasurement, Spot
+from lightfield.diagnosis.verdict.next_measurement import NextMeasurement, repeat
+from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, Spot
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter, Model
@@ -88,7 +89,7 @@ def unexplained(
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
     spot = _spot(problem, int(z.argmax()))
     misfit = best.misfit if best is not None and best.explained > NAMED else None
-    return misfit, NextMeasurement(sentence=words.repeat(spot, misfit), readings=[spot])
+    return misfit, repeat(spot, misfit)
 
 
 def along(misfit: Misfit | None, left: Sequence[LeftOver]) -> list[LeftOver]:
@@ -100,7 +101,7 @@ def _spot(problem: Problem, at: int) -> Spot:
     lay = problem.layout
     return Spot(
         x_m=float(lay.x_m[at]), y_m=float(lay.y_m[at]), z_m=float(lay.z_m[at]),
-        medium="air" if lay.air[at] else "water", repeats=aside_words.REPEATS,
+        medium="air" if lay.air[at] else "water", repeats=REPEATS,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ those of the best set alone, do not know of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -94,7 +94,7 @@ def _changed(node: Node, other: Node, phi: float, units: dict[str, str]) -> dict
     }
 
 
-def warnings(told: Sequence[Unnamed], values: dict[str, Estimate]) -> list[str]:
+def sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
     """One sentence for each.
 
     Parameters

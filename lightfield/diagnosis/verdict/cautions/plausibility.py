@@ -13,6 +13,7 @@ import numpy as np
 
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.fitting.forward import POWER, SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import GAIN, has_diffuse_light
@@ -32,8 +33,10 @@ GAIN_SIGMA = 3.0
 EXCHANGED = 0.25
 
 
-def hints(forward: SceneForward, problem: Problem, fit: Fit, calibration: float | None = None) -> list[str]:
-    """Warnings of fitted values that no guess is so far off.
+def hints(
+    forward: SceneForward, problem: Problem, fit: Fit, calibration: float | None = None
+) -> list[Caution]:
+    """Cautions about fitted values that no guess is so far off.
 
     Parameters
     ----------
@@ -44,11 +47,11 @@ def hints(forward: SceneForward, problem: Problem, fit: Fit, calibration: float 
     """
     scene, values = forward.scene, fit.values
     found = [_width(scene, values), _absorption(forward, problem, values), _gain(scene, values, calibration)]
-    return [text for text in found if text]
+    return [caution for caution in found if caution is not None]
 
 
-def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list[str]:
-    """A warning where the scene, which x and y are not alike for, meets the readings with the two exchanged.
+def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list[Caution]:
+    """A caution where the scene, which x and y are not alike for, meets the readings with the two exchanged.
 
     Of direct light only: for scattered and reflected light another trace would be needed.
     """
@@ -63,50 +66,39 @@ def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list
     swapped = replace(problem, forward=other).fit((), whiten, [base.u, problem.model().start])
     if swapped.chi2 > EXCHANGED * base.chi2:
         return []
-    return [
-        "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per reading "
-        f"{swapped.chi2 / finding.n:.2g} instead of {base.chi2 / finding.n:.2g}): check the columns"
-    ]
+    both = {"exchanged": swapped.chi2 / finding.n, "as_given": base.chi2 / finding.n}
+    return [Caution(warns=Warns.EXCHANGED, values=both)]
 
 
-def _width(scene: Scene, values: Mapping[str, float]) -> str:
+def _width(scene: Scene, values: Mapping[str, float]) -> Caution | None:
     path, guess = "lamp.hwhm_deg", float(scene.lamp.hwhm_deg)
     ratio = values.get(path, guess) / guess
     if 1 / WIDTH_FACTOR < ratio < WIDTH_FACTOR:
-        return ""
-    return (
-        f"the fitted width is {ratio:.2g} times the scene's ({path} = {values[path]:.3g}, not {guess:.3g}): "
-        "check the unit of x_m and y_m (metres from the axis, not a diameter), and that the scene's is a "
-        "half width at half maximum"
-    )
+        return None
+    told = {"ratio": ratio, "fitted": values[path], "stated": guess}
+    return Caution(warns=Warns.WIDTH, about=path, values=told)
 
 
-def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, float]) -> str:
+def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, float]) -> Caution | None:
     layout, wet = problem.layout, ~problem.layout.air
     if not wet.any() or not any(path.startswith("water.absorption") for path in values):
-        return ""
+        return None
     band = np.mean(forward.scene.detector.bands_nm[0])
     at = np.where(np.isnan(layout.wavelength_nm), band, layout.wavelength_nm)[wet]
     guess = float(np.mean(absorption_per_m(forward.scene.water, at)))
     fitted = float(np.mean(absorption_per_m(forward.scene_at(values, validate=False).water, at)))
     felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
     if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
-        return ""
-    cause = "the scene's is a natural, not a decadic, coefficient of absorption"
-    if fitted < guess:
-        cause = "these readings were taken in water (column medium)"
-    return (
-        f"the fitted absorption is {fitted / guess:.2g} times the scene's ({fitted:.3g} 1/m, not "
-        f"{guess:.3g}): check that {cause}, and the unit of z_m (metres from the lamp's window)"
-    )
+        return None
+    told = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
+    warns = Warns.LESS_ABSORPTION if fitted < guess else Warns.MORE_ABSORPTION
+    return Caution(warns=warns, about="water.absorption_per_m", values=told)
 
 
-def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> str:
+def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> Caution | None:
     power = float(scene.lamp.power_w)
     ratio = values.get(GAIN, 1.0) * values.get(POWER, power) / power
     if calibration is None or abs(np.log(ratio)) < GAIN_SIGMA * calibration:
-        return ""
-    return (
-        f"the readings are {ratio:.3g} times what the scene's lamp of {power:g} W gives, and calibrated to "
-        f"{100 * calibration:g} %: check their unit, or lamp.power_w"
-    )
+        return None
+    told = {"ratio": ratio, "power_w": power, "calibration_percent": 100 * calibration}
+    return Caution(warns=Warns.GAIN, about=POWER, values=told)

@@ -1,0 +1,100 @@
+"""A warning beside a verdict as data; its words are made here, from the data alone."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from pydantic import Field, computed_field
+
+from lightfield.diagnosis.verdict.parts import Doubt, Part
+from lightfield.readings.columns import LoadWarning
+
+
+class Warns(str, Enum):
+    """What a caution warns of."""
+
+    TABLE = "table"
+    ERRORS_DOUBTED = "errors doubted"
+    SCATTER_MORE = "readings scatter more than stated"
+    SCATTER_LESS = "readings scatter less than stated"
+    STATED_ON_TRUST = "stated errors on trust"
+    ASSUMED_ON_TRUST = "assumed errors on trust"
+    MISFIT_IGNORED = "misfit within the tolerance"
+    AT_BOUNDARY = "at boundary"
+    OF_ITS_PHASE = "scattering is that of its phase function"
+    WIDTH = "width far from the scene's"
+    MORE_ABSORPTION = "absorption far above the scene's"
+    LESS_ABSORPTION = "absorption far below the scene's"
+    GAIN = "gain beyond the calibration"
+    EXCHANGED = "x and y exchanged"
+    NOT_CONFIRMED = "not confirmed by a fresh render"
+
+
+#: How a fresh render contradicts a fit.
+CONTRADICTED = (
+    "the fresh render does not confirm the fit ({rendered_percent:.2g} % against {fitted_percent:.2g} %)"
+)
+_ON_TRUST = (
+    "too few readings to estimate the noise from them: the {} errors are taken as they are, and the verdict "
+    "is no better than they are"
+)
+_ABSORPTION = (
+    "the fitted absorption is {{ratio:.2g}} times the scene's ({{fitted:.3g}} 1/m, not {{stated:.3g}}): "
+    "check that {}, and the unit of z_m (metres from the lamp's window)"
+)
+#: The words, with the numbers of the record in their places.
+_WORDS = {
+    Warns.TABLE: "{said}",
+    Warns.ERRORS_DOUBTED: "the stated errors do not go with the scatter of dark and of bright readings: "
+    "errors with a dark floor and a part in proportion were estimated from the readings instead",
+    Warns.SCATTER_MORE: "the readings scatter {times:.1f} times as much as their errors say: these are too "
+    "small, or something changes from reading to reading",
+    Warns.SCATTER_LESS: "the readings scatter {times:.1f} times less than their errors say: are these "
+    "standard errors, in the unit of the readings?",
+    Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
+    Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
+    Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
+    Warns.AT_BOUNDARY: "{about} lies at the edge of its plausible range ({fitted:g}): not a finding",
+    Warns.OF_ITS_PHASE: "b and g are those of a Henyey-Greenstein phase function; where the water's own is "
+    "more peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up to four "
+    "times after Fournier and Forand): put it into the scene if b itself matters "
+    '(of "fournier-forand" the slope mu is fitted with b)',
+    Warns.WIDTH: "the fitted width is {ratio:.2g} times the scene's ({about} = {fitted:.3g}, not "
+    "{stated:.3g}): check the unit of x_m and y_m (metres from the axis, not a diameter), and that the "
+    "scene's is a half width at half maximum",
+    Warns.MORE_ABSORPTION: _ABSORPTION.format(
+        "the scene's is a natural, not a decadic, coefficient of absorption"
+    ),
+    Warns.LESS_ABSORPTION: _ABSORPTION.format("these readings were taken in water (column medium)"),
+    Warns.GAIN: "the readings are {ratio:.3g} times what the scene's lamp of {power_w:g} W gives, and "
+    "calibrated to {calibration_percent:g} %: check their unit, or lamp.power_w",
+    Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
+    "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
+    Warns.NOT_CONFIRMED: CONTRADICTED + ": the explanation is no better than the former",
+}
+
+
+class Caution(Part):
+    """Something to be warned of."""
+
+    warns: Warns
+    about: str | None = Field(
+        None, description="the parameter that it speaks of; of a reading table its warning's stable name"
+    )
+    values: dict[str, float] = Field(default_factory=dict, description="the numbers it rests on, by name")
+    said: str | None = Field(None, description="of a reading table: what is the matter, and what would help")
+
+    @computed_field(description="the caution in words")  # type: ignore[prop-decorator]
+    @property
+    def sentence(self) -> str:
+        return _WORDS[self.warns].format(about=self.about, said=self.said, **self.values)
+
+    @classmethod
+    def of_table(cls, warning: LoadWarning) -> Caution:
+        """What the table's own checks say."""
+        return cls(warns=Warns.TABLE, about=warning.code, said=str(warning))
+
+
+def not_confirmed(why: Doubt) -> str:
+    """How a fresh render contradicts a fit."""
+    return CONTRADICTED.format(rendered_percent=why.rendered_percent, fitted_percent=why.fitted_percent)

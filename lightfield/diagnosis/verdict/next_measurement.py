@@ -1,0 +1,110 @@
+"""What to measure next, as data; its words are made here, from the data alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+from pydantic import Field, computed_field
+
+from lightfield.diagnosis.verdict.aside_words import REPEATS, place
+from lightfield.diagnosis.verdict.parts import Misfit, Part, SetAside, Spot
+from lightfield.diagnosis.verdict.words import join, plain
+from lightfield.fitting import effects
+
+
+class Asks(str, Enum):
+    """What is to be done."""
+
+    PART = "part two explanations"
+    OTHER_KIND = "another kind of measurement"
+    REPEAT = "repeat where the misfit is largest"
+    REFERENCE = "repeat one position in time"
+    LOOK = "look what stands in the light"
+
+
+class NextMeasurement(Part):
+    """What to measure next, and what it would decide."""
+
+    asks: Asks
+    between: list[list[str]] = Field(
+        default_factory=list, description="the two explanations it would separate"
+    )
+    readings: list[Spot] = Field(default_factory=list)
+    separation_now_sigma: float | None = None
+    separation_predicted_sigma: float | None = None
+
+    @computed_field(description="the same in words")  # type: ignore[prop-decorator]
+    @property
+    def sentence(self) -> str:
+        return _WORDS[self.asks](self)
+
+
+def repeat(spot: Spot, misfit: Misfit | None) -> NextMeasurement:
+    """What to do about a misfit that nothing explains.
+
+    Parameters
+    ----------
+    spot : Spot
+        Where it is largest.
+    """
+    in_time = misfit is not None and misfit.coordinate == "time"
+    return NextMeasurement(asks=Asks.REFERENCE if in_time else Asks.REPEAT, readings=[spot])
+
+
+def look(aside: Sequence[SetAside]) -> NextMeasurement:
+    """What to do about readings set aside that are no slips, the farthest first."""
+    one = aside[0]
+    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
+    return NextMeasurement(asks=Asks.LOOK, readings=[spot])
+
+
+def _where(spot: Spot) -> str:
+    return f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
+
+
+def _part(asked: NextMeasurement) -> str:
+    spots = "; ".join(_where(spot) for spot in asked.readings)
+    count = sum(spot.repeats for spot in asked.readings)
+    first, second = asked.between
+    return (
+        f"{count} readings ({spots}) would part {join(first)} and {join(second)} by "
+        f"{asked.separation_predicted_sigma:.1f} sigma (now {asked.separation_now_sigma:.1f})."
+    )
+
+
+def _other_kind(asked: NextMeasurement) -> str:
+    first, second = asked.between
+    different = [n for n in (*first, *second) if (n in first) != (n in second)]
+    advice = " ".join(f"For {plain(n)}: {effects.get(n).laboratory}" for n in different)
+    return (
+        f"No further reading of this kind separates {join(first)} from {join(second)}; "
+        f"change the kind of measurement. {advice}"
+    )
+
+
+def _repeat(asked: NextMeasurement) -> str:
+    return (
+        f"Repeat readings where the misfit is largest ({_where(asked.readings[0])}) at another time: what "
+        "repeats is a structure, what does not is noise."
+    )
+
+
+def _reference(asked: NextMeasurement) -> str:
+    return "Repeat one reference position every few minutes: the misfit follows the time, not the place."
+
+
+def _look(asked: NextMeasurement) -> str:
+    return (
+        "Look for what stands between lamp and detector, and repeat the readings set aside (the farthest at "
+        f"{place(asked.readings[0])}): what repeats is a structure of the light, what does not is a slip."
+    )
+
+
+_WORDS = {
+    Asks.PART: _part,
+    Asks.OTHER_KIND: _other_kind,
+    Asks.REPEAT: _repeat,
+    Asks.REFERENCE: _reference,
+    Asks.LOOK: _look,
+}

@@ -1,0 +1,71 @@
+"""Cautions and advice are records; each kind has its words, made of its numbers and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from lightfield.diagnosis.problem.assumed import Assumed, Term
+from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
+from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
+from lightfield.diagnosis.verdict.parts import Spot
+from lightfield.readings.columns import LoadWarning
+
+NUMBERS = {
+    Warns.SCATTER_MORE: {"times": 1.73},
+    Warns.SCATTER_LESS: {"times": 4.26},
+    Warns.AT_BOUNDARY: {"fitted": 0.125},
+    Warns.WIDTH: {"ratio": 2.1, "fitted": 8.0, "stated": 3.81},
+    Warns.MORE_ABSORPTION: {"ratio": 2.3, "fitted": 0.23, "stated": 0.1},
+    Warns.LESS_ABSORPTION: {"ratio": 0.25, "fitted": 0.025, "stated": 0.1},
+    Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
+    Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
+    Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
+}
+
+
+@pytest.mark.parametrize("warns", Warns)
+def test_every_caution_says_its_numbers_and_reads_back(warns: Warns) -> None:
+    if warns is Warns.TABLE:
+        told = Caution.of_table(LoadWarning("no_time", "not all readings have a time", "give time_s"))
+        assert (told.about, told.sentence) == ("no_time", "not all readings have a time (give time_s)")
+    else:
+        told = Caution(warns=warns, about="lamp.hwhm_deg", values=NUMBERS.get(warns, {}))
+        for number in told.values.values():
+            assert f"{number:g}" in told.sentence or f"{number:.1f}" in told.sentence
+    assert "{" not in told.sentence and told.sentence
+    assert Caution.model_validate(told.model_dump(mode="json")) == told
+
+
+@pytest.mark.parametrize("asks", Asks)
+def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
+    told = NextMeasurement(
+        asks=asks,
+        between=[["beam_tilt"], ["detector_tilt", "background"]],
+        readings=[Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
+        separation_now_sigma=1.2,
+        separation_predicted_sigma=7.5,
+    )
+    assert told.sentence.endswith(".")
+    assert ("7.5 sigma" in told.sentence) == (asks is Asks.PART)
+    assert ("z = 6.5" in told.sentence) == (asks in (Asks.PART, Asks.REPEAT, Asks.LOOK))
+    data = told.model_dump(mode="json")
+    assert data["sentence"] == told.sentence
+    assert NextMeasurement.model_validate(data) == told
+
+
+@pytest.mark.parametrize(
+    ("assumed", "said"),
+    [
+        (Assumed(Term.POSITION, 0.0), "position_mm = 0"),
+        (Assumed(Term.PLANE_GAIN, 0.3),
+         "plane_gain_percent = 0.3 for every stay of several readings at one distance"),
+        (Assumed(Term.PLANE_GAIN, 0.2468, 5), "plane_gain_percent = 0.25 from 5 repeats of one position"),
+        (Assumed(Term.PLANE_GAIN, 0.2468, 5, True),
+         "plane_gain_percent = 0.25 from 5 repeats of the reference position"),
+        (Assumed(Term.STDERR, 1.0, floor_percent=0.1),
+         "stderr = 1 % of the reading + 0.1 % of the largest, up to a factor that is estimated"),
+    ],
+)  # fmt: skip
+def test_what_was_assumed_is_said_from_its_data(assumed: Assumed, said: str) -> None:
+    assert str(assumed) == said
+    assert assumed.as_data()["term"] == assumed.term.value
