@@ -35,7 +35,7 @@ TABLE = "table"
 #: Files of a riddle; the last tells that the others are one.
 WRITTEN = ("scene.toml", "data.csv", "truth.json")
 #: Where a scene says that its lamp is that of a table.
-_FLOOR = "tank.floor_over_walls"
+_FLOOR, _WAVES = "tank.floor_over_walls", "tank.surface_slope_deg"
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 
@@ -314,6 +314,12 @@ def hide(
             "this effect cannot act here",
             found="floor_reflection: the walls are black",
             remedy="hide wall_reflection too, or state tank.wall_albedo",
+        )
+    if _WAVES in hidden and truth.tank is not None and truth.tank.surface_reflectance == 0:
+        raise UsageError(
+            "this effect cannot act here",
+            found="waves: the tank has no water surface",
+            remedy='hide surface_reflection too, or state tank.surface = "flat"',
         )
     light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)

@@ -328,4 +328,4 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
 
 @cache
 def _makes_diffuse(path: str) -> bool:
-    return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR))
+    return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR | Acts.WAVES))

@@ -27,13 +27,15 @@ class Acts(Flag):
     BOX = auto()  #: where walls, floor, ends and top are
     REFLECTION = auto()  #: how much light walls and surface send back
     FLOOR = auto()  #: how much the floor sends back beside the walls
+    WAVES = auto()  #: how the water surface is tilted
     RECEIVER = auto()  #: response to the direction of arrival
     PLACES = auto()  #: where and in which bands light is read
     READOUT = auto()  #: from light to the number that is read
 
 
 #: What a photon's walk and its tally depend on; all else is weighed afterwards, or is the reference water.
-TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | Acts.BOX | Acts.FLOOR | Acts.RECEIVER
+_IN_TANK = Acts.BOX | Acts.FLOOR | Acts.WAVES
+TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | _IN_TANK | Acts.RECEIVER
 #: What makes scattered and reflected light.
 DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION
 #: What dims the light on its way, wherever it goes.

@@ -27,6 +27,7 @@ _OF_DETECTOR: dict[str, Any] = {"response": None, "response_table": None, "secon
 _LATER: dict[tuple[str, str], Any] = {
     ("water", AT_FIELD): [],
     ("tank", "floor_over_walls"): 1.0,
+    ("tank", "surface_slope_deg"): 0.0,
     **{field: [] for field in _CURVES},
     **{("detector", name): value for name, value in _OF_DETECTOR.items()},
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
+from math import inf, radians, tan
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -15,10 +15,13 @@ from lightfield.scene.parameters import Part, declare, number, told
 #: Refractive index of the water under its surface, relative to air; 1.33 to 1.35 over the spectrum and for
 #: fresh to sea water (Quan & Fry 1995, Appl. Opt. 34, 3477; see `water.molecular.refractive_index`).
 WATER_INDEX = 1.34
+#: Waves in a gale of 17 m/s are of 12 degrees (Cox & Munk 1954, J. Opt. Soc. Am. 44, 838,
+#: doi:10.1364/JOSA.44.000838: mean square slope 0.003 + 0.00512 W, of both directions together).
+STEEPEST_DEG = 15.0
 
 
 class Tank(Part):
-    """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a flat surface."""
+    """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a water surface."""
 
     width_m: float = number(3.66, "m", "wall to wall in x", Acts.BOX, above=0.0, high=1e5)
     depth_m: float = number(2.44, "m", "floor to surface", Acts.BOX, above=0.0, high=1e5)
@@ -64,6 +67,15 @@ class Tank(Part):
         high=1.0,
         neutral=0.0,
     )
+    surface_slope_deg: float = number(
+        0.0,
+        "deg",
+        "rms slope of waves on the water surface, across and along the tank each; their mean over time",
+        Acts.WAVES,
+        low=0.0,
+        high=STEEPEST_DEG,
+        neutral=0.0,
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -106,6 +118,11 @@ class Tank(Part):
     def floor_share(self) -> float:
         """Albedo of the floor over that of the walls, so that it reflects all at most."""
         return min(self.floor_over_walls, 1.0 / self.wall_albedo if self.wall_albedo else inf)
+
+    @property
+    def slope(self) -> float:
+        """Standard deviation of the surface's slope in one direction; 0 of a lid."""
+        return tan(radians(self.surface_slope_deg)) if self.surface_reflectance > 0 else 0.0
 
     @property
     def box_m(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:

@@ -39,7 +39,7 @@ MORE = (
     '[water]\nscattering_per_m = 0.1\nphase = { type = "fournier-forand", n = 1.1, mu = 3.5 }',
     '[water]\nabsorption_at = [[500.0, 0.03], [550.0, 0.05]]\nphase = { type = "two-term-hg" }',
     "[water]\ngradient_per_m2 = 0.001\nlayer_absorption_per_m = 0.1\nlayer_width_m = 0.5",
-    '[tank]\nwall_albedo = 0.3\nsurface = "flat"\nlamp_depth_m = 1.0\nfloor_over_walls = 2.0',
+    '[tank]\nwall_albedo = 0.3\nsurface = "flat"\nfloor_over_walls = 2.0\nsurface_slope_deg = 3.0',
     '[detector]\nquantity = "radiance"\nfull_angle_deg = 5.0\naim = "axis"',
     "[detector]\npositions_m = [[0.0, 0.0, 4.5], [0.1, 0.0, 4.5]]",
     "[lamp]\nprofile_departure = [[0.0, 0.1], [5.0, -0.2]]\npower_departure = [[0.0, 0.0], [60.0, 0.1]]",

@@ -16,6 +16,7 @@ from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.formula.path import attenuation_per_m
+from lightfield.render.reflected.light import applies
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
 
@@ -40,6 +41,7 @@ REASONS: Mapping[str, str] = {
     "off_axis": "all readings are on the axis",
     "time": "the readings carry no times",
     "tank": "the scene has no [tank]",
+    "mirror": "what this detector sees of the surface is traced, with waves as the scene states them",
     "water": "no reading was taken in water",
     "air_and_water": "needs readings in air and in water",
     "spectral": "needs readings at three wavelengths or more",
@@ -87,6 +89,7 @@ class Setting:
             "time": layout.has_time,
             "absolute": self.absolute,
             "tank": self.scene.tank is not None,
+            "mirror": self.scene.tank is None or applies(self.scene),
             "water": bool((~layout.air).any()),
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
             "spectral": int(layout.channel.max()) >= 2,

@@ -28,6 +28,7 @@ Need = Literal[
     "vary_z",
     "time",
     "tank",
+    "mirror",
     "water",
     "air_and_water",
     "spectral",

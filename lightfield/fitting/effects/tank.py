@@ -33,4 +33,14 @@ EFFECTS = (
         "Float a dark sheet on the water; lower the lamp; read at several depths.",
         needs=("tank",),
     ),
+    Effect(
+        "waves",
+        "diffuse light",
+        (Form("mean slope", (Free("tank.surface_slope_deg", 0.0, 144.0, 25.0, square=True),)),),
+        "Waves tilt the water surface, and smear and dim the lamp's image in it (their mean over a reading).",
+        "Beside a surface that mirrors: less light near the surface and far away, where the image stood, a "
+        "little more deep below. At one depth hardly told from a surface that mirrors less.",
+        "Wait until the water is still, or float a dark sheet on it; film the image of a lamp from below.",
+        needs=("tank", "mirror"),
+    ),
 )

@@ -148,6 +148,8 @@ class DiffuseResponse:
         smooth = SCATTERED_ERROR * light
         if REFLECTED[0] in kinds:
             smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
+            if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:
+                smooth += np.array([self.reflected.uncertain(scene, float(c)) for c in a + b])[mine]
         return np.hstack(modes), smooth
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:

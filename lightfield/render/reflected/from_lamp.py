@@ -38,13 +38,13 @@ class Ways(NamedTuple):
     @classmethod
     def of(cls, lamp: Lamp, patches: Patches) -> Ways:
         source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
-        ahead = _before_lamp(lamp, patches.centre[:, 2])
+        ahead = before_lamp(lamp, patches.centre[:, 2])
         way = patches.centre[ahead] - source
         r = np.sqrt(np.einsum("ki,ki->k", way, way))
         direction = way / r[:, None]
         facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
         in_water = np.zeros(len(ahead))
-        in_water[ahead] = _in_water(lamp, r, patches.centre[ahead, 2])
+        in_water[ahead] = in_water_m(lamp, r, patches.centre[ahead, 2])
         theta = np.arccos(np.clip(direction[:, 2], -1, 1))
         return cls(ahead, direction.T, theta, facing, in_water.astype(np.float32))
 
@@ -82,22 +82,22 @@ def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndar
     arriving = way / r[:, None]
     # A ray that seems to start behind the window meets the surface only beyond it.
     met = image[2] + way[:, 2] * (top_m - image[1]) / np.where(way[:, 1] < 0, way[:, 1], -1e-9)
-    ahead = _before_lamp(lamp, places[:, 2]) & _before_lamp(lamp, met)
+    ahead = before_lamp(lamp, places[:, 2]) & before_lamp(lamp, met)
     leaving = arriving * np.array([1.0, -1.0, 1.0])
     light, in_water = np.zeros((2, len(places)))
     intensity = relative_intensity(lamp, *beam_angles(lamp, *leaving[ahead].T))
     light[ahead] = intensity * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
-    in_water[ahead] = _in_water(lamp, r[ahead], places[ahead, 2])
+    in_water[ahead] = in_water_m(lamp, r[ahead], places[ahead, 2])
     return arriving, light, in_water
 
 
-def _before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
+def before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
     """Where its light can be: nothing comes out behind the window, but an isotropic lamp has none."""
     everywhere = lamp.profile == "isotropic" and lamp.apparent_distance_m == 0
     return np.asarray((z_m > 0) | everywhere)
 
 
-def _in_water(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+def in_water_m(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:
     """The part of a path of length r from the apparent source that lies beyond the window."""
     behind = lamp.apparent_distance_m
     return r_m if behind == 0 else np.asarray(beyond_window(r_m, z_m, behind))

@@ -6,6 +6,9 @@ in the surface):
 
     E_i = E0_i + sum over j of  rho E_j F_ij e^{-c d_ij}
 
+Waves smear the image of the lamp (`waves`); between walls, and on its way from lamp to walls, light meets a
+surface that is flat.
+
 The transport response holds the same light with the noise of its trace; readings lie in few small cells, so
 there it is noisier than a fit can bear. Used for irradiance; what was scattered as well stays with the
 response.
@@ -24,6 +27,7 @@ import numpy as np
 
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
 from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
+from lightfield.render.reflected.waves import glitter
 from lightfield.scene import Lamp, Scene, Tank, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
@@ -35,6 +39,9 @@ REFLECTIONS = 16
 #: Step of attenuation, m^-1, between which light is interpolated: of a white tow tank of clear water, whose
 #: light has the longest ways, 0.4 % (twice the step: 3 %).
 C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
+#: Part of the light of waves that met two facets in a row: 0 to 7 % of it for slopes of 2 to 12 degrees, a
+#: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/test_waves.py`); the middle of that.
+TWO_FACETS = 0.035
 #: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
 FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
 #: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
@@ -63,6 +70,7 @@ class ReflectedLight:
         self._which = which.ravel()
         #: The walls, with a lid or with an open top.
         self.room = cache(lambda lid: Room(scene, self.places, lid))
+        self._smeared = lru_cache(1)(self._smeared_of)
 
     def some(self, rows: np.ndarray) -> ReflectedLight:
         """At some of the readings, from what is worked out for all of them."""
@@ -83,11 +91,19 @@ class ReflectedLight:
         assert tank is not None
         light = np.zeros(len(self.places))
         if tank.surface_reflectance > 0:
-            light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m)
+            light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m, tank)
         if tank.wall_albedo > 0:
             room = self.room(tank.surface_reflectance == 0)
             light += room.light(scene.lamp, attenuation_per_m, tank)
         return np.asarray(light[self._which])
+
+    def uncertain(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
+        """Error of the light of waves, which knows nothing that met two facets in a row; shape (n,)."""
+        tank = scene.tank
+        if tank is None or tank.slope == 0:
+            return np.zeros(len(self._which))
+        image = self._image(scene.lamp, attenuation_per_m, tank)
+        return np.asarray(TWO_FACETS * tank.surface_reflectance * image[self._which])
 
     def by_floor(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
         """Light from walls and floor over that of a floor like the walls, shape (n,)."""
@@ -100,13 +116,25 @@ class ReflectedLight:
         ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
         return np.asarray(ratio[self._which])
 
-    def _image(self, lamp: Lamp, attenuation_per_m: float) -> np.ndarray:
+    def _image(self, lamp: Lamp, attenuation_per_m: float, tank: Tank) -> np.ndarray:
         """Light mirrored by the water surface alone, for unit reflectance multiplier."""
-        tank = self.scene.tank
-        assert tank is not None
+        if tank.slope > 0:
+            light, in_water = self._smeared(lamp, tank.surface_slope_deg)
+            return np.asarray((light * np.exp(-attenuation_per_m * in_water)).sum(axis=1))
         arriving, light, in_water = image_of_lamp(lamp, tank.lamp_depth_m, self.places)
         light *= np.exp(-attenuation_per_m * in_water)
         return np.asarray(light * receiver.response(self.scene.detector, list(arriving.T)))
+
+    def _smeared_of(self, lamp: Lamp, slope_deg: float) -> tuple[np.ndarray, np.ndarray]:
+        """Light by way of each facet of the waves without attenuation, and its way in water; (n, k)."""
+        assert self.scene.tank is not None
+        tank = self.scene.tank.model_copy(update={"surface_slope_deg": slope_deg, "surface_reflectance": 1.0})
+        detector, found = self.scene.detector, []
+        for some in glitter(lamp, tank, self.places):
+            response = receiver.response(detector, list(np.moveaxis(some.arriving, -1, 0)))
+            found.append((some.light * response, some.in_water))
+        light, in_water = (np.concatenate(column) for column in zip(*found, strict=True))
+        return light, in_water
 
 
 class Operators(NamedTuple):

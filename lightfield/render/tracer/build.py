@@ -18,7 +18,7 @@ from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein, with_molecules
-from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces
+from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces, beckmann
 from lightfield.render.tracer.walk import Water
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
@@ -209,6 +209,9 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
     if surface is not None:
         scale = {"type": "uniform", "value": surface}
         top = {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0, "specular_reflectance": scale}
+        if tank.surface_slope_deg:
+            waves = {"distribution": "beckmann", "alpha": beckmann(tank), "sample_visible": True}
+            top |= {"type": "roughdielectric", **waves}
     (_, half), (floor, ceiling), (back, end) = tank.box_m
     mid_y, mid_z = 0.5 * (ceiling + floor), 0.5 * (back + end)
     turn = mi.ScalarTransform4f

@@ -7,6 +7,7 @@ of a ray tracer through six rectangles took a quarter of the photon walk. Both a
 
 from __future__ import annotations
 
+from math import radians, sqrt, tan
 from typing import Any, NamedTuple, Protocol
 
 import drjit as dr
@@ -18,6 +19,8 @@ from lightfield.scene.tank import WATER_INDEX, Tank
 FAR = 1e7  # m, where nothing is hit
 #: A bounced photon starts so far inside the wall, m: single precision is 1e-6 of ten metres.
 OFF_THE_WALL = 1e-4
+#: Light that flies level still sees the facets before it: sine of the angle to the surface at least.
+LEVEL = 1e-4
 
 
 class Met(NamedTuple):
@@ -72,7 +75,9 @@ class OpenWater:
 
 
 class Shapes:
-    """Any shapes of a Mitsuba scene; a smooth dielectric reflects, what it transmits is lost.
+    """Any shapes of a Mitsuba scene; a dielectric reflects, smooth or rough, what it transmits is lost.
+
+    A rough one also loses what facets before it shade on its way out (Smith), which `Box` keeps.
 
     Parameters
     ----------
@@ -84,7 +89,8 @@ class Shapes:
     def __init__(self, scene: mi.Scene, reflecting: bool = True) -> None:
         self.scene, self.reflecting = scene, reflecting
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
-        self.context.type_mask = int(mi.BSDFFlags.DeltaReflection) | int(mi.BSDFFlags.DiffuseReflection)
+        kinds = mi.BSDFFlags.DeltaReflection, mi.BSDFFlags.GlossyReflection, mi.BSDFFlags.DiffuseReflection
+        self.context.type_mask = sum(int(kind) for kind in kinds)
 
     def meet(self, position: mi.Point3f, direction: mi.Vector3f, active: mi.Bool) -> Met:
         ray = mi.Ray3f(position, direction)
@@ -102,14 +108,22 @@ class Shapes:
         hit = met.hit
         sample, factor = hit.bsdf().sample(self.context, hit, 0.5, turn, active)
         smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+        smooth |= mi.has_flag(sample.sampled_type, mi.BSDFFlags.GlossyReflection)
         inwards = dr.select(dr.dot(hit.n, direction) < 0, OFF_THE_WALL, -OFF_THE_WALL)
         return Bounce(factor[0], smooth, hit.p + hit.n * inwards, hit.to_world(sample.wo))
 
 
-class Box:
-    """The tank of a scene: Lambertian sides, floor and ends, on top the same or a flat water surface.
+def beckmann(tank: Tank) -> float:
+    """Width alpha of the distribution of facets: its square is twice the variance of their slopes."""
+    return sqrt(2.0) * tan(radians(tank.surface_slope_deg))
 
-    Light inside meets a wall wherever it flies.
+
+class Box:
+    """The tank of a scene: Lambertian sides, floor and ends, on top the same or a water surface.
+
+    Light inside meets a wall wherever it flies. Of a surface with waves it meets a facet: its slope is drawn
+    from those that it sees (Beckmann's distribution: a normal one in slope), all at the level of the surface.
+    What flies up still meets the next facet at once.
 
     Parameters
     ----------
@@ -130,6 +144,8 @@ class Box:
         self.albedo = dr.opaque(mi.Float, float(wall_albedo))
         self.floor = dr.opaque(mi.Float, float(wall_albedo) * tank.floor_share)
         self.surface = dr.opaque(mi.Float, float(surface_reflectance or 0.0))
+        wavy = self.has_surface and tank.surface_slope_deg > 0
+        self.rough = dr.opaque(mi.Float, beckmann(tank)) if wavy else None
 
     def meet(self, position: mi.Point3f, direction: mi.Vector3f, active: mi.Bool) -> Met:
         ahead = dr.select(direction > 0, self.high, self.low) - position
@@ -154,8 +170,16 @@ class Box:
         if not self.has_surface:
             return Bounce(albedo, mi.Bool(False), at, diffuse)
         smooth = lid_or_floor & (direction.y > 0)
-        fresnel, _, _, _ = mi.fresnel(dr.abs(direction.y), 1 / WATER_INDEX)
-        mirrored = mi.Vector3f(direction.x, -direction.y, direction.z)
+        cosine, mirrored = dr.abs(direction.y), mi.Vector3f(direction.x, -direction.y, direction.z)
+        if self.rough is not None:
+            facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.rough, sample_visible=True)
+            # In the facets' own frame: the third component is the depth.
+            back = mi.Vector3f(-direction.x, -direction.z, dr.maximum(direction.y, LEVEL))
+            normal, _ = facets.sample(dr.normalize(back), turn)
+            cosine = dr.dot(back, normal)
+            onward = 2 * cosine * normal - back
+            mirrored = mi.Vector3f(onward.x, -onward.z, onward.y)
+        fresnel, _, _, _ = mi.fresnel(cosine, 1 / WATER_INDEX)
         return Bounce(
             dr.select(smooth, fresnel * self.surface, albedo),
             smooth,

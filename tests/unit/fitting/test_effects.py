@@ -33,6 +33,7 @@ REQUIRED = set(
         "wall_reflection",
         "surface_reflection",
         "floor_reflection",
+        "waves",
         "background",
         "saturation",
         "acceptance",

@@ -189,6 +189,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.BOX: lambda s: s.tank.box_m,
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
     Acts.FLOOR: lambda s: s.tank.floor_share,
+    Acts.WAVES: lambda s: s.tank.surface_slope_deg,
     Acts.RECEIVER: _receiver,
     Acts.PLACES: _places,
     Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0, TAKEN),

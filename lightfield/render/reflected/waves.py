@@ -1,0 +1,135 @@
+"""The lamp's image in a water surface with waves: their mean over time, as light of many small mirrors.
+
+Facets of the surface have slopes of a normal distribution, the same in all directions (Cox and Munk 1954,
+J. Opt. Soc. Am. 44, 838, doi:10.1364/JOSA.44.000838). Light along d meets those that it sees, those turned
+towards it more often:
+
+    E = int dA  I(d) F(d.n)  P(s) d_y / (4 N(d) n_y^4)  e^{-c (r1 + r2)} / (r1^2 r2^2)
+    N = mean over P of max(0, d_y - d_x s_x - d_z s_z)
+
+over the level of the surface; s is the slope, and n the normal, that sends light from the lamp to the place.
+In still water this is the mirror image. Facets all lie at the level of the surface: no crest stands before
+another, and light that a facet sends up again, to the next one, is left out here (the tracer follows it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi, radians, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erf
+
+from lightfield.render.reflected.from_lamp import before_lamp, fresnel, in_water_m
+from lightfield.scene import Lamp, Tank
+from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.lamp.profile import relative_intensity
+
+#: Slopes up to so many standard deviations (beyond: 1e-5 of the facets), and up to where a facet sends light
+#: straight back: the ways to it are no longer one to a slope there.
+_FAR, _STEEP = 4.5, 0.95
+#: Steps between slopes, as parts of the standard deviation and of the half width of the beam, which is turned
+#: by twice the slope; at most so many to a side. A sum of even steps over a Gaussian of 0.75 of its standard
+#: deviation errs by 1e-15; beside a beam the sum is held to 1 % by `tests/physics/test_waves.py`.
+_STEP, _STEP_OF_BEAM, _MOST = 0.75, 0.35, 24
+#: Ways that are worked out at a time.
+_AT_ONCE = 200_000
+
+
+class Glitter(NamedTuple):
+    """Light by way of the facets, for unit reflectance multiplier and without attenuation.
+
+    Parameters
+    ----------
+    arriving : array, shape (n, k, 3)
+        Directions of arrival.
+    light : array, shape (n, k), m^-2
+        Normal irradiance by each.
+    in_water : array, shape (n, k), m
+        Way in water.
+    """
+
+    arriving: np.ndarray
+    light: np.ndarray
+    in_water: np.ndarray
+
+
+def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
+    """Light of a lamp by way of the waves of a tank, to some of the places after the others.
+
+    Parameters
+    ----------
+    tank : Tank
+        With a slope of its surface.
+    places : array, shape (n, 3), m
+    """
+    width = radians(lamp.hwhm_deg)
+    step = min(_STEP * tank.slope, _STEP_OF_BEAM * width)
+    count = min(int(np.ceil(min(_FAR * tank.slope, _STEEP) / step)), _MOST)
+    step = min(_FAR * tank.slope, _STEEP) / count
+    slopes = step * np.arange(-count, count + 1)
+    at_once = max(_AT_ONCE // len(slopes) ** 2, 1)
+    for first in range(0, len(places), at_once):
+        yield _glitter(lamp, tank, places[first : first + at_once], slopes, step)
+
+
+def _glitter(lamp: Lamp, tank: Tank, places: np.ndarray, slopes: np.ndarray, step: float) -> Glitter:
+    source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
+    top = tank.lamp_depth_m
+    above_lamp, above = top - source[1], np.maximum(top - places[:, 1], 1e-9)[:, None]
+    level = places[:, [0, 2]] - source[[0, 2]]
+    far = np.linalg.norm(level, axis=1)
+    ahead = np.where(far[:, None] > 0, level / np.maximum(far, 1e-12)[:, None], [0.0, 1.0])  # (n, 2): x, z
+    # Where a facet in the plane of lamp and place, of that slope along it, sends light from one to the other.
+    turn = 2 * np.arctan(slopes)
+    sine, cosine, far = np.sin(turn), np.cos(turn), far[:, None]
+    b = cosine * (above_lamp + above) + sine * far
+    c = above_lamp * (cosine * far - sine * above)
+    along = 2 * c / (b + np.sqrt(b * b - 4 * sine * c))  # (n, k), from the lamp
+    r1, r2 = np.hypot(along, above_lamp), np.hypot(far - along, above)
+    rate_along = 0.5 * (1 + slopes**2) * (above_lamp / r1**2 + above / r2**2)
+    rate_aside = (1 / r1 + 1 / r2) / (above_lamp / r1 + above / r2)
+    aside = slopes / rate_aside[..., None]  # (n, k, k)
+    area = step**2 / (rate_along * rate_aside)
+
+    where_x = source[0] + along[..., None] * ahead[:, :1, None] - aside * ahead[:, 1:, None]
+    where_z = source[2] + along[..., None] * ahead[:, 1:, None] + aside * ahead[:, :1, None]
+    shape = (len(places), -1)
+    met = np.stack([where_x, np.full(where_x.shape, top), where_z], axis=-1).reshape(*shape, 3)
+    to, on = met - source, places[:, None] - met
+    r1, r2 = (np.linalg.norm(v, axis=-1) for v in (to, on))
+    to, on = to / r1[..., None], on / r2[..., None]
+    across = to - on
+    slope = -across[..., [0, 2]] / across[..., 1:2]
+    steep = (slope**2).sum(axis=-1)
+    cosine_met = 0.5 * np.linalg.norm(across, axis=-1)  # of incidence: half the chord between both ways
+    sigma = tank.slope
+    facets = np.exp(-0.5 * steep / sigma**2) / (2 * pi * sigma**2) * (1 + steep) ** 2
+    light = fresnel(cosine_met) * facets * to[..., 1] / (4 * seen(to, sigma) * (r1 * r2) ** 2)
+    light *= relative_intensity(lamp, *beam_angles(lamp, *np.moveaxis(to, -1, 0)))
+    light *= np.repeat(area, len(slopes), axis=1)
+    (left, right), _, (back, end) = tank.box_m
+    inside = (met[..., 0] > left) & (met[..., 0] < right) & (met[..., 2] > back) & (met[..., 2] < end)
+    inside &= before_lamp(lamp, met[..., 2]) & before_lamp(lamp, places[:, None, 2])
+    part = in_water_m(lamp, r1, met[..., 2])
+    return Glitter(on, np.where(inside, light, 0.0), np.where(inside, part + r2, 0.0))
+
+
+def seen(to: np.ndarray, sigma: float) -> np.ndarray:
+    """What light upwards along `to` sees of the facets over their level: the mean of their cosines over n_y.
+
+    Smith 1967 (IEEE Trans. Antennas Propag. 15, 668, doi:10.1109/TAP.1967.1138991), of normal slopes.
+
+    Parameters
+    ----------
+    to : array, shape (..., 3)
+        Unit vectors, y upwards.
+    sigma : float
+        Standard deviation of the slope in one direction.
+    """
+    spread = sigma * np.hypot(to[..., 0], to[..., 2])
+    at = to[..., 1] / np.maximum(spread, 1e-12)
+    density = np.exp(-0.5 * at * at) / sqrt(2 * pi)
+    below = 0.5 * (1 + erf(at / sqrt(2)))
+    return np.asarray(to[..., 1] * below + spread * density)
