@@ -175,7 +175,7 @@ def main() -> None:
                 begun = time.process_time()
                 with threadpool_limits(1):
                     source = response_for if mode == "search" else "trace"
-                    found = diagnose(readings, scene, diffuse=source, advise=False)
+                    found = diagnose(readings, scene, diffuse=source, seed=seed, advise=False)
                 rows.append(row_of(case, seed, mode, found, time.process_time() - begun))
                 save(rows)
                 print(rows[-1], flush=True)

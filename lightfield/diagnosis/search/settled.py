@@ -42,8 +42,8 @@ _MOVED, _WIDENED = 0.3, 0.2
 _FAR = 3.0
 #: Traces are pooled that were made within so many errors of where the fit has come to.
 _NEAR = 1.5
-#: Traces of a ratio have seeds of their own.
-_SEED = 7000
+#: Traces of a ratio have seeds of their own, so many of each diagnosis.
+_SEED, _OF_EACH = 7000, 100
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12
 
@@ -63,6 +63,7 @@ def settled(
     rng: np.random.Generator,
     alpha: float = ALPHA,
     progress: Callable[[str], None] = lambda stage: None,
+    seed: int = 0,
 ) -> tuple[Prepared, Finding]:
     """What was found, with explanations by scattered light settled, or, where nothing is missing, the base
     model of a scene that scatters; all as it was where there are none.
@@ -73,6 +74,8 @@ def settled(
     ----------
     alpha : float
         Level of the test of the base model.
+    seed : int
+        Of the traces.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def settled(
     if not can_follow(problem):
         return prepared, finding
     if finding.size == 0:
-        return _base(prepared, finding, rng, alpha, progress)
+        return _base(prepared, finding, rng, alpha, progress, seed)
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
@@ -94,7 +97,7 @@ def settled(
     done: list[tuple[Tried, Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
-        done.append((tried, _settled_from(problem, tried)))
+        done.append((tried, _settled_from(problem, tried, seed)))
     found = _accepted(prepared, finding, done, rng)
     tolerance = prepared.noise.budget.tolerance
     if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
@@ -114,6 +117,7 @@ def _base(
     rng: np.random.Generator,
     alpha: float,
     progress: Callable[[str], None],
+    seed: int,
 ) -> tuple[Prepared, Finding]:
     """The base model of a scene that scatters as it states, where nothing is missing.
 
@@ -125,7 +129,7 @@ def _base(
     if not scatters(prepared.problem, tried.fit):
         return prepared, finding
     progress("the scattered light of the scene")
-    one = _settled_from(prepared.problem, tried)
+    one = _settled_from(prepared.problem, tried, seed)
     there = replace(prepared, problem=one.problem)
     test = judged(there, one.whiten, rng)
     adequacy = test(one.fit)
@@ -172,25 +176,27 @@ def _accepted(
     return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
 
 
-def _settled_from(problem: Problem, tried: Tried) -> Settled:
+def _settled_from(problem: Problem, tried: Tried, seed: int) -> Settled:
     assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
-    return settle(problem, tried.explanation, tried.fit, tried.test.whiten)
+    return settle(problem, tried.explanation, tried.fit, tried.test.whiten, seed)
 
 
-def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> Settled:
+def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, seed: int = 0) -> Settled:
     """Trace where a fit lies, fit again, until it moves no more.
 
     Parameters
     ----------
     problem : Problem
         That can be followed (`following.can_follow`), as what was fitted can (`following.scatters`).
+    seed : int
+        Of the traces.
     """
     now = Settled(problem, whiten, fit)
     traced: list[tuple[Array, Scene, Ratio]] = []
     photons = PHOTONS
     for k in range(_ROUNDS):
         values = now.fit.values
-        scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + k)
+        scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + _OF_EACH * seed + k)
         traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
         own = with_light(now.problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
