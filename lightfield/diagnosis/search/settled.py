@@ -20,11 +20,12 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
-from lightfield.diagnosis.search.own_errors import under_own_errors
+from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
 from lightfield.diagnosis.search.search import Tried, bic
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import LightSource
 from lightfield.render.diffuse.ratio import Ratio
 from lightfield.scene import Scene
 
@@ -57,6 +58,10 @@ class Settled:
     fit: Fit
 
 
+#: Where a fit lay, and what was traced there.
+_Trace = tuple[Array, Scene, Ratio]
+
+
 def settled(
     prepared: Prepared,
     finding: Finding,
@@ -67,8 +72,6 @@ def settled(
 ) -> tuple[Prepared, Finding]:
     """What was found, with explanations by scattered light settled, or, where nothing is missing, the base
     model of a scene that scatters; all as it was where there are none.
-
-    Nor are they of many readings, which would take a minute and two gigabytes (benchmarks/diagnosis_size).
 
     Parameters
     ----------
@@ -182,7 +185,8 @@ def _settled_from(problem: Problem, tried: Tried, seed: int) -> Settled:
 
 
 def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, seed: int = 0) -> Settled:
-    """Trace where a fit lies, fit again, until it moves no more.
+    """Trace where a fit lies, fit again, until it moves no more; of many readings where a sample leads, and
+    from there to all of them.
 
     Parameters
     ----------
@@ -191,13 +195,26 @@ def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitene
     seed : int
         Of the traces.
     """
-    now = Settled(problem, whiten, fit)
-    traced: list[tuple[Array, Scene, Ratio]] = []
-    photons = PHOTONS
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    light = problem.forward.light
+    now, traced = _settled(Settled(some, own, there), explanation, light, seed, [])
+    if some is not problem:
+        every = with_light(problem, [(scene, ratio) for _, scene, ratio in traced])
+        there = every.fit(explanation, whiten, [now.fit.u], max_steps=0)
+        now, _ = _settled(Settled(every, whiten, there), explanation, light, seed, traced)
+    return now
+
+
+def _settled(
+    now: Settled, explanation: Explanation, light: LightSource, seed: int, traced: list[_Trace]
+) -> tuple[Settled, list[_Trace]]:
+    """The same of the readings of a problem, from what was traced before, for the places of `light`."""
+    photons, first = (traced[-1][2].photons, _ROUNDS) if traced else (PHOTONS, 0)
     for k in range(_ROUNDS):
-        values = now.fit.values
-        scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + _OF_EACH * seed + k)
-        traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
+        if k > 0 or not traced:
+            number = _SEED + _OF_EACH * seed + first + k
+            scene, ratio = ratio_at(light, now.fit.values, photons, number)
+            traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
         own = with_light(now.problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
         whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten)
@@ -209,7 +226,7 @@ def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitene
         if _moved(fit, before) < _MOVED and widened < _WIDENED:
             break
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
-    return now
+    return now, traced
 
 
 def _moved(fit: Fit, other: Array) -> float:
