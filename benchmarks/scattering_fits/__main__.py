@@ -120,17 +120,17 @@ def in_the_middle(rows: np.ndarray) -> np.ndarray:
     return out
 
 
-def readings_of(case: Case, seed: int, walk: bool) -> Readings:
-    """A scan on both sides of the axis, with the instrument's errors."""
-    rows = field(case, walk)
-    z, light = np.repeat(rows[:, 0], 2), np.repeat(in_the_middle(rows), 2)
-    x = np.stack([rows[:, 1], -rows[:, 1]], axis=1).ravel()
+def readings_of(case: Case, seed: int, walk: bool, repeats: int = 1) -> Readings:
+    """A scan on both sides of the axis, with the errors of an instrument; repeats have them together."""
+    rows, own = field(case, walk), np.sqrt(repeats)
+    z, light = np.repeat(rows[:, 0], 2 * repeats), np.repeat(in_the_middle(rows), 2 * repeats)
+    x = np.repeat(np.stack([rows[:, 1], -rows[:, 1]], axis=1).ravel(), repeats)
     scene = Scene.from_toml(BELIEVED).with_values(case.truth)
     light = light + direct_field(scene, x, 0 * x, z)
     rng = np.random.default_rng([seed, int(1000 * case.b), int(1000 * case.g)])
     _, plane = np.unique(z, return_inverse=True)
     value = light / light.max() * (1 + STAY * rng.standard_normal(len(PLANES_M)))[plane]
-    stderr = np.hypot(RELATIVE * value, DARK)
+    stderr = own * np.hypot(RELATIVE * value, DARK)
     columns = {
         "x_m": x, "y_m": 0 * x, "z_m": z, "value": value + stderr * rng.standard_normal(len(x)),
         "stderr": stderr, "time_s": 30.0 * np.arange(len(x)),
@@ -175,7 +175,7 @@ def main() -> None:
                 begun = time.process_time()
                 with threadpool_limits(1):
                     source = response_for if mode == "search" else "trace"
-                    found = diagnose(readings, scene, diffuse=source, advise=False)
+                    found = diagnose(readings, scene, diffuse=source, seed=seed, advise=False)
                 rows.append(row_of(case, seed, mode, found, time.process_time() - begun))
                 save(rows)
                 print(rows[-1], flush=True)

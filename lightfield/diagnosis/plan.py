@@ -19,7 +19,7 @@ from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.search.following import can_follow, following, scatters
+from lightfield.diagnosis.search.following import can_follow, following, scattering
 from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.search.rivals import (
     DETECTABLE_SIGMA,
@@ -51,7 +51,7 @@ from lightfield.scene import Scene
 _ABSORBED = "absorbed by gain, beam width and absorption in this layout"
 #: Readings that would part two effects by less than so many times more than now are not worth advice.
 _WORTHWHILE = 1.5
-#: Of the trace of the scene's own scattered light.
+#: Of the trace of scattered light.
 _SEED = 7000
 #: Pieces of advice that the text shows.
 _SHOWN = 6
@@ -134,9 +134,10 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     problem, untestable = problem_of(forward, layout_table, list(effects.all_of(scene).values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))
     base = problem.fit((), _identity, [problem.model().start])
-    if can_follow(problem) and scatters(problem, base):
+    lit = scattering(problem, base)
+    if lit is not None and can_follow(problem):
         # Slopes with the noise of photons in them would pass for information.
-        problem = following(problem, base, _SEED)
+        problem = following(problem, lit, _SEED)
         base = problem.fit((), _identity, [base.u])
     zero = np.zeros(problem.layout.size)
     slope = forward.position_slope(base.values) if budget.position_m > 0 else zero

@@ -299,10 +299,12 @@ class LightSource:
     @cached_property
     def diffuse(self) -> Diffuse:
         """Scattered and reflected light at the readings."""
+        if self.followed is not None:
+            return self.followed
         if self.part_of is not None:
             whole, rows = self.part_of
             return whole.diffuse.some(rows)
-        return self.traced if self.followed is None else self.followed
+        return self.traced
 
     @cached_property
     def traced(self) -> TracedDiffuse:

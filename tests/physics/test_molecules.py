@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from lightfield.formula.field import direct_field
 from lightfield.formula.scattered.field import ScatteredField
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
@@ -14,6 +15,8 @@ from lightfield.scene.bands import molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 from lightfield.scene.water.molecular import DEPOLARISATION
 from lightfield.scene.water.phase.molecular import Molecular
+from lightfield.studies.link.study import link
+from lightfield.studies.working_range.poses import smooth_light
 
 
 def water(particles_per_m: float, nm: float, **more: float) -> Scene:
@@ -80,3 +83,28 @@ def test_coefficients_of_a_mixture() -> None:
     # Particles scatter alike at all wavelengths here: molecules hardly change what is counted.
     assert b_told == pytest.approx(b[1], rel=0.015)
     assert molecular_share(scene.with_values({"water.base": "none", "water.absorption_per_m": 0.1})) == 0.0
+
+
+def test_a_link_knows_what_molecules_scatter() -> None:
+    """Exact single scattering on the axis of pure water, to four errors of the trace and 3 % for the rest:
+    with the particles' phase function it would be 12 times as much."""
+    scene = water(0.0, 450.0)
+    data = link(scene, waters={}, to_m=12.0, max_photons=4e5, rel_error=1e-3).dataset.isel(water=0)
+    z = np.array([4.0, 7.0, 12.0])
+    at = data.interp(z_m=z)
+    axis = np.zeros(3)
+    known = ScatteredField(axis, axis, z).light(scene, [450.0])[0] / direct_field(scene, axis, axis, z, 450.0)
+    error = (at.power_stderr_w / at.power_formula_w).values
+    assert (np.abs(at.scattered_over_direct.values - known) < 4 * error + 0.03 * known).all()
+
+
+def test_an_array_sees_what_molecules_scatter() -> None:
+    """The same light where poses are asked about, to a third: particles that are traced beside them stand
+    for molecules there, in a beam whose light they are half a per cent of."""
+    scene = water(0.0, 450.0)
+    z, axis = np.array([4.0, 7.0]), np.zeros(2)
+    place, facing = np.column_stack([axis, axis, z]), np.tile([0.0, 0.0, -1.0], (2, 1))
+    light = smooth_light(scene, 3.0, 8.0, 0.3, 4e5).reading(place, facing)
+    direct = direct_field(scene, axis, axis, z, 450.0)
+    known = ScatteredField(axis, axis, z).light(scene, [450.0])[0]
+    assert light - direct == pytest.approx(known, rel=0.35)

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.problem import MANY, Problem
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import LightSource
 from lightfield.formula.scattered.field import describes
@@ -23,12 +24,9 @@ PHOTONS = 1e6
 
 
 def can_follow(problem: Problem) -> bool:
-    """Is the scattered light traced, and are the readings few enough? Many take a minute and two gigabytes
-    (benchmarks/diagnosis_size)."""
+    """Is the scattered light traced, of a kind that knows what was reflected apart?"""
     light = problem.forward.light
-    if light.trace is None or light.part_of is not None or problem.layout.size > MANY:
-        return False
-    return isinstance(light.traced, DiffuseResponse)
+    return light.trace is not None and light.part_of is None and isinstance(light.traced, DiffuseResponse)
 
 
 def scatters(problem: Problem, fit: Fit) -> bool:
@@ -38,6 +36,26 @@ def scatters(problem: Problem, fit: Fit) -> bool:
         return False
     scene = light.scene_at(fit.values, validate=False)
     return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > 0) and describes(scene)
+
+
+def scattering(problem: Problem, base: Fit) -> Fit | None:
+    """A base model that scatters; else beside the first effect by which it would, at its typical size.
+
+    None without such an effect.
+    """
+    if scatters(problem, base):
+        return base
+    for candidate in problem.candidates:
+        if candidate.effect.diffuse:
+            start = problem.default_start(base.u, (candidate,))
+            typical = problem.fit((candidate,), _as_it_is, [start], max_steps=0)
+            if scatters(problem, typical):
+                return typical
+    return None
+
+
+def _as_it_is(columns: Array) -> Array:
+    return columns
 
 
 def ratio_at(
@@ -53,9 +71,10 @@ def ratio_at(
 def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Problem:
     """The problem with the light that these traces tell."""
     forward, r = problem.forward, problem.forward.readings
-    response, before = forward.light.traced, forward.light.followed
-    assert isinstance(response, DiffuseResponse)
+    before = forward.light.diffuse
+    response = before.response if isinstance(before, FollowedLight) else before
     field = before.field if isinstance(before, FollowedLight) else None
+    assert isinstance(response, DiffuseResponse)
     light = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
     return replace(problem, forward=forward.following(light))
 

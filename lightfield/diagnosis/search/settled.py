@@ -20,11 +20,12 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
-from lightfield.diagnosis.search.own_errors import under_own_errors
+from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
 from lightfield.diagnosis.search.search import Tried, bic
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import LightSource
 from lightfield.render.diffuse.ratio import Ratio
 from lightfield.scene import Scene
 
@@ -42,8 +43,8 @@ _MOVED, _WIDENED = 0.3, 0.2
 _FAR = 3.0
 #: Traces are pooled that were made within so many errors of where the fit has come to.
 _NEAR = 1.5
-#: Traces of a ratio have seeds of their own.
-_SEED = 7000
+#: Traces of a ratio have seeds of their own, so many of each diagnosis.
+_SEED, _OF_EACH = 7000, 100
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12
 
@@ -57,22 +58,27 @@ class Settled:
     fit: Fit
 
 
+#: Where a fit lay, and what was traced there.
+_Trace = tuple[Array, Scene, Ratio]
+
+
 def settled(
     prepared: Prepared,
     finding: Finding,
     rng: np.random.Generator,
     alpha: float = ALPHA,
     progress: Callable[[str], None] = lambda stage: None,
+    seed: int = 0,
 ) -> tuple[Prepared, Finding]:
     """What was found, with explanations by scattered light settled, or, where nothing is missing, the base
     model of a scene that scatters; all as it was where there are none.
-
-    Nor are they of many readings, which would take a minute and two gigabytes (benchmarks/diagnosis_size).
 
     Parameters
     ----------
     alpha : float
         Level of the test of the base model.
+    seed : int
+        Of the traces.
 
     Returns
     -------
@@ -86,7 +92,7 @@ def settled(
     if not can_follow(problem):
         return prepared, finding
     if finding.size == 0:
-        return _base(prepared, finding, rng, alpha, progress)
+        return _base(prepared, finding, rng, alpha, progress, seed)
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
@@ -94,7 +100,7 @@ def settled(
     done: list[tuple[Tried, Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
-        done.append((tried, _settled_from(problem, tried)))
+        done.append((tried, _settled_from(problem, tried, seed)))
     found = _accepted(prepared, finding, done, rng)
     tolerance = prepared.noise.budget.tolerance
     if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
@@ -114,6 +120,7 @@ def _base(
     rng: np.random.Generator,
     alpha: float,
     progress: Callable[[str], None],
+    seed: int,
 ) -> tuple[Prepared, Finding]:
     """The base model of a scene that scatters as it states, where nothing is missing.
 
@@ -125,7 +132,7 @@ def _base(
     if not scatters(prepared.problem, tried.fit):
         return prepared, finding
     progress("the scattered light of the scene")
-    one = _settled_from(prepared.problem, tried)
+    one = _settled_from(prepared.problem, tried, seed)
     there = replace(prepared, problem=one.problem)
     test = judged(there, one.whiten, rng)
     adequacy = test(one.fit)
@@ -172,26 +179,42 @@ def _accepted(
     return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
 
 
-def _settled_from(problem: Problem, tried: Tried) -> Settled:
+def _settled_from(problem: Problem, tried: Tried, seed: int) -> Settled:
     assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
-    return settle(problem, tried.explanation, tried.fit, tried.test.whiten)
+    return settle(problem, tried.explanation, tried.fit, tried.test.whiten, seed)
 
 
-def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> Settled:
-    """Trace where a fit lies, fit again, until it moves no more.
+def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, seed: int = 0) -> Settled:
+    """Trace where a fit lies, fit again, until it moves no more; of many readings where a sample leads, and
+    from there to all of them.
 
     Parameters
     ----------
     problem : Problem
         That can be followed (`following.can_follow`), as what was fitted can (`following.scatters`).
+    seed : int
+        Of the traces.
     """
-    now = Settled(problem, whiten, fit)
-    traced: list[tuple[Array, Scene, Ratio]] = []
-    photons = PHOTONS
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    light = problem.forward.light
+    now, traced = _settled(Settled(some, own, there), explanation, light, seed, [])
+    if some is not problem:
+        every = with_light(problem, [(scene, ratio) for _, scene, ratio in traced])
+        there = every.fit(explanation, whiten, [now.fit.u], max_steps=0)
+        now, _ = _settled(Settled(every, whiten, there), explanation, light, seed, traced)
+    return now
+
+
+def _settled(
+    now: Settled, explanation: Explanation, light: LightSource, seed: int, traced: list[_Trace]
+) -> tuple[Settled, list[_Trace]]:
+    """The same of the readings of a problem, from what was traced before, for the places of `light`."""
+    photons, first = (traced[-1][2].photons, _ROUNDS) if traced else (PHOTONS, 0)
     for k in range(_ROUNDS):
-        values = now.fit.values
-        scene, ratio = ratio_at(problem.forward.light, values, photons, _SEED + k)
-        traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
+        if k > 0 or not traced:
+            number = _SEED + _OF_EACH * seed + first + k
+            scene, ratio = ratio_at(light, now.fit.values, photons, number)
+            traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
         own = with_light(now.problem, [(s, r) for _, s, r in traced])
         before = now.fit.u
         whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten)
@@ -203,7 +226,7 @@ def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitene
         if _moved(fit, before) < _MOVED and widened < _WIDENED:
             break
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
-    return now
+    return now, traced
 
 
 def _moved(fit: Fit, other: Array) -> float:

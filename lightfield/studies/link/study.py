@@ -32,8 +32,11 @@ from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import without
+from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.link.bandwidth import LIGHT_M_PER_S, PATH_NODES, WATER_INDEX, along, bandwidth_of
 from lightfield.studies.working_range.reaches import Reach as PoseReach
@@ -209,10 +212,11 @@ def link(
     parts, reaches = [], {}
     for k, (name, (a, b)) in enumerate(every.items()):
         with step(2 * k, 2 * len(every), f"data, {name}"):
-            parts.append(_along(scene, receiver, a, b, nodes, fine, tracing))
+            water = _water(scene, a, b, own=(a, b) == own)
+            parts.append(_along(water, receiver, a, b, nodes, fine, tracing))
         with step(2 * k + 1, 2 * len(every), f"docking, {name}"):
             docking = docking_reach(
-                grey(scene.model_copy(update={"tank": None}), a, b), from_m, max(DOCKING_TO_M, 1.5 * from_m),
+                water, from_m, max(DOCKING_TO_M, 1.5 * from_m),
                 photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
             )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)
@@ -224,8 +228,16 @@ def link(
     return Link(dataset, reaches, receiver, scene)
 
 
+def _water(scene: Scene, a: float, b: float, own: bool) -> Scene:
+    """The scene in uniform, unbounded water of these coefficients; its own keeps its molecules."""
+    unbounded = scene.model_copy(update={"tank": None})
+    if own and molecular_share(scene):
+        return without(unbounded, Acts.LAYERS | Acts.HARDENING)
+    return grey(unbounded, a, b)
+
+
 def _along(
-    scene: Scene,
+    water: Scene,
     receiver: Receiver,
     a: float,
     b: float,
@@ -234,9 +246,8 @@ def _along(
     tracing: Mapping[str, Any],
 ) -> xr.Dataset:
     """Everything along the axis in one water."""
-    water = grey(scene.model_copy(update={"tank": None}), a, b)
     zero = np.zeros(len(fine))
-    x, y = zero + scene.lamp.offset_x_m, zero + scene.lamp.offset_y_m
+    x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
     direct = direct_field(water, x, y, fine)
     ratio, error = zero, zero
     bandwidth, spread, eye = np.full(len(fine), np.inf), np.full(len(fine), np.nan), np.ones(len(fine))
@@ -248,7 +259,7 @@ def _along(
         error = np.exp(np.interp(fine, nodes, np.log(np.maximum(late.relative_error, 1e-6))))
         bandwidth, spread = along(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
         eye = np.interp(fine, nodes, late.eye)
-    intensity = scene.lamp.power_w / solid_angle_sr(scene.lamp)
+    intensity = water.lamp.power_w / solid_angle_sr(water.lamp)
     scale = intensity * receiver.area_mm2 * 1e-6
     power, formula = scale * direct * (1 + ratio), scale * direct
     return xr.Dataset(
@@ -286,8 +297,10 @@ def _late_light(
     x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
     grid = positions_grid(x, y, nodes, _CELL_M, water.lamp.hwhm_deg, None, detector=water.detector)
     grid = surrounded(grid)
+    at = np.array([np.mean(water.detector.bands_nm[0])])
+    reference = Reference(a, b, 0.0, molecular_share=float(molecular_per_m(water.water, at)[0]) / b)
     rendering = render_scene(
-        water, grid=grid, reference=Reference(a, b, 0.0), symmetry=True, path_nodes=PATH_NODES, **tracing
+        water, grid=grid, reference=reference, symmetry=True, path_nodes=PATH_NODES, **tracing
     )
     response, shift = rendering.response, Shift(grid, x, y, nodes)
     mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))

@@ -25,9 +25,9 @@ from lightfield.render.flux.field import Region, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import DetectorArray, Follower, Scene
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.lamp.frame import beam_axes
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.information import UNKNOWN, Bound, nuisances_of, with_doubt
 from lightfield.studies.follower.light import FormulaLight, Light, Model, pose_names
@@ -165,7 +165,7 @@ class SmoothLight:
         """Diffuse flux in every cell by batch, (n_batches, 3, n), and the direct light's mean there, (n,)."""
         place, scene, before = self.cells.place_m, self.scene, self.response.reference
         at = middles_nm(scene)[0].mean(keepdims=True)
-        a, b = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+        a, b = coefficients_in(scene.water, at, before.molecular_share)
         rho, surface = (np.array([v]) for v in scene.reflectances)
         weights = np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
         straight = rays(scene.lamp, *place.T).water_m
@@ -245,7 +245,9 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     region = Region(_STEP_M * np.floor((wide + aside) / _STEP_M), near, end, _STEP_M)
     at = middles_nm(scene)[0].mean(keepdims=True)
     (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    reference = Reference(float(a), max(float(b), _LEAST_TRACED_PER_M), max(scene.reflectances))
+    traced = max(float(b), _LEAST_TRACED_PER_M)
+    molecules = molecular_share(scene) * float(b) / traced
+    reference = Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
     field = traced_field(scene, region, photons=photons, reference=reference)
     frame = Frame(near, end, tangent, region.half_width_m - aside)
     return SmoothLight(scene, field.response, frame, _cells(scene, field.grid, field.response, frame))
