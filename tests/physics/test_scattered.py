@@ -9,7 +9,7 @@ import pytest
 
 from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
-from lightfield.formula.scattered.nodes import emission, finest_rad, half_width_rad, intensity, turns
+from lightfield.formula.scattered.nodes import emission, finest_rad, half_width_rad, intensity, near, turns
 from lightfield.formula.scattered.single import Resolution, single_paths
 from lightfield.render.diffuse.ratio import traced_ratio
 from lightfield.scene import Scene
@@ -119,6 +119,27 @@ def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
     slant = b * z / np.cos(theta)
     expected = (sent * np.exp(-slant) * (np.expm1(slant * forward) - slant * forward)).sum()
     assert power == pytest.approx(expected, rel=1e-2)
+
+
+@pytest.mark.parametrize("g", [0.89, 0.9, 0.93])
+def test_turns_of_one_phase_function_serve_those_near_it(g: float) -> None:
+    """To 0.2 %, which is the error of so few turns anyway, where more than once scattered light counts."""
+    lamp, phase = Lamp(hwhm_deg=3.81), HenyeyGreenstein(g=g)
+    known, tangent = near(phase), np.linspace(0, 0.3, 7)
+    assert known != phase
+    shared, own = Spread(known, 5.0, 0.0, reach(lamp)).of(phase), Spread(phase, 5.0, 0.0, reach(lamp))
+    assert multiple(lamp, shared, tangent, A, B) == pytest.approx(
+        multiple(lamp, own, tangent, A, B), rel=2e-3
+    )
+
+
+def test_what_a_field_was_asked_before_does_not_change_its_light() -> None:
+    """Nodes that beams and waters near each other share are their own, not those of who came first."""
+    x, z = np.array([0.1, 0.6]), np.array([3.0, 6.0])
+    field = ScatteredField(x, 0 * x, z)
+    asked = [scene(lamp__hwhm_deg=w, water__phase__g=g) for w in (3.0, 6.0) for g in (0.9, 0.97)]
+    for one in (*asked, *reversed(asked)):
+        assert (field.light(one, [None]) == ScatteredField(x, 0 * x, z).light(one, [None])).all()
 
 
 def test_clear_water_has_light_in_proportion_to_b_and_more_orders_in_proportion_to_its_square() -> None:

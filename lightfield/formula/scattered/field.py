@@ -53,6 +53,9 @@ HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
 _NEAREST_M, _AT_NODE = 1e-3, 1e-15
 _REMEMBERED, _STEPS = 64, 3
+#: Nodes for so many phase functions and widths are remembered, some megabytes each: a search goes to and fro
+#: between a dozen.
+_NODES = 8
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -116,9 +119,9 @@ class ScatteredField:
         self._made = lru_cache(_REMEMBERED)(self._table)
         self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
-        self._paths = lru_cache(_STEPS)(self._paths_to)
+        self._paths = lru_cache(_NODES)(self._paths_to)
         self._sent = lru_cache(_STEPS)(self._sent_along)
-        self._spreads = lru_cache(_STEPS)(self._spread)
+        self._spreads = lru_cache(_NODES)(self._spread)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.
@@ -182,7 +185,7 @@ class ScatteredField:
         known = near(phase)
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
-        spreads = self._spreads(phase, behind_m, _stepped(reach(lamp)))
+        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(reach(lamp)))]
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)

@@ -20,6 +20,8 @@ from lightfield.scene.water.phase.spec import TracedPhase, WithMolecules
 HALF_PI = 0.5 * math.pi
 #: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
 _LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
+#: Factor between the last angles of emission that beams share.
+_LAST_STEP = 1.05
 #: Factors in 1 - g, and in the part that molecules scatter, within which phase functions share their angles.
 _STEP_OF_G, _STEP_OF_SHARE = 1.25, 1.25
 #: Intensities, relative to the axis, between which the edge of a beam is measured; a Gaussian's is this many
@@ -77,9 +79,9 @@ def near(phase: TracedPhase) -> TracedPhase:
 
 
 @lru_cache(maxsize=64)
-def shares_at(phase: TracedPhase, nodes_of: TracedPhase, n: int) -> Array:
+def shares_at(phase: TracedPhase, nodes_of: TracedPhase, n: int, up_to_rad: float = math.pi) -> Array:
     """Shares of the light that one phase function scatters by the `turns` of another, shape (n,)."""
-    angle, share = turns(nodes_of, n)
+    angle, share = turns(nodes_of, n, up_to_rad)
     if phase == nodes_of:
         return share
     cosine = np.cos(angle)
@@ -129,11 +131,17 @@ class Table(NamedTuple):
         return before, at - before
 
 
+@lru_cache(maxsize=4)
+def _at_all_angles(lamp: Lamp) -> Nodes:
+    """Angles to half a turn, rad, and the intensity at each."""
+    theta = np.linspace(0.0, HALF_PI, 20001)
+    return Nodes(theta, intensity(lamp, theta * theta))
+
+
 @lru_cache(maxsize=256)
 def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
     """Largest angle at which the beam is as bright as this part of its brightest, rad."""
-    theta = np.linspace(0.0, HALF_PI, 20001)
-    light = intensity(lamp, theta * theta)
+    theta, light = _at_all_angles(lamp)
     level *= float(light.max())
     i = int(np.flatnonzero(light >= level)[-1])
     if i + 1 == len(theta):
@@ -153,11 +161,13 @@ def finest_rad(lamp: Lamp) -> float:
 
 @lru_cache(maxsize=256)
 def emission(lamp: Lamp) -> Nodes:
-    """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis."""
-    theta = np.linspace(0.0, _WIDEST_RAD, 4001)
-    light = intensity(lamp, theta * theta)
-    bright = theta[light > 1e-6 * light.max()]
-    top = min(_WIDEST_RAD, 1.02 * float(bright[-1]) + 1e-3)
+    """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis.
+
+    Beams that differ little share their angles.
+    """
+    theta, light = _at_all_angles(lamp)
+    last = 1.02 * float(theta[light > 1e-6 * light.max()][-1]) + 1e-3
+    top = min(_WIDEST_RAD, _LAST_STEP ** math.ceil(math.log(last) / math.log(_LAST_STEP)))
     t, w = interval(_LAMP_NODES)
     at = top * t
     return Nodes(at, 2 * math.pi * top * w * np.sin(at) * intensity(lamp, at * at))
