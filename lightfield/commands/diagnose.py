@@ -75,13 +75,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
-    from lightfield.diagnosis.diagnose import HYPOTHESES, diagnose
+    from lightfield.diagnosis.diagnose import CURVES, HYPOTHESES, VERDICT, diagnose
     from lightfield.diagnosis.search.cascade import ALPHA
     from lightfield.diagnosis.verdict.found.so_far import SoFar
+    from lightfield.fitting.fitted_curves import LAMP_TABLE, SPECTRUM_TABLE
 
     if args.output:
-        for k in range(MOST_RUNGS):
-            output_file(args.output / f"rung{k}.toml", args.scene)
+        inputs = [file for file in (args.data, args.scene, args.effects_file) if file]
+        rungs = (f"rung{k}.toml" for k in range(MOST_RUNGS))
+        for name in (VERDICT, CURVES, LAMP_TABLE, SPECTRUM_TABLE, *rungs):
+            output_file(args.output / name, *inputs)
     found = None
     try:
         with stage_line("reading") as stage:
@@ -103,7 +106,8 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         print(f"{found.as_text()}\nnot rendered afresh" if found else so_far.as_text())
         raise
     if args.output:
-        found = found.save(args.output, f"diagnose {args.data.name} --scene {args.scene.name}")
+        command = f"diagnose {args.data.name} --scene {args.scene.name}"
+        found = found.save(args.output, command, args.effects_file)
     print(found.as_text())
     if args.output and found.verdict.verdict == "unexplained":
         print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")

@@ -81,10 +81,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.experiments.hide import Secret, hide, replaced_in
+    from lightfield.experiments.hide import WRITTEN, Secret, hide, replaced_in
     from lightfield.experiments.measure import Instrument
 
-    output_file(args.output / "scene.toml", args.scene)
+    for name in WRITTEN:
+        output_file(args.output / name, args.scene, *([args.effects_file] if args.effects_file else []))
     replaced = replaced_in(args.output)
     with progress_of("hide"):
         made = hide(

@@ -42,6 +42,8 @@ from lightfield.storage.files import atomic_path
 
 #: Effects of the user's own to begin with, where those of the table explain nothing.
 HYPOTHESES = "hypotheses.toml"
+#: The verdict, there too.
+VERDICT = "verdict.json"
 #: Fitted curves with their errors.
 CURVES = "curves.json"
 #: Photons of the fresh render that ends a ladder, and at most where its error is more than a part of the
@@ -165,7 +167,9 @@ class Diagnosis:
         """The verdict for people, several lines."""
         return text.as_text(self.verdict)
 
-    def save(self, folder: str | Path, command: str = "diagnose") -> Diagnosis:
+    def save(
+        self, folder: str | Path, command: str = "diagnose", effects_file: str | Path | None = None
+    ) -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
         Curves of the last rung are written with their errors, a beam profile as a lamp table too, for other
@@ -176,6 +180,8 @@ class Diagnosis:
         folder : path-like
         command : str
             What the ledger calls this run.
+        effects_file : path-like, optional
+            Effects of the user's own that were read: they are not written over.
 
         Returns
         -------
@@ -201,12 +207,13 @@ class Diagnosis:
             with atomic_path(target / CURVES) as temporary:
                 data = [curve.as_data() for curve in curves]
                 temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-        if verdict.verdict == "unexplained":
+        read = effects_file is not None and Path(effects_file).resolve() == (target / HYPOTHESES).resolve()
+        if verdict.verdict == "unexplained" and not read:
             with atomic_path(target / HYPOTHESES) as temporary:
                 temporary.write_text(
                     as_file(ranked(local_unknowns(self.readings), verdict.left_over)), encoding="utf-8"
                 )
-        with atomic_path(target / "verdict.json") as temporary:
+        with atomic_path(target / VERDICT) as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.append(target, rows, command, known)
         return replace(self, verdict=verdict)

@@ -51,3 +51,17 @@ def readings(
     more = 1.0 if factor is None else factor(table)
     measured, _ = measure(truth, table, Light(light), Instrument(noise, **kinds), rng, more)
     return measured, believed
+
+
+def many_lines(n: int, distances: int, **hidden: float) -> tuple[Readings, Scene]:
+    """Readings along lines across the beam, one line after the other, with an error of 0.5 %."""
+    believed, rng = scene(), np.random.default_rng(3)
+    z = np.repeat(np.linspace(4.5, 8.5, distances), n // distances)
+    x = np.tile(np.linspace(-0.9, 0.9, n // distances), distances)
+    light = direct_field(believed.with_values(hidden), x, 0 * x, z)
+    error = np.hypot(0.005 * light, 0.0008 * light.max())
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=light + error * rng.standard_normal(len(x)), stderr=error,
+        time_s=np.arange(len(x)), quantity="irradiance",
+    )  # fmt: skip
+    return table.check_against(believed), believed

@@ -28,6 +28,16 @@ width_m = 1.6
 """
 
 
+OWN = """
+[[effect]]
+name = "rope"
+stage = "path"
+formula = "1 - depth*exp(-(x/0.1)**2)"
+[effect.parameters]
+depth = { unit = "1", range = [0.0, 0.9], neutral = 0.0, typical = 0.05 }
+"""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     made = tmp_path_factory.mktemp("hidden")
@@ -154,13 +164,27 @@ def test_a_layout_without_light_is_told(folder: Path, tmp_path: Path, capsys) ->
         "plan {f}/mine.csv --scene {f}/mine.toml --no-trace --json {f}/mine.csv",
         "hide {f}/scene.toml -o {f}",
         "diagnose {f}/mine.csv --scene {f}/found/rung1.toml --no-trace -o {f}/found",
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --effects-file {f}/own.toml --json {f}/own.toml",
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --effects-file {f}/own/rung0.toml -o {f}/own",
+        "diagnose {f}/mine.csv --scene {f}/mine.toml --effects-file {f}/own/curves.json -o {f}/own",
+        "diagnose {f}/own/lamp.csv --scene {f}/mine.toml --no-trace -o {f}/own",
+        "plan {f}/mine.csv --scene {f}/mine.toml --no-trace --effects-file {f}/own.toml --json {f}/own.toml",
+        "compare {f}/mine.csv --scene {f}/mine.toml --effects-file {f}/own.toml --fit-json {f}/x/../own.toml",
+        "hide {f}/mine.toml --effects-file {f}/own/data.csv -o {f}/own",
     ],
 )
 def test_what_is_read_is_never_overwritten(folder: Path, wrong: str, capsys) -> None:
     for name, source in (("mine.csv", "set/data.csv"), ("mine.toml", "scene.toml")):
         (folder / name).write_bytes((folder / source).read_bytes())
+    (folder / "own").mkdir(exist_ok=True)
+    (folder / "own/lamp.csv").write_bytes((folder / "mine.csv").read_bytes())
+    mine = [folder / name for name in ("own.toml", "own/rung0.toml", "own/curves.json", "own/data.csv")]
+    for file in mine:
+        file.write_text(OWN)
     assert cli.main(wrong.format(f=folder).split()) == 2
     assert "in use by the same command" in capsys.readouterr().err
+    assert {file.read_text() for file in mine} == {OWN}
+    assert (folder / "own/lamp.csv").read_bytes() == (folder / "mine.csv").read_bytes()
     assert (folder / "mine.csv").read_bytes() == (folder / "set/data.csv").read_bytes()
     assert (folder / "mine.toml").read_text() == (folder / "scene.toml").read_text() == SCENE
 

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.blas import dtrmm, dtrmv
 from scipy.linalg.lapack import dpstrf, dtrtri
 
 from lightfield.arrays import Array
@@ -24,6 +25,8 @@ Rows = NDArray[np.int_]
 
 #: Rows among which the next columns of a factor of low rank are chosen.
 _CHOSEN_AMONG = 1500
+#: Up to so many columns are multiplied by a triangle one by one: time goes into reading it from memory.
+_ONE_BY_ONE = 8
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ class ChainFactor:
     def white(self, columns: Array) -> Array:
         """L^-1 times columns of shape (n, k)."""
         if len(self._links) == 1:
-            return np.asarray(self._links[0][2] @ columns)
+            return _lower(self._links[0][2], columns)
         state: Array = np.zeros((0, columns.shape[1]), self._kind)
         out, at = np.empty_like(columns), 0
         for link, _, inverse, gain in self._links:
@@ -145,6 +148,14 @@ class ChainFactor:
                 out[rows] += link.out @ state
             state = self._carried(link, state) + gain @ columns[rows].astype(self._kind, copy=False)
         return out
+
+
+def _lower(triangle: Array, columns: Array) -> Array:
+    """Product of a lower triangle, in Fortran's order, with columns of shape (n, k), but for its zeros."""
+    if columns.shape[1] <= _ONE_BY_ONE:
+        each = [dtrmv(triangle, column, lower=1) for column in columns.T]
+        return np.stack(each, axis=1) if each else np.zeros(columns.shape)
+    return np.asarray(dtrmm(1.0, triangle, columns.T, side=1, lower=1, trans_a=1).T)
 
 
 def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance: float) -> Array:

@@ -91,12 +91,14 @@ def describe(
     judged = [_judged(problem, e, f, whiten) for e, f in near]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
-    if problem.sample is not None:
+    missing = problem.forward.light.to_trace([fit.values])
+    poor = misses(test, best[1])
+    if poor and problem.sample is not None:  # what they miss all of them say, not a sample
         own, fit = whiten, best[1]
         if best[0][0].effect.diffuse:
             own, fit = under_own_errors(problem, best[0], fit, whiten, rounds=1)
-    missing = problem.forward.light.to_trace([fit.values])
-    if misses(test, best[1]) and (own is whiten or misses(test_under(own), fit)):
+            missing = problem.forward.light.to_trace([fit.values])
+    if poor and (own is whiten or misses(test_under(own), fit)):
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)

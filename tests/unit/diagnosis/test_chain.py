@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lightfield.diagnosis.adequacy.robust import noise_scale
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.problem import noise as noise_module
-from lightfield.diagnosis.problem.chain import fewer, low_rank
+from lightfield.diagnosis.problem.chain import _lower, fewer, low_rank
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
@@ -139,6 +139,22 @@ def test_many_readings_are_whitened_as_few_are(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_allclose((quick(columns) ** 2).sum(0), chi2, rtol=2 * noise_module._LEFT_OUT)
     assert abs(quick.log_determinant - exact.log_determinant) < 2 * noise_module._LEFT_OUT * 700
     np.testing.assert_allclose(quick.coloured(quick(columns)), columns, rtol=1e-4, atol=1e-6)
+
+
+def test_readings_that_share_photons_are_one_block() -> None:
+    """Of 600 the factor is the dense one, and nobody has asked how few columns tell what they share."""
+    noise = noise_of(600, 3, 0.003, True, 0.0, 20, 0.01, False)
+    columns = np.random.default_rng(1).normal(size=(600, 5))
+    white, dense = Whitener(noise, 0.3)(columns), np.linalg.cholesky(noise.covariance(0.3, 1.0, 0.0))
+    np.testing.assert_allclose(white, np.linalg.solve(dense, columns), rtol=1e-9, atol=1e-9)
+    assert not noise._smooth_columns
+
+
+@pytest.mark.parametrize("k", [0, 1, 8, 9, 30])
+def test_a_triangle_times_columns_passes_over_its_zeros(k: int) -> None:
+    rng = np.random.default_rng(k)
+    triangle, columns = np.asfortranarray(np.tril(rng.normal(size=(50, 50)))), rng.normal(size=(50, k))
+    np.testing.assert_allclose(_lower(triangle, columns), triangle @ columns, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4])

@@ -185,4 +185,9 @@ def test_an_unexplained_rest_comes_with_its_curve(tmp_path: Path) -> None:
         and f"such as {best.formula}" in verdict.sentence
     )
     found.save(tmp_path)
-    assert 'name = "plume"' in (tmp_path / "hypotheses.toml").read_text().partition("[[effect]]")[2][:60]
+    proposed = tmp_path / "hypotheses.toml"
+    assert 'name = "plume"' in proposed.read_text().partition("[[effect]]")[2][:60]
+    # Effects that were read, perhaps with changes of one's own, are not written over by new ones.
+    proposed.write_text("# mine")
+    found.save(tmp_path, effects_file=tmp_path / "x" / ".." / proposed.name)
+    assert proposed.read_text() == "# mine"

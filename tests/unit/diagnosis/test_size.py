@@ -2,35 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from analytic_readings import scene
+from analytic_readings import many_lines
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.setup import source_of
 from lightfield.errors import FitError
-from lightfield.formula.field import direct_field
-from lightfield.readings import Readings
 from lightfield.scene import Scene
-
-
-def scan(n: int, distances: int, **hidden: float) -> tuple[Readings, Scene]:
-    """Readings along lines across the beam, one line after the other, with an error of 0.5 %."""
-    believed, rng = scene(), np.random.default_rng(3)
-    z = np.repeat(np.linspace(4.5, 8.5, distances), n // distances)
-    x = np.tile(np.linspace(-0.9, 0.9, n // distances), distances)
-    light = direct_field(believed.with_values(hidden), x, 0 * x, z)
-    error = np.hypot(0.005 * light, 0.0008 * light.max())
-    table = Readings.from_arrays(
-        x_m=x, y_m=0 * x, z_m=z, value=light + error * rng.standard_normal(len(x)), stderr=error,
-        time_s=np.arange(len(x)), quantity="irradiance",
-    )  # fmt: skip
-    return table.check_against(believed), believed
 
 
 def test_many_readings_find_the_effect_and_say_what_goes_on() -> None:
     """600 readings, whitened in blocks: a beam 2 cm off the axis is told from a tilted one."""
-    readings, believed = scan(600, 5, **{"lamp.offset_x_m": 0.02})
+    readings, believed = many_lines(600, 5, **{"lamp.offset_x_m": 0.02})
     stages: list[str] = []
     found = diagnose(
         readings, believed, diffuse=None, only=["beam_offset", "beam_tilt", "background"], advise=False,
@@ -44,7 +27,7 @@ def test_many_readings_find_the_effect_and_say_what_goes_on() -> None:
 
 @pytest.mark.parametrize(("n", "distances"), [(20_005, 5), (3000, 1000)])
 def test_too_many_readings_are_refused_with_a_word(n: int, distances: int) -> None:
-    readings, believed = scan(n, distances)
+    readings, believed = many_lines(n, distances)
     with pytest.raises(FitError, match="too many readings") as refused:
         diagnose(readings, believed, diffuse=None)
     assert str(n) in str(refused.value) and f"at {distances} distances" in str(refused.value)
@@ -57,13 +40,13 @@ def test_light_is_not_traced_in_too_many_cells() -> None:
     def never(*_: object, **__: object) -> None:
         raise AssertionError("traced")
 
-    readings, believed = scan(520, 520)
+    readings, believed = many_lines(520, 520)
     source, reason = source_of(believed, never, readings)
     assert source is None and "of at most 3000" in str(reason)
     with pytest.raises(FitError, match="too many places"):
         diagnose(readings, believed.with_values({"water.scattering_per_m": 0.05}), diffuse=never)
     for n in (600, 3005, 15_005):
-        few, believed = scan(n, 5)
+        few, believed = many_lines(n, 5)
         assert source_of(believed, never, few) == (never, None)
 
 
@@ -75,7 +58,7 @@ def test_many_readings_where_the_scene_scatters_and_reflects_are_refused() -> No
         (4000, murky, True),
         (4005, {"tank.wall_albedo": 0.2}, True),
     ):
-        readings, believed = scan(n, 5)
+        readings, believed = many_lines(n, 5)
         there = Scene.from_dict({**believed.model_dump(), "tank": {}}).with_values(hidden)
         if taken:
             source_of(there, "trace", readings)
