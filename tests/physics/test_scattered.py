@@ -187,7 +187,7 @@ def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within
 
 
 def far_beside(depth_m: float | None) -> tuple[np.ndarray, np.ndarray, Scene]:
-    """Readings to 48 degrees from the axis of a beam of six, x and z, in open water or a tank of some depth."""
+    """Readings to 48 degrees from the axis of a beam of six, in open water or a tank of some depth."""
     planes = [0.6, 0.9, 1.2, 1.6, 2.1]
     x, z = np.tile(np.linspace(-0.675, 0.675, 11), 5), np.repeat(planes, 11)
     tank = depth_m and {"width_m": 1.5, "depth_m": depth_m, "length_m": 2.5, "behind_lamp_m": 0.25}

@@ -199,7 +199,7 @@ def _fitted(
 def _terms_told(
     scene: Scene, cells: tuple[Array, Array, Array], light: Array, span: tuple[float, float], most: float
 ) -> tuple[tuple[int, int], bool, Array]:
-    """As many terms as cells with this light tell apart, and the polynomials there, shape (n_cells, n_terms)."""
+    """As many terms as cells with this light tell apart, and the polynomials there, (n_cells, n_terms)."""
     by_distance = span[1] > 1.001 * span[0]
     for (along, across), directed in _FEWER:
         terms, in_tank = (along if by_distance else 1, across), directed and scene.tank is not None
