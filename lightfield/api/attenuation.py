@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -59,6 +60,7 @@ class Attenuation(Result[attenuating.Attenuation]):
         return write_attenuation(self.details, path)
 
 
+@told_in_notebook("attenuation")
 def attenuation(
     readings: Readings | AnyPath | Sequence[Readings | AnyPath],
     scene: Scene | AnyPath | Sequence[Scene | AnyPath],

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.scene import Scene
 from lightfield.studies import band as bands
@@ -67,6 +68,7 @@ class Band(Result[bands.Bands]):
         return write_band(self.details, path)
 
 
+@told_in_notebook("band")
 def band(
     scene: Scene | AnyPath,
     *,

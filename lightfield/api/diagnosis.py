@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import plan as planning
@@ -148,11 +149,15 @@ def diagnose(
         Unknown effect.
     """
     known = scene_of(scene, effects_file)
-    found = diagnosing.diagnose(
-        readings_of(readings, known), known, diffuse="trace" if trace else None,
-        only=None if effects is None else named(effects), alpha=alpha, seed=seed,
-    )  # fmt: skip
-    return Diagnosis(found.rendered() if trace and render and found.steps[1:] else found)
+    with told_in_notebook("diagnose") as stage:
+        found = diagnosing.diagnose(
+            readings_of(readings, known), known, diffuse="trace" if trace else None,
+            only=None if effects is None else named(effects), alpha=alpha, seed=seed, progress=stage,
+        )  # fmt: skip
+        if trace and render and found.steps[1:]:
+            stage("rendering the explained scene afresh")
+            found = found.rendered()
+    return Diagnosis(found)
 
 
 class Plan(Result[planning.LayoutPlan]):
@@ -249,6 +254,7 @@ class Together(Result[Certainty]):
         return write_together(self.details, path)
 
 
+@told_in_notebook("plan")
 def plan(
     layout: Readings | AnyPath,
     scene: Scene | AnyPath,

@@ -10,6 +10,7 @@ import numpy as np
 
 from lightfield.api.array import PHOTONS
 from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -75,6 +76,7 @@ class Following(Result[study.Following]):
         return write_following(self.details, path)
 
 
+@told_in_notebook("follow")
 def follow(
     scene: Scene | AnyPath,
     *,

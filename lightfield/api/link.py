@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.scene import Scene
 from lightfield.studies.link import study as linking
@@ -71,6 +72,7 @@ class Link(Result[linking.Link]):
         return write_link(self.details, path)
 
 
+@told_in_notebook("link")
 def link(
     scene: Scene | AnyPath,
     *,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -67,6 +68,7 @@ class Range(Result[ranging.WorkingRange]):
         return write_range(self.details, path)
 
 
+@told_in_notebook("range")
 def range(
     scene: Scene | AnyPath,
     *,

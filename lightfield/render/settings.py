@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 
 from lightfield.errors import RenderError
 
@@ -42,19 +43,17 @@ class Settings:
     symmetry: bool = False
 
     def __post_init__(self) -> None:
-        if not 1e-5 <= self.rel_error <= 1:
-            raise RenderError(
-                "impossible relative error",
-                where="rel_error",
-                found=self.rel_error,
-                rule="1e-5 to 1",
-                remedy="try 0.02",
-            )
-        if not 1e3 <= self.max_photons <= 1e12:
-            raise RenderError(
-                "impossible photon budget",
-                where="max_photons",
-                found=self.max_photons,
-                rule="1e3 to 1e12",
-                remedy="try 1e8",
-            )
+        for name, what, low, high, remedy in (
+            ("rel_error", "relative error", "1e-5", "1", "try 0.02, which is 2 %"),
+            ("max_photons", "photon budget", "1e3", "1e12", "try 1e8"),
+        ):
+            value = getattr(self, name)
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if not number or not float(low) <= value <= float(high):
+                raise RenderError(
+                    f"impossible {what}",
+                    where=name,
+                    found=value if number else repr(value),
+                    rule=f"{low} to {high}" if number else f"a number, {low} to {high}",
+                    remedy=remedy,
+                )

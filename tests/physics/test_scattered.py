@@ -207,6 +207,33 @@ def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within
     assert error.mean() < 0.005
 
 
+def far_beside(depth_m: float | None) -> tuple[np.ndarray, np.ndarray, Scene]:
+    """Readings to 48 degrees from the axis of a beam of six, in open water or a tank of some depth."""
+    planes = [0.6, 0.9, 1.2, 1.6, 2.1]
+    x, z = np.tile(np.linspace(-0.675, 0.675, 11), 5), np.repeat(planes, 11)
+    tank = depth_m and {"width_m": 1.5, "depth_m": depth_m, "length_m": 2.5, "behind_lamp_m": 0.25}
+    return x, z, scene(tank=tank or None, lamp__hwhm_deg=6.0, detector__planes_m=planes)
+
+
+@pytest.mark.parametrize("depth_m", [None, 0.6])
+def test_a_ratio_is_known_where_readings_lie_far_beside_the_beam(depth_m: float | None) -> None:
+    """On the axis it is next to one: cells resolve the beam in a shallow tank, or their means do."""
+    x, z, here = far_beside(depth_m)
+    ratio = traced_ratio(here, x, 0 * x, z, np.array([470.0]), photons=1e5, seed=5)
+    basis = ratio.basis(here, x, 0 * x, z)[x == 0]
+    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
+    assert np.all(np.abs(basis @ ratio.value[0] - 1) < 0.01 + 3.5 * error)
+    assert error.max() < 0.05
+
+
+def test_cells_that_do_not_tell_all_terms_tell_fewer() -> None:
+    """In a tank of three centimetres all lit cells lie on a line."""
+    x, z, here = far_beside(0.03)
+    ratio = traced_ratio(here, x, 0 * x, z, np.array([470.0]), photons=3e4, seed=5)
+    assert ratio.value.shape[1] < 9
+    assert np.all(np.isfinite(ratio.value)) and np.all(np.isfinite(ratio.root))
+
+
 @pytest.mark.slow
 def test_walls_and_surface_send_nothing_into_a_ratio() -> None:
     """The same photons in a black tank and in a bright one with a water surface."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
 from lightfield.api.light.maps import Maps, nearest, render
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.readings import Readings
@@ -140,6 +141,7 @@ def compare(
     rel_error: float | None = None, max_photons: float | None = None, seed: int | None = None,
     cache: bool = True,
 ) -> Fit: ...  # fmt: skip
+@told_in_notebook("compare")
 def compare(
     what: Scene | Maps | Readings | AnyPath,
     scene: Scene | AnyPath | None = None,

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
@@ -138,6 +139,7 @@ def nearest(values: np.ndarray, wanted: float) -> int:
     return int(np.abs(values - wanted).argmin())
 
 
+@told_in_notebook("render")
 def render(
     scene: Scene | AnyPath,
     *,

@@ -29,6 +29,15 @@ from lightfield.scene.water.coefficients import coefficients_in
 TRUNCATION = 0.002
 #: Terms in distance and in angle.
 _TERMS = (3, 3)
+#: Fewer of them, without direction at the end, where lit cells are too few to tell them apart: the beam is
+#: narrow and readings lie far beside it.
+_FEWER = ((_TERMS, True), (_TERMS, False), ((2, 2), False), ((2, 1), False), ((1, 1), False))
+#: Told apart are terms, each of length one over cells that count by their light, with no singular value below
+#: this (maps of the experiments have 0.09 to 0.7, of a tank 0.6 m deep read to 48 degrees 0.0017). Chosen.
+_APART = 1e-3
+#: Gauss nodes in a cell as wide as half the beam's full width there (a Gaussian's mean is right to
+#: 0.3 %), and at most, where it is narrower.
+_NODES, _MOST_NODES = 2, 8
 #: Planes and cells across the widest of them; the map reaches to the readings, and so many half widths of the
 #: beam.
 _PLANES, _ACROSS, _HALF_WIDTHS = 5, 22, 1.5
@@ -110,22 +119,25 @@ def _grid(scene: Scene, span: tuple[float, float], most: float) -> Grid:
     count = _PLANES if span[1] > 1.001 * span[0] else 1
     planes = np.geomspace(*span, count) if count > 1 else np.array(span[:1])
     reach = np.sqrt(most) * (span[1] + scene.lamp.apparent_distance_m)
-    pitch = 2 * reach / _ACROSS
     lamp = scene.lamp
     ux, uy, uz = beam_axes(lamp)[2]
     tilt = max(abs(ux), abs(uy)) / uz
-    half = int(np.ceil((reach + tilt * span[1] + np.hypot(lamp.offset_x_m, lamp.offset_y_m)) / pitch))
-    x = pitch * np.arange(-half, half + 1)
-    grid = Grid(planes, x, x, pitch, pitch)
+    wanted = reach + tilt * span[1] + np.hypot(lamp.offset_x_m, lamp.offset_y_m)
+    # Cells beyond a wall tell nothing: a narrow tank has as many across it as a wide one.
+    rooms = [np.inf, np.inf] if scene.tank is None else [max(map(abs, wall)) for wall in scene.tank.box_m[:2]]
+    dx, dy = (2 * min(reach, room) / _ACROSS for room in rooms)
+    halves = [int(np.ceil(min(wanted, room) / pitch)) for room, pitch in zip(rooms, (dx, dy), strict=True)]
+    x, y = (pitch * np.arange(-n, n + 1) for n, pitch in zip(halves, (dx, dy), strict=True))
+    grid = Grid(planes, x, y, dx, dy)
     cx, cy, cz = grid.centres()
     near = (_around(scene, (cx.ravel(), cy.ravel(), cz.ravel()))[1] ** 2 <= 1.02 * most).reshape(grid.shape)
     # On the nearest planes the beam may be narrower than a cell.
-    near |= np.hypot(cx - lamp.offset_x_m - ux / uz * cz, cy - lamp.offset_y_m - uy / uz * cz) <= pitch
+    near |= np.hypot(cx - lamp.offset_x_m - ux / uz * cz, cy - lamp.offset_y_m - uy / uz * cz) <= max(dx, dy)
     if scene.tank is not None:
         (left, right), (low, high), _ = scene.tank.box_m
-        near &= (cx - pitch / 2 >= left) & (cx + pitch / 2 <= right)
-        near &= (cy - pitch / 2 >= low) & (cy + pitch / 2 <= high)
-    return Grid(planes, x, x, pitch, pitch, occupied=near)
+        near &= (cx - dx / 2 >= left) & (cx + dx / 2 <= right)
+        near &= (cy - dy / 2 >= low) & (cy + dy / 2 <= high)
+    return Grid(planes, x, y, dx, dy, occupied=near)
 
 
 def _around(scene: Scene, places: tuple[Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
@@ -179,20 +191,46 @@ def _fitted(
     for plane in np.unique(z):
         here = z == plane
         lit[here] &= np.all(known[:, here] > _DARK * known[:, here].max(axis=1, keepdims=True), axis=0)
-    terms, in_tank = (_TERMS if span[1] > 1.001 * span[0] else (1, _TERMS[1])), scene.tank is not None
-    basis = _basis(scene, (x[lit], y[lit], z[lit]), span, most, terms, in_tank)
+    terms, in_tank, basis = _terms_told(scene, (x[lit], y[lit], z[lit]), known[0, lit], span, most)
     value, root = _polynomials(ratio[:, :, lit], basis)
     return Ratio(span, most, terms, in_tank, value, root, response.photons)
 
 
+def _terms_told(
+    scene: Scene, cells: tuple[Array, Array, Array], light: Array, span: tuple[float, float], most: float
+) -> tuple[tuple[int, int], bool, Array]:
+    """As many terms as cells with this light tell apart, and the polynomials there, (n_cells, n_terms)."""
+    by_distance = span[1] > 1.001 * span[0]
+    for (along, across), directed in _FEWER:
+        terms, in_tank = (along if by_distance else 1, across), directed and scene.tank is not None
+        basis = _basis(scene, cells, span, most, terms, in_tank)
+        seen = basis * np.sqrt(light)[:, None]  # as photons tell the cells
+        length = np.linalg.norm(seen, axis=0)
+        if len(basis) <= basis.shape[1] or not np.all(length > 0):
+            continue
+        if np.linalg.svd(seen / length, compute_uv=False)[-1] > _APART:
+            break
+    return terms, in_tank, basis
+
+
 def _in_cells(scene: Scene, grid: Grid, x: Array, y: Array, z: Array, a: Array, b: Array) -> Array:
-    """Known light as the mean over every cell, by two Gauss nodes each way, shape (n_wavelengths, n)."""
-    dx, dy = grid.pitch_x_m / np.sqrt(12), grid.pitch_y_m / np.sqrt(12)
-    places = [(x + i * dx, y + j * dy) for i in (-1, 1) for j in (-1, 1)]
-    field = ScatteredField(
-        np.concatenate([p for p, _ in places]), np.concatenate([p for _, p in places]), np.tile(z, 4)
-    )
-    return np.asarray(field.at(scene, a, b).reshape(len(a), 4, -1).mean(axis=1))
+    """Known light as the mean over every cell, by Gauss nodes each way, shape (n_wavelengths, n)."""
+    half_width = np.tan(half_width_rad(scene.lamp)) * (z + scene.lamp.apparent_distance_m)
+    cell = max(grid.pitch_x_m, grid.pitch_y_m)
+    counts = np.clip(np.ceil(_NODES * cell / half_width), _NODES, _MOST_NODES).astype(int)
+    out = np.empty((len(a), len(z)))
+    for count in np.unique(counts):
+        here = np.flatnonzero(counts == count)
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+        at_x, at_y = (v.ravel()[:, None] for v in np.meshgrid(nodes, nodes))
+        field = ScatteredField(
+            (x[here] + 0.5 * grid.pitch_x_m * at_x).ravel(),
+            (y[here] + 0.5 * grid.pitch_y_m * at_y).ravel(),
+            np.tile(z[here], count**2),
+        )
+        each = field.at(scene, a, b).reshape(len(a), count**2, -1)
+        out[:, here] = np.einsum("wnc,n->wc", each, 0.25 * np.outer(weights, weights).ravel())
+    return out
 
 
 def _polynomials(ratio: Array, basis: Array) -> tuple[Array, Array]:
@@ -213,13 +251,13 @@ def _polynomials(ratio: Array, basis: Array) -> tuple[Array, Array]:
         sigma = np.exp(0.5 * basis @ law)
         sigma *= np.sqrt(np.mean(variance / sigma**2))
         white = basis / sigma[:, None]
-        plain = np.linalg.inv(white.T @ white)
-        solve = plain @ white.T
-        each = (batches / sigma) @ solve.T
+        left, size, right = np.linalg.svd(white, full_matrices=False)
+        root = right.T / size  # of the covariance of independent cells
+        each = (batches / sigma) @ left @ root.T
         value = each.mean(axis=0)
         # Planes share photons: how much the batches' fits scatter over what independent cells would.
-        away = (each - value) @ np.linalg.cholesky(np.linalg.inv(plain)) / np.sqrt(count)
+        away = (each - value) @ white.T / np.sqrt(count)
         together = float((away**2).sum() / (len(value) * (count - 1)))
         values.append(value)
-        roots.append(np.linalg.cholesky(plain * max(together, 0.5)))
+        roots.append(root * np.sqrt(max(together, 0.5)))
     return np.array(values), np.array(roots)

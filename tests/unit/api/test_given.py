@@ -19,3 +19,10 @@ def test_a_name_alone_is_not_taken_letter_by_letter() -> None:
     )
     with pytest.raises(lf.LightfieldError, match="no_such_effect"):
         lf.hide(scene, effect="no_such_effect")
+
+
+@pytest.mark.parametrize("given", [{"rel_error": "5%"}, {"max_photons": "many"}, {"rel_error": True}])
+def test_a_number_that_is_none_is_said_to_be_none(given: dict[str, object]) -> None:
+    (name,) = given
+    with pytest.raises(lf.LightfieldError, match=f"{name}.*a number, 1e"):
+        lf.render(lf.Scene.from_dict({"name": "a pool"}), **given)  # type: ignore[arg-type]
