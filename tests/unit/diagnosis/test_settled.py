@@ -28,7 +28,7 @@ def found() -> Diagnosis:
 def settle_to(monkeypatch: pytest.MonkeyPatch, slant: float) -> None:
     """With the better light the readings on the right are brighter by this part, and on the left darker."""
 
-    def moved(problem: Problem, tried: Tried) -> module.Settled:
+    def moved(problem: Problem, tried: Tried, seed: int) -> module.Settled:
         assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
         there = replace(problem, value=problem.value * (1 + slant * np.sign(problem.layout.x_m)))
         whiten = tried.test.whiten
