@@ -10,6 +10,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 
+#: What the names of the readings' factors begin with, in a fit as in a verdict.
+GAIN = "gain"
+
 
 class Forward(Protocol):
     """Predicts readings from parameter values; paths that are not given keep the scene's values."""
