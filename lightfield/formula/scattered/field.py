@@ -53,9 +53,9 @@ HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
 _NEAREST_M, _AT_NODE = 1e-3, 1e-15
 _REMEMBERED, _STEPS = 64, 3
-#: Nodes for so many phase functions and widths are remembered, some megabytes each: a search goes to and fro
-#: between a dozen.
-_NODES = 8
+#: So many paths and spreads, for other phase functions and widths, are remembered: of twenty megabytes and of
+#: five each. A search goes to and fro between a dozen.
+_PATHS, _SPREADS = 5, 10
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -119,9 +119,9 @@ class ScatteredField:
         self._made = lru_cache(_REMEMBERED)(self._table)
         self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
-        self._paths = lru_cache(_NODES)(self._paths_to)
+        self._paths = lru_cache(_PATHS)(self._paths_to)
         self._sent = lru_cache(_STEPS)(self._sent_along)
-        self._spreads = lru_cache(_NODES)(self._spread)
+        self._spreads = lru_cache(_SPREADS)(self._spread)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.
