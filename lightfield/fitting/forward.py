@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,15 @@ from lightfield.scene.own.effect import OwnEffect
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
-_TIME = paths_on(Acts.TIME)
+_READOUT, _TIME = frozenset(READOUT), frozenset(paths_on(Acts.TIME))
 #: Where the light comes from and which way it shines, of which formulas may speak.
-_POSE = paths_on(Acts.SOURCE | Acts.BEAM)
-_LAMP = tuple(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))
+_POSE = frozenset(paths_on(Acts.SOURCE | Acts.BEAM))
 POWER, SHIFT = "lamp.power_w", "detector.wavelength_shift_nm"
+_LIT = frozenset({SHIFT, *(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))})
+#: So many scenes and powers in time are remembered: most steps of a fit change something else.
+_REMEMBERED = 16
+
+Chosen = tuple[tuple[str, float], ...]
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
 TRACES = 3
 
@@ -173,7 +177,7 @@ class SceneForward:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n,)."""
-        scene = self._with(values, (*_LAMP, SHIFT))
+        scene = self._with(values, _LIT)
         lamp, shift = own.lit(scene).lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
         whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
@@ -185,18 +189,18 @@ class SceneForward:
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""
-        return analytic.time_factor(self._with(values, _TIME), self._time)
+        return self._power(_chosen(values, _TIME))
 
     def _shown(self, values: Mapping[str, float]) -> Array | float:
         """Factors of the readout on all light: of the plane, and of readings in water."""
-        scene = self._with(values, READOUT)
+        scene = self._with(values, _READOUT)
         gain = analytic.plane_gain(scene, self._taken.z_m)
         return gain * analytic.immersed(scene, self._taken.in_air)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self._gain(values) * field * self.power(values) * self._own(values)
-        reading = analytic.readout(self._with(values, READOUT), signal, self._full, self._taken)
+        reading = analytic.readout(self._with(values, _READOUT), signal, self._full, self._taken)
         if not self.scene.effect:
             return reading
         return own.shown(self._with(values, _POSE), reading, self._full, *self._where)
@@ -212,10 +216,35 @@ class SceneForward:
         r = self.readings
         return r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
 
-    def _with(self, values: Mapping[str, float], paths: Sequence[str]) -> Scene:
+    def _with(self, values: Mapping[str, float], paths: frozenset[str]) -> Scene:
         """The scene with those of the values that lie at some paths."""
-        chosen = {k: v for k, v in values.items() if field_of(k) in paths or k.startswith(OWN)}
-        return self.light.with_values(chosen) if chosen else self.scene
+        return self._scene(_chosen(values, paths))
+
+    @cached_property
+    def _scene(self) -> Callable[[Chosen], Scene]:
+        """The scene with these values."""
+        return lru_cache(_REMEMBERED)(
+            lambda chosen: self.light.with_values(dict(chosen)) if chosen else self.scene
+        )
+
+    @cached_property
+    def _power(self) -> Callable[[Chosen], Array]:
+        """Lamp power over its value at time zero, shape (n,), for these values; read alone."""
+
+        def power(chosen: Chosen) -> Array:
+            factor = np.array(analytic.time_factor(self._scene(chosen), self._time))
+            factor.setflags(write=False)
+            return factor
+
+        return lru_cache(_REMEMBERED)(power)
+
+
+def _chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
+    """Those of the values that lie at some paths, or in effects of the user's own, in one order."""
+    return tuple(sorted(v for v in values.items() if _field_of(v[0]) in paths or v[0].startswith(OWN)))
+
+
+_field_of = cache(field_of)
 
 
 class Retraced:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ from lightfield.scene.water.coefficients import scattering_per_m
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from lightfield.scene.water.water import Water
+
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in
@@ -44,6 +46,19 @@ class Diffuse(Protocol):
     ) -> tuple[Array, Array]: ...
 
     def some(self, rows: NDArray[np.bool_]) -> Diffuse: ...
+
+
+@runtime_checkable
+class ManyWaters(Protocol):
+    """Diffuse light that tells of several waters faster than of one after the other."""
+
+    def in_waters(
+        self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
+    ) -> Array:
+        """That of a scene in waters which differ by what absorbs and scatters alone.
+
+        Shape (n_waters, n_wavelengths, n).
+        """
 
 
 class TracedDiffuse(Diffuse, Protocol):
@@ -274,9 +289,21 @@ class LightSource:
         if ages(scene.water):
             at, shares = moments(scene.water, self.readings.time_s, self._straight_m, MOMENTS)
             waters = [at_time(scene.water, float(t)) for t in at]
-            now = [self._diffuse(scene.model_copy(update={"water": water})) for water in waters]
+            now = self._in_waters(scene, waters)
             return np.asarray((shares * np.array(now)).sum(axis=0))
-        every, channel = self.diffuse.light(scene, self._colours(scene)), self.channels[1]
+        return self._of_channels(self.diffuse.light(scene, self._colours(scene)))
+
+    def _in_waters(self, scene: Scene, waters: Sequence[Water]) -> list[Array]:
+        """Scattered and reflected light in each of some waters, see `ManyWaters`, each of shape (n,)."""
+        scenes = [scene.model_copy(update={"water": water}) for water in waters]
+        if isinstance(self.diffuse, ManyWaters):
+            every = self.diffuse.in_waters(scenes[0], waters, self._colours(scene))
+            return [self._of_channels(one) for one in every]
+        return [self._diffuse(one) for one in scenes]
+
+    def _of_channels(self, every: Array) -> Array:
+        """Of light at all wavelengths that of each reading's channel, shape (n,)."""
+        channel = self.channels[1]
         return np.asarray(every[channel, np.arange(len(channel))])
 
     @cached_property

@@ -57,6 +57,18 @@ def fresh(scene: Scene, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
     return mean.ravel(), stderr.ravel()
 
 
+def test_several_waters_at_once_have_the_light_of_each(denser: DiffuseResponse) -> None:
+    """Also where one of them is clear, and one is told by the denser trace."""
+    bands = [500.0, None]
+    changes = [(0.08, 0.15), (0.12, 0.0), (0.05, 0.7)]
+    scenes = [
+        SCENE.with_values({"water.absorption_per_m": a, "water.scattering_per_m": b}) for a, b in changes
+    ]
+    together = denser.in_waters(scenes[0], [one.water for one in scenes], bands)
+    for found, scene in zip(together, scenes, strict=True):
+        assert found == pytest.approx(denser.light(scene, bands), rel=1e-5)
+
+
 CASES: dict[str, dict[str, Any]] = {
     "as traced": {},
     "narrower": {"lamp.hwhm_deg": 3.0},

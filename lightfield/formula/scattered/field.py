@@ -53,9 +53,9 @@ HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
 _NEAREST_M, _AT_NODE = 1e-3, 1e-15
 _REMEMBERED, _STEPS = 64, 3
-#: Nodes for so many phase functions and widths are remembered, some megabytes each: a search goes to and fro
-#: between a dozen.
-_NODES = 8
+#: So many paths and spreads, for other phase functions and widths, are remembered: of twenty megabytes and of
+#: five each. A search goes to and fro between a dozen.
+_PATHS, _SPREADS = 5, 10
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -119,9 +119,9 @@ class ScatteredField:
         self._made = lru_cache(_REMEMBERED)(self._table)
         self._seen = lru_cache(_STEPS)(self._seen_from)
         # What does not change with the water, or with the lamp, in the steps of a fit.
-        self._paths = lru_cache(_NODES)(self._paths_to)
+        self._paths = lru_cache(_PATHS)(self._paths_to)
         self._sent = lru_cache(_STEPS)(self._sent_along)
-        self._spreads = lru_cache(_NODES)(self._spread)
+        self._spreads = lru_cache(_SPREADS)(self._spread)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.
@@ -133,9 +133,15 @@ class ScatteredField:
         wavelengths_nm : sequence of float
             None: the middle of the first band.
         """
-        middle = 0.5 * sum(scene.detector.bands_nm[0])
-        at = np.array([middle if w is None else w for w in wavelengths_nm])
-        return self.at(scene, *coefficients_in(scene.water, at, molecular_share(scene)))
+        return self.at(scene, *_coefficients(scene, wavelengths_nm))
+
+    def in_waters(self, scenes: Sequence[Scene], wavelengths_nm: Sequence[float | None]) -> Array:
+        """The same of scenes that differ by what absorbs and scatters alone, (n_scenes, n_wavelengths, n)."""
+        if len(set(map(molecular_share, scenes))) > 1:  # and by the phase function with it
+            return np.stack([self.light(scene, wavelengths_nm) for scene in scenes])
+        each = [_coefficients(scene, wavelengths_nm) for scene in scenes]
+        a, b = (np.concatenate(v) for v in zip(*each, strict=True))
+        return self.at(scenes[0], a, b).reshape(len(scenes), len(wavelengths_nm), -1)
 
     def at(self, scene: Scene, a: Array, b: Array) -> Array:
         """The same for given coefficients of absorption and scattering, shape (n_waters,), m^-1.
@@ -218,6 +224,13 @@ class ScatteredField:
     def _spread(self, phase: TracedPhase, behind_m: float, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""
         return [Spread(phase, z, behind_m, top) for z in np.exp(self._log_z).tolist()]
+
+
+def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:
+    """Absorption and scattering, m^-1, each of shape (n_wavelengths,)."""
+    middle = 0.5 * sum(scene.detector.bands_nm[0])
+    at = np.array([middle if w is None else w for w in wavelengths_nm])
+    return coefficients_in(scene.water, at, molecular_share(scene))
 
 
 def _stepped(scale: float) -> float:

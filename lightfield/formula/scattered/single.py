@@ -80,7 +80,8 @@ class TabledPaths(NamedTuple):
     ----------
     table : Table
     onto : sparse array, shape (n_paths, n_table), m^-1
-        Light on each path, or on those of one length together, from that in the table.
+        Light on each path, or on those of one length together, from that in the table; in single precision,
+        because there are hundreds of thousands of paths.
     shape : tuple of int
         Of the paths: (n, n_arcs, n_along, n_around or 1).
     water_m, share : arrays
@@ -96,8 +97,9 @@ class TabledPaths(NamedTuple):
     @classmethod
     def of(cls, table: Table, paths: SinglePaths) -> TabledPaths:
         """Of these paths."""
-        before, part = table.between(paths.theta_squared.ravel())
-        weight, together = paths.weight.ravel(), paths.water_m.shape[-1] == 1
+        before, exact = table.between(paths.theta_squared.ravel())
+        part = exact.astype(np.float32)
+        weight, together = paths.weight.ravel().astype(np.float32), paths.water_m.shape[-1] == 1
         around = paths.weight.shape[-1] if together else 1
         onto = csr_array(
             (
@@ -112,7 +114,8 @@ class TabledPaths(NamedTuple):
 
     def lit(self, intensity: Array) -> LitPaths:
         """With the light of a lamp, given its intensity at the angles of the table, relative to its axis."""
-        return LitPaths((self.onto @ intensity).reshape(self.shape), self.water_m, self.share)
+        sent = (self.onto @ intensity.astype(np.float32)).reshape(self.shape)
+        return LitPaths(sent.astype(float), self.water_m, self.share)
 
 
 class LitPaths(NamedTuple):

@@ -14,6 +14,7 @@ from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
 from lightfield.render.diffuse.response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.scene import Scene
+from lightfield.scene.water.water import Water
 
 #: What only a response follows, and its neutral value: there the light without photons begins.
 _PLAIN = {"lamp.ellipticity": 1.0, "detector.acceptance_hwhm_deg": 0.0, "detector.tilt_x_deg": 0.0}
@@ -71,6 +72,18 @@ class FollowedLight:
         """Scattered and reflected light for unit on-axis intensity, shape (n_wavelengths, n), m^-2."""
         reflected = self.response.light(scene, wavelengths_nm, REFLECTED)
         return np.asarray(self._scattered(scene, wavelengths_nm) * self.ratio + reflected)
+
+    def in_waters(
+        self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
+    ) -> Array:
+        """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n)."""
+        reflected = self.response.in_waters(scene, waters, wavelengths_nm, REFLECTED)
+        scenes = [scene.model_copy(update={"water": water}) for water in waters]
+        if describes(scene):
+            scattered = self.field.in_waters(scenes, wavelengths_nm)
+        else:
+            scattered = np.stack([self._scattered(one, wavelengths_nm) for one in scenes])
+        return np.asarray(scattered * self.ratio + reflected)
 
     def errors(
         self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.integer[Any]]

@@ -31,6 +31,7 @@ from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.layers import is_layered, layers_depth
+from lightfield.scene.water.water import Water
 
 #: Classes of light: all, light that was only scattered, and all that was reflected.
 EVERY_CLASS, SCATTERED, REFLECTED = range(CLASSES), range(1), range(1, CLASSES)
@@ -95,7 +96,22 @@ class DiffuseResponse:
         kinds : range
             Classes of light, see `light_classes`.
         """
-        a, b = _coefficients(scene, wavelengths_nm, self.clear.own_top.reference.molecular_share)
+        return self._light(scene, *self._coefficients(scene.water, scene, wavelengths_nm), kinds)
+
+    def in_waters(
+        self,
+        scene: Scene,
+        waters: Sequence[Water],
+        wavelengths_nm: Sequence[float | None],
+        kinds: range = EVERY_CLASS,
+    ) -> Array:
+        """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n)."""
+        each = [self._coefficients(water, scene, wavelengths_nm) for water in waters]
+        a, b = (np.concatenate(v) for v in zip(*each, strict=True))
+        return self._light(scene, a, b, kinds).reshape(len(waters), len(wavelengths_nm), -1)
+
+    def _light(self, scene: Scene, a: Array, b: Array, kinds: range) -> Array:
+        """Light of some classes in waters of these coefficients, shape (n_waters, n)."""
         light = np.zeros((len(a), len(self.shift.cell)))
         for share, water in self._traced(b):
             if share.any():
@@ -132,7 +148,7 @@ class DiffuseResponse:
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
             basis, patches of the walls.
         """
-        a, b = _coefficients(scene, wavelengths_nm, self.clear.own_top.reference.molecular_share)
+        a, b = self._coefficients(scene.water, scene, wavelengths_nm)
         mine = channel, np.arange(len(channel))
         light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0))]
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
@@ -161,6 +177,14 @@ class DiffuseResponse:
         """At some of the readings, from the same traces."""
         reflected = self.reflected and self.reflected.some(rows)
         return replace(self, shift=self.shift.some(rows), reflected=reflected)
+
+    def _coefficients(
+        self, water: Water, scene: Scene, wavelengths_nm: Sequence[float | None]
+    ) -> tuple[Array, Array]:
+        """Absorption and scattering, m^-1, each of shape (n_wavelengths,), see `coefficients_in`."""
+        middle = 0.5 * sum(scene.detector.bands_nm[0])
+        at = np.array([middle if w is None else w for w in wavelengths_nm])
+        return coefficients_in(water, at, self.clear.own_top.reference.molecular_share)
 
     def _traced(self, b: Array) -> list[tuple[Array, TracedWater]]:
         """How much of each water is left to a trace, shape (n_waters,), smooth in b; and the trace.
@@ -216,12 +240,3 @@ class DiffuseResponse:
         if is_layered(scene.water):
             light *= self.shift.pick(self._through_layers(scene))
         return light
-
-
-def _coefficients(
-    scene: Scene, wavelengths_nm: Sequence[float | None], molecules: float
-) -> tuple[Array, Array]:
-    """Absorption and scattering coefficients, m^-1, each of shape (n_wavelengths,), see `coefficients_in`."""
-    middle = 0.5 * sum(scene.detector.bands_nm[0])
-    at = np.array([middle if w is None else w for w in wavelengths_nm])
-    return coefficients_in(scene.water, at, molecules)

@@ -13,6 +13,7 @@ from toy_problem import Toy, candidate, curve, layout, waves
 
 from lightfield.diagnosis.problem import problem as problems
 from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
@@ -22,7 +23,9 @@ from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
 from lightfield.diagnosis.search.progress import SILENT
+from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
+from lightfield.fitting.least_squares import Fit
 
 
 @pytest.fixture(autouse=True)
@@ -331,6 +334,32 @@ def test_of_many_readings_a_sample_is_searched(monkeypatch: pytest.MonkeyPatch) 
     assert len(found.best.fit.residual) == lay.size == 300
     sizes, _ = regression(found, [c.name for c in found.best.explanation])
     assert found.best.fit.u == pytest.approx(sizes, rel=1e-2)
+
+
+def test_a_search_of_many_effects_that_is_stopped_leaves_its_best_set() -> None:
+    """Told whenever a set was fitted: how many so far, the error of the best, and its names."""
+    lines: list[str] = []
+
+    class Stopped(SoFar):
+        def tried(self, sets: int, problem: Problem, explanation: Explanation, fit: Fit) -> None:
+            super().tried(sets, problem, explanation, fit)
+            if self.sets == 12:
+                raise KeyboardInterrupt
+
+    made, so_far = toy(), Stopped(lines.append)
+    problem = made.drawn(np.random.default_rng(1), odd=2.5, dusk=-2.5, fan=1.5, braid=2.5)
+    data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
+    with pytest.raises(KeyboardInterrupt):
+        search_many(data, made.prepared(problem), 0.01, np.random.default_rng(0), so_far)
+    counts = [int(line.split()[0]) for line in lines]
+    assert counts == list(range(1, 13))
+    assert so_far.best is not None and 1 <= len(so_far.best.explanation) <= 4
+    assert lines[-1] == (
+        f"12 sets of effects tried; best so far: {so_far.best.error_percent:.3g} % with "
+        + " + ".join(c.name for c in so_far.best.explanation)
+    )
+    errors = [float(line.split("best so far: ")[1].split(" %")[0]) for line in lines]
+    assert errors[-1] < errors[0]
 
 
 def test_the_search_is_the_same_twice() -> None:

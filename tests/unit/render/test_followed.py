@@ -29,6 +29,11 @@ class FakeResponse:
         level = {REFLECTED: 1.0, SCATTERED: scene.lamp.ellipticity}[kinds]
         return np.full((len(wavelengths_nm), len(X)), level)[:, list(self.rows)]
 
+    def in_waters(
+        self, scene: Scene, waters: list[Any], wavelengths_nm: list[Any], kinds: range
+    ) -> np.ndarray:
+        return np.stack([self.light(scene, wavelengths_nm, kinds) for _ in waters])
+
     def errors(
         self, scene: Scene, wavelengths_nm: list[Any], channel: np.ndarray, kinds: range
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -76,3 +81,13 @@ def test_some_of_the_readings_have_the_same_light() -> None:
     assert some.light(SCENE, [None]) == pytest.approx(light.light(SCENE, [None])[:, rows], rel=1e-3)
     modes, _ = some.errors(SCENE, [None], np.zeros(2, int))
     assert modes == pytest.approx(light.errors(SCENE, [None], np.zeros(3, int))[0][rows], rel=1e-3)
+
+
+@pytest.mark.parametrize("change", [{}, {"lamp.ellipticity": 1.3}, {"water.base": "pure"}])
+def test_several_waters_at_once_have_the_light_of_each(change: dict[str, Any]) -> None:
+    """Of beams that are followed and others, and where the part of molecules is another in each."""
+    light, scene = followed(ratio(1.02, 0.01, 100)), SCENE.with_values(change)
+    scenes = [scene.with_values({"water.scattering_per_m": b}) for b in (0.2, 0.1, 0.0)]
+    together = light.in_waters(scenes[0], [one.water for one in scenes], [None])
+    for found, one in zip(together, scenes, strict=True):
+        assert found == pytest.approx(light.light(one, [None]), rel=1e-12)

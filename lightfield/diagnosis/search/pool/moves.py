@@ -31,8 +31,7 @@ def forward(
     """
     level, lowest, stale = [start], pool.cost(start), 0
     for _ in range(most):
-        chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
-        made = [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
+        made = fit_additions(pool, level, fits, allowed)
         if not made:
             break
         made = sorted(map(pool.settled, sorted(made, key=pool.cost)[:beam]), key=pool.cost)
@@ -44,6 +43,12 @@ def forward(
                 break
         level = made
     return best_of(pool, allowed)
+
+
+def fit_additions(pool: Pool, level: list[Node], fits: int, allowed: Allowed) -> list[Node]:
+    """Fit the additions to some sets that promise most."""
+    chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
+    return [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
 
 
 def best_of(pool: Pool, allowed: Allowed) -> Node:

@@ -8,7 +8,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.equivalences import try_declared
-from lightfield.diagnosis.search.pool.moves import forward, polish
+from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
 from lightfield.diagnosis.search.pool.nodes import Allowed, Node, Pool, begin_at, joins, with_effect
 
 #: Sets of a level that are added to and fitted, levels, and levels without a gain. Chosen, as all here: the
@@ -36,7 +36,8 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
     rest = [c for c in best.explanation if c is not candidate]
     if pool.affordable(rest):
         dropped = pool.settled(pool.drop(best, candidate))
-        forward(pool, dropped, _BEAM, _FITS, without, most=1)
+        # Far from the best what they cost need not be known to the end.
+        fit_additions(pool, [dropped], _FITS, without)
         if _far(pool, best, without) < _FAR:
             forward(pool, dropped, _BEAM, _FITS, without, _LEVELS, _PATIENCE)
         for pair in _pairs(pool, dropped, without):
