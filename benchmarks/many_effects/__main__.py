@@ -19,7 +19,7 @@ from benchmarks.many_effects.experiment import run
 from benchmarks.many_effects.page import page
 
 ROOT = Path(__file__).resolve().parents[2]
-STRATA = ("clean", "lamp", "misspecified", "unknown")
+STRATA = ("clean", "lamp", "misspecified", "unknown", "later")
 
 
 def main() -> None:

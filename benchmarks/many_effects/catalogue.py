@@ -46,6 +46,14 @@ MAY_ACT: Mapping[str, Sequence[str]] = {
                "surface_reflection"),
     "air": ("apparent_source", "beam_tilt", "beam_skirt", "background", "saturation", "window_refraction"),
 }  # fmt: skip
+#: What came to the table after the sets above were drawn, in tanks that show it, with what it acts beside;
+#: sizes of two to ten times the typical one, three sets each.
+LATER: Sequence[tuple[str, tuple[str, ...]]] = (
+    ("line", ("plane_gain",)), ("grid", ("plane_gain", "beam_offset")),
+    ("wide", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
+    ("colour", ("attenuation_spectrum",)), ("colour", ("attenuation_spectrum", "background")),
+)  # fmt: skip
+LATER_STRENGTH, LATER_DRAWS = (2.0, 10.0), 3
 #: In which tank the sets of a stratum are read, in turn.
 _TANKS = ("line", "grid", "line", "wide", "grid", "line", "column", "grid", "line", "air", "line", "grid")
 _SIMPLE_TANKS = ("line", "grid")
@@ -61,7 +69,7 @@ class Trial:
     Parameters
     ----------
     truth : Truth
-        Its stratum is "clean", "lamp", "misspecified" or "unknown".
+        Its stratum is "clean", "lamp", "misspecified", "unknown" or "later".
     lamp, errors : str
         Of `LAMPS`, of `ERRORS`; "" for a Gaussian, and for errors as stated.
     """
@@ -119,6 +127,17 @@ def _trial(
     return Trial(truth, lamp, errors, order, float(rng.choice(NOISES)), draw)
 
 
+def _later(bench: str, names: tuple[str, ...], draw: int) -> Trial:
+    rng = np.random.default_rng(number_of(f"later {bench} {' '.join(names)} {draw}"))
+    scene = true_scene(BENCHES[bench], 0)
+    table, values = table_of(BENCHES[bench], "random", np.random.default_rng(0)), dict[str, object]()
+    for name in names:
+        strength = float(np.exp(rng.uniform(*np.log(LATER_STRENGTH))))
+        values |= draw_effect(scene.with_values(values), table, name, rng, strength)
+    truth = Truth("later", bench, 0, " + ".join(names), names, tuple(values.items()))
+    return Trial(truth, "", "", "random", float(rng.choice(NOISES)), draw)
+
+
 def _planned() -> Iterator[Trial]:
     for count in range(7):
         for draw in range(CLEAN):
@@ -136,6 +155,9 @@ def _planned() -> Iterator[Trial]:
         for count in (1, 2, 3):
             for draw in range(UNKNOWN):
                 yield _trial("unknown", _SIMPLE_TANKS[(draw + count) % 2], count, draw, unknown=unknown)
+    for draw in range(LATER_DRAWS):
+        for bench, names in LATER:
+            yield _later(bench, names, draw)
 
 
 def trials() -> list[Trial]:

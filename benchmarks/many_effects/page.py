@@ -23,6 +23,7 @@ diagnosis fits; width and absorption that it is told are 10 to 25 % wrong.
 | lamp | six lamps that are no Gaussian, two of them measured (below), with nought to three effects |
 | misspecified | wrong errors (below), with nought to four effects |
 | unknown | a ripple, a flicker, a shadow or a kink that is in no table, beside one to three effects |
+| later | effects that came to the table later: plane gains, a floor, waves, a colour of the water |
 
 `lamps/measured-spot.csv` and `lamps/measured-flood.csv` name the source of the goniophotometer tables. Wrong
 errors: stated half or double as large as they are, correlated from reading to reading (0.4), or two clusters
@@ -69,7 +70,7 @@ def _strata(rows: Sequence[Row]) -> list[str]:
         "certain, wrong | simplest, wrong |",
         "|---|---|---|---|---|---|---|",
     ]
-    groups = [("clean", [r for r in rows if r["stratum"] == "clean"])]
+    groups = [(name, [r for r in rows if r["stratum"] == name]) for name in ("clean", "later")]
     for key, word in (("lamp", "lamp "), ("errors", "errors: "), ("unknown", "")):
         for kind in sorted({r[key] for r in rows} - {""}):
             groups.append((word + kind, [r for r in rows if r[key] == kind]))

@@ -73,7 +73,7 @@ class _Fits:
         forward = SceneForward(scene, exact, diffuse)
         self.problem: Problem = problem_of(forward, exact, table, None if diffuse else "none is hidden")[0]
         # Beside a lamp that nobody knows: what its curve could do instead is not visible.
-        self._beside = self.problem.curves[-1:]
+        self._beside = [c for c in self.problem.curves if c.name == "beam_profile"][-1:]
         visit = layout_of(readings).visit
         together = (visit[:, None] == visit[None]) & (np.bincount(visit)[visit] > 1)[:, None]
         gain = PLANE_GAIN_PERCENT / 100
@@ -95,5 +95,8 @@ class _Fits:
         return self.problem.fit(chosen, self.whiten, [near, far]).chi2
 
     def _form(self, name: str, values: dict[str, Any]) -> Candidate:
+        curves = [c for c in self.problem.curves if c.name == name]
+        if curves:  # hidden as a curve: the form with most functions
+            return curves[-1]
         mine = [c for c in self.problem.candidates if c.name == name]
         return next((c for c in mine if all(p.path in values for p in c.parameters)), mine[0])

@@ -28,7 +28,7 @@ EFFECTS = (
     Effect(
         "beam_profile",
         "beam shape",
-        _forms("lamp.profile_departure", (2, 4, 7, 11)),
+        _forms("lamp.profile_departure", (2, 4, 7, 11, 19)),
         "The beam has a shape of its own, which no formula describes: rings, a flat top, a peak, a hole.",
         "A function of the angle from the beam's axis alone, the same at every distance.",
         "Measure the lamp in air at one range with a fine angular step and use that table.",
