@@ -29,7 +29,8 @@ from lightfield.studies.compare import readings as compared
 #: machine each second of work takes many.
 LONGEST_S, LONGEST_WAIT_S = 60, 1800
 #: A line about work that takes long, as every ten seconds on a slow machine.
-PROGRESS = re.compile(r"\d+ s: .*\n")
+TIME = r"[\d.]+ (?:s|min|h)"
+PROGRESS = re.compile(rf"[a-z][^\n]*: (?:[^\n]*; )?{TIME} so far(?:, about {TIME} left)?\n")
 
 
 def wrong_with(words: list[str], folder: Path) -> str:

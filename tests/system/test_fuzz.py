@@ -9,6 +9,7 @@ failure prints the seed and the case, which `python -m fuzz` repeats.
 
 from __future__ import annotations
 
+import importlib
 import os
 import random
 import subprocess
@@ -17,18 +18,33 @@ from pathlib import Path
 
 import pytest
 
+from lightfield.commands._progress import times
+
 CASES = 3000
+TESTS = Path(__file__).resolve().parents[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "passed_s", "done"), [("", 10.2, 0.0), ("trace 1 of 3; 4e5 photons", 125.0, 0.3), ("x", 6e3, 0)]
+)
+def test_how_far_work_is_may_be_said_beside_a_success(
+    words: str, passed_s: float, done: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(TESTS)
+    progress = importlib.import_module("fuzz.__main__").PROGRESS
+    line = "; ".join(filter(None, (words, times(passed_s, done))))
+    assert progress.fullmatch(f"compare: {line}\n")
+    assert not progress.fullmatch("lightfield: something else\n")
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_wrong_input_is_success_or_one_clear_error() -> None:
     seed = random.randrange(10**6)
-    tests = Path(__file__).resolve().parents[1]
-    path = os.pathsep.join([str(tests.parent), str(tests), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(TESTS.parent), str(TESTS), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-m", "fuzz", "--seed", str(seed), "--count", str(CASES)],
-        cwd=tests,
+        cwd=TESTS,
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,

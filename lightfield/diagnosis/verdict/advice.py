@@ -55,7 +55,10 @@ class Advice:
 
 
 def possible_places(problem: Problem, tank: Tank | None) -> Places:
-    """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any."""
+    """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any.
+
+    Where the lamp is too close to floor or top for that, the places that were read.
+    """
     lay = problem.layout
     least = _LEAST_ACROSS * float(lay.z_m.max())
     across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), least)
@@ -69,6 +72,9 @@ def possible_places(problem: Problem, tank: Tank | None) -> Places:
         (_, side), (floor, top), (_, end) = tank.box_m
         inside = (np.abs(gx) < _WITHIN_SIDES * side) & (gz < _WITHIN_END * end)
         inside &= (gy > floor + _FROM_FLOOR_M) & (gy < top - _FROM_FLOOR_M)
+    if not inside.any():
+        read = np.unique(np.stack([lay.x_m, lay.y_m, lay.z_m, lay.air], axis=1), axis=0)
+        return Places(*read[:: 1 + len(read) // len(gx)].T)
     return Places(gx[inside], gy[inside], gz[inside], air[inside])
 
 

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
+from analytic_readings import readings
 
-from lightfield.diagnosis.verdict.advice import FLOOR, REPEATS, Places, Way, best_places, error_of_mean
+from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.verdict.advice import (
+    FLOOR,
+    REPEATS,
+    Places,
+    Way,
+    best_places,
+    error_of_mean,
+    possible_places,
+)
+from lightfield.scene import Scene
 
 
 def straight_lines(own: float) -> tuple[list[Way], Places, np.ndarray]:
@@ -55,3 +70,20 @@ def test_spots_are_not_one_place_in_a_small_tank() -> None:
         ways, places, _ = straight_lines(0.0)
         near = Places(places.x_m, places.y_m, 1.0 + size * places.z_m / 2, places.air)
         assert len(best_places(ways, near).places.z_m) == count
+
+
+def test_beside_a_lamp_close_to_the_floor_the_places_that_were_read_are_left() -> None:
+    """A centimetre above it nothing else is far enough from a wall, and a plan still has its say."""
+    table, believed = readings()
+    tank = {"width_m": 4.0, "depth_m": 1.01, "length_m": 12.0, "lamp_depth_m": 1.0}
+    low = Scene.from_dict({**believed.model_dump(exclude_unset=True), "tank": tank})
+    made = plan(table, low)
+    read = {tuple(place) for place in np.stack([table.x_m, table.y_m, table.z_m], axis=1).tolist()}
+    for helpful in made.helpful:
+        spots = helpful.advice.places
+        assert {*zip(spots.x_m.tolist(), spots.y_m.tolist(), spots.z_m.tolist(), strict=True)} <= read
+    assert made.limits and made.isolability.names
+    layout = SimpleNamespace(layout=layout_of(table))
+    places = possible_places(cast(Any, layout), low.tank)
+    assert {*zip(places.x_m.tolist(), places.y_m.tolist(), places.z_m.tolist(), strict=True)} == read
+    assert len(possible_places(cast(Any, layout), None).x_m) > len(read)
