@@ -22,6 +22,8 @@ LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
 LISTED = "positions"
 
 SECONDS_PER_READING = 20.0
+#: From the axis, the part of the room that layouts use where the planes reach the walls. Chosen.
+_CLEAR = 0.9
 
 
 def positions(scene: Scene, kind: str) -> dict[str, Array]:
@@ -52,12 +54,14 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         return {**listed, "medium": np.repeat("water", len(single))}
     planes: NDArray[Any] = np.array(scene.detector.planes_m)
     reach, (low, high), end = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf), np.inf
+    across = reach
     if scene.tank is not None:
-        (low, high), (_, end) = scene.tank.box_m[1:]
-    x: NDArray[Any] = np.linspace(-reach, reach, 21)
+        wall, (low, high), (_, end) = scene.tank.box_m
+        across = reach if reach < max(wall) else _CLEAR * max(wall)  # no receiver is in a wall
+    x: NDArray[Any] = np.linspace(-across, across, 21)
     y: NDArray[Any] = np.zeros(1)
     if kind == "half":
-        x = np.linspace(0, reach, 11)
+        x = np.linspace(0, across, 11)
     elif kind == "grid":
         x = np.linspace(-0.9 * reach, 0.9 * reach, 7)
         y = np.linspace(max(-0.9 * reach, 0.9 * low), min(0.9 * reach, 0.9 * high), 7)

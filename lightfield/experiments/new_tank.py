@@ -27,6 +27,8 @@ _PLANES, _FROM, _TO = 5, 0.25, 0.8
 _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 #: From the wall, the part of the room that readings keep away.
 _CLEAR = 0.9
+#: Seed of the order in which places are read: the same tank, the same table.
+_ORDER = 0
 #: Behind the lamp there is so much water, or less in a short tank.
 _BEHIND_M = 0.5
 
@@ -288,16 +290,17 @@ def proposed_planes(tank: Tank | None) -> list[float]:
 
 
 def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
-    """Where to read, shape (n, 3), m: across the beam on every plane, not at the very wall.
+    """Where to read, shape (n, 3), m: across the beam on every plane, not at the very wall, in random order.
 
-    Before, between and after them the axis of the first plane, again and again: that tells the lamp's drift
-    and how well a place is found again.
+    What drifts then looks like nothing that depends on the place. Before, between and after them the axis of
+    the first plane, again and again: that tells the drift, and how well a place is found again.
     """
     reach = _CLEAR * 0.5 * scene.plane_size_m[0]
     x = np.round(np.linspace(-reach, reach, points) if points > 1 else np.zeros(1), 3) + 0.0
     again = (0.0, 0.0, planes[0])
-    rows = [[again, *((side, 0.0, z) for side in x)] for z in planes]
-    return np.array([*(place for plane in rows for place in plane), again])
+    places = np.random.default_rng(_ORDER).permutation([(side, 0.0, z) for z in planes for side in x])
+    rows = [[again, *places[first : first + len(x)]] for first in range(0, len(places), len(x))]
+    return np.array([*(place for some in rows for place in some), again])
 
 
 def table(scene: Scene, places: Array, *, blank: bool = False) -> str:
@@ -313,6 +316,8 @@ def table(scene: Scene, places: Array, *, blank: bool = False) -> str:
             "## plane_gain_percent = 0.5    # how well a stay at a plane repeats",
             "## Fill in value (any unit), and stderr and time_s (seconds since the start) where known;",
             "## drop rows that were not read. One place comes again and again: it tells how steady all is.",
+            "## The order is random: what drifts then looks like no distance. Where your stage is too slow,",
+            "## go plane by plane, with that one place before, between and after them, and give time_s.",
         ]
     names, cells = (",value,stderr,time_s", ",,,") if blank else ("", "")
     seen: Counter[tuple[float, ...]] = Counter()

@@ -221,6 +221,6 @@ def legend_below(fig: Figure, *of: Axes, columns: int = 4, title: str | None = N
     )
 
 
-def legend_under(axes: Axes, columns: int = 2) -> None:
+def legend_under(axes: Axes, columns: int = 2, title: str | None = None) -> None:
     """Legend of one of several axes, under its label, where it lies over no curve."""
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, title=title)

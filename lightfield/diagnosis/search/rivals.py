@@ -47,10 +47,15 @@ class Rival:
     fit: Fit
 
 
-def separation(problem: Problem, whiten: Whiten, truth: Fit, rival: Tried, phi: float) -> Rival:
-    """Distance from the readings under `truth` to the nearest that the rival can produce."""
+def separation(
+    problem: Problem, whiten: Whiten, truth: Fit, rival: Tried, phi: float, left: float = _LEFT
+) -> Rival:
+    """Distance from the readings under `truth` to the nearest that the rival can produce.
+
+    `left`: what a step of the imitation may leave of chi-square.
+    """
     imitation = problem.fit(
-        rival.explanation, whiten, [rival.fit.u], max_steps=_STEPS, value=truth.prediction, tolerance=_LEFT
+        rival.explanation, whiten, [rival.fit.u], max_steps=_STEPS, value=truth.prediction, tolerance=left
     )
     return Rival(rival, float(np.sqrt(max(imitation.chi2, 0.0) / phi)), imitation)
 

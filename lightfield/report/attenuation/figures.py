@@ -13,6 +13,7 @@ from lightfield.report.style import (
     RENDER,
     SERIES,
     label,
+    legend_under,
     panels,
     plain_log_axis,
 )
@@ -80,7 +81,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
             line = e.theta[colour, 0] - one.K_per_m[colour] * r.path_m
             upper.plot(r.path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")
         cut = f"{len(chosen)} of {len(one.K_per_m)} wavelengths" if len(chosen) < len(one.K_per_m) else None
-        upper.legend(loc="best", fontsize=8.5, title=cut, title_fontsize=8.5)
+        legend_under(upper, columns=3, title=cut)
         label(upper, "path in water (m)", "ln(water / air)", "Straight lines, to the eye")
         scaled = e.residual / r.stderr
         for colour in range(scaled.shape[1]):

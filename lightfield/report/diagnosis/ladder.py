@@ -88,10 +88,14 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bo
     return fig
 
 
-def separation_figure(separation: Separation) -> Figure:
+def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
     """How far the explanations are apart; under three sigma they cannot be told apart."""
     k = len(separation.names)
-    with figure(min(WIDTH, 2.6 + 0.85 * k), 1.5 + 0.42 * k) as fig:
+    names = [_wrapped(name) for name in separation.names]
+    above = names
+    if narrow:  # columns by the numbers of rows
+        names, above = [f"{n}  {name}" for n, name in enumerate(names, 1)], [str(n + 1) for n in range(k)]
+    with figure(NARROW if narrow else min(WIDTH, 2.6 + 0.85 * k), 1.5 + 0.42 * k) as fig:
         axis = fig.subplots()
         for j in range(k):
             for i in range(k):
@@ -111,8 +115,10 @@ def separation_figure(separation: Separation) -> Figure:
                 axis.text(i, j, text, ha="center", va="center", fontsize=10, weight=weight)
         axis.set_xlim(-0.55, k - 0.45)
         axis.set_ylim(k - 0.45, -0.55)
-        names = [_wrapped(name) for name in separation.names]
-        axis.set_xticks(range(k), names, rotation=30, ha="right", rotation_mode="anchor")
+        if narrow:
+            axis.set_xticks(range(k), above)
+        else:
+            axis.set_xticks(range(k), above, rotation=30, ha="right", rotation_mode="anchor")
         axis.set_yticks(range(k), names)
         axis.grid(False)
         for side in ("left", "bottom"):

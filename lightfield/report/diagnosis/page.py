@@ -124,6 +124,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "Row: the truth, as fitted. Column: the nearest that the other explanation can come, in sigma. "
             "Under 3 (bold) they form one class; above 6 they are told apart safely.",
             "Matrix of separations between explanations",
+            separation_figure(view.separation, narrow=True),
         )
     return fill(
         "diagnosis.html",

@@ -29,6 +29,17 @@ def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Pa
     assert lf.plan(layout, scene, trace=False).details.limits
 
 
+def test_places_are_read_in_random_order_and_the_first_again_and_again() -> None:
+    """As the first hour advises: distances mixed, one place often; equal tanks, equal tables."""
+    made = new_tank({"planes": "1,2,3,4,5", "points": "11"})
+    rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
+    x, z = ([float(row[k]) for row in rows] for k in (1, 3))
+    assert all((x[k], z[k]) == (0.0, 1.0) for k in (0, 12, 24, 36, 48, 60))
+    assert all(len(set(z[k + 1 : k + 12])) > 2 for k in (0, 12, 24, 36, 48))
+    assert len({(a, b) for a, b in zip(x, z, strict=True)}) == 55
+    assert new_tank({"planes": "1,2,3,4,5", "points": "11"}).layout_text == made.layout_text
+
+
 def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
     made = new_tank({"points": "3"})
     readings = made.save(tmp_path)[READINGS]

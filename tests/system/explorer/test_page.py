@@ -1,0 +1,194 @@
+"""The explorer as people use it: in Chromium, over its server, with a scene and readings of their own.
+
+One server and one browser serve the whole file, each test a page. The light is the closed form (nothing is
+traced): a constant background is in the readings, and not in the scene.
+"""
+
+from __future__ import annotations
+
+import re
+
+from explored import PATIENCE_MS, error, needs_browser, rest, until_error
+
+
+@needs_browser
+def test_an_effect_is_switched_on_and_the_error_falls(page) -> None:
+    rest(page)
+    before = error(page)
+    page.get_by_role("checkbox", name="background", exact=True).check()
+    after = until_error(page, 0.5 * before)
+    page.locator("#ladder li[aria-current]", has_text=f"{after:.1f} %").wait_for()
+    assert page.locator("#ladder li").count() == 2
+    page.get_by_role("button", name="Undo").click()
+    until_error(page, 1.01 * before, 0.99 * before)
+    page.keyboard.press("Control+y")
+    until_error(page, 0.5 * before)
+    page.locator("#ladder button").first.click()
+    until_error(page, 1.01 * before, 0.99 * before)
+
+
+@needs_browser
+def test_a_slider_is_dragged_by_mouse_and_by_keyboard(page) -> None:
+    rest(page)
+    before = error(page)
+    slider = page.get_by_role("slider", name="absorption in 1/m")
+    box = slider.bounding_box()
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.down()
+    for k in range(12):
+        page.mouse.move(box["x"] + (0.2 + 0.06 * k) * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.up()
+    dragged = until_error(page, 1e6, 1.2 * before)
+    page.locator("#ladder li[aria-current]", has_text="by hand").wait_for()
+    slider.focus()
+    page.keyboard.press("PageUp")
+    page.keyboard.press("PageUp")
+    until_error(page, 1e6, 1.001 * dragged)
+    page.get_by_role("button", name="Fit these").click()
+    until_error(page, 1.01 * before)
+
+
+@needs_browser
+def test_a_page_that_is_loaded_again_is_where_it_was(page) -> None:
+    rest(page)
+    before = error(page)
+    page.get_by_role("checkbox", name="background", exact=True).check()
+    after = until_error(page, 0.5 * before)
+    page.reload()
+    page.locator('html[data-maps="ready"]').wait_for()
+    assert error(page) == after
+    assert page.get_by_role("checkbox", name="background", exact=True).is_checked()
+
+
+@needs_browser
+def test_a_lost_connection_comes_back_with_its_state(page) -> None:
+    rest(page)
+    page.get_by_role("checkbox", name="background", exact=True).check()
+    after = until_error(page, 4)
+    painted = int(page.locator("html").get_attribute("data-painted"))
+    page.evaluate("() => window.dispatchEvent(new Event('online'))")  # as after a sleep: the line is dropped
+    page.locator("#connection.lost").wait_for(state="detached")
+    for _ in range(PATIENCE_MS // 100):
+        if int(page.locator("html").get_attribute("data-painted")) > painted:
+            break
+        page.wait_for_timeout(100)
+    assert error(page) == after
+
+
+@needs_browser
+def test_all_is_done_by_keyboard(page) -> None:
+    """No mouse: the first Tab enters the page, and every control is reached, named, and does its work."""
+    rest(page)
+    page.reload()
+    page.locator('html[data-maps="ready"]').wait_for()
+    before, seen = error(page), dict[str, str]()
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        hold, name = page.evaluate(
+            """() => { const e = document.activeElement;
+                return [e.dataset.hold || e.id || e.closest('[id]')?.id || e.tagName,
+                    e.getAttribute('aria-label') || e.labels?.[0]?.textContent || e.textContent || '']; }"""
+        )
+        if hold == "BODY":
+            break
+        seen[hold] = name
+    wanted = {"history-menu", "save-menu", "fit", "diagnose", "slider-gain", "effect-background", "planes",
+              "map-render", "log", "profile-axis", "ladder", "residual-axis"}  # fmt: skip
+    assert wanted <= seen.keys(), wanted - seen.keys()
+    assert all(name.strip() for name in seen.values())
+
+    page.get_by_role("checkbox", name="background", exact=True).focus()
+    page.keyboard.press("Space")
+    after = until_error(page, 0.5 * before)
+    held = "() => document.activeElement.getAttribute('aria-label')"
+    assert page.evaluate(held) == "background", "the focus stays where it was"
+    page.locator("#ladder button").first.focus()
+    page.keyboard.press("Enter")
+    until_error(page, 1.01 * before, 0.99 * before)
+    page.keyboard.press("Control+z")
+    until_error(page, 1.01 * after)
+    page.get_by_role("slider", name="half width in deg").focus()
+    page.keyboard.press("PageUp")
+    until_error(page, 1e6, 1.01 * after)
+    page.locator("#map-render").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#cursor").inner_text().startswith("x ")
+    page.locator("#save-menu > summary").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("link", name="Scene (TOML)").wait_for()
+    page.keyboard.press("Escape")
+    assert not page.get_by_role("link", name="Scene (TOML)").is_visible()
+
+
+@needs_browser
+def test_roles_and_labels_say_what_is_where(page) -> None:
+    for name in ("Model", "Light", "Error ladder"):
+        assert page.get_by_role("region", name=name, exact=True).count() == 1
+    slider = page.get_by_role("slider", name="half width in deg")
+    assert re.match(r"[\d.]+ deg", slider.get_attribute("aria-valuetext"))
+    assert re.match(r"[\d.]+ to [\d.]+ deg", slider.get_attribute("title"))
+    assert page.get_by_role("status").first.is_visible()
+    for name in ("Readings, model and formula along x", "on the axis", "Residuals in sigma over"):
+        assert page.get_by_role("img", name=name).count() == 1
+
+
+#: Contrast of every text that is seen against what lies behind it (WCAG 2.2, relative luminance).
+
+
+CONTRAST = """() => {
+    const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+    const part = (v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+    const light = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);
+    const behind = (e) => {
+        for (; e; e = e.parentElement) {
+            const c = rgb(getComputedStyle(e).backgroundColor);
+            if (c.length === 3 || c[3] > 0.5) return c;
+        }
+        return [255, 255, 255];
+    };
+    const poor = [];
+    for (const e of document.querySelectorAll('body *')) {
+        const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+        if (!own || !e.getClientRects().length || e.disabled || e.closest(':disabled')) continue;
+        const style = getComputedStyle(e), ink = rgb(e instanceof SVGElement ? style.fill : style.color);
+        const [a, b] = [light(ink), light(behind(e))].sort((x, y) => y - x);
+        const large = parseFloat(style.fontSize) >= 24;
+        if ((a + 0.05) / (b + 0.05) < (large ? 3 : 4.5)) poor.push(`${e.textContent.trim().slice(0, 40)}: ${((a + 0.05) / (b + 0.05)).toFixed(2)}`);
+    }
+    return [light(behind(document.body)), poor];
+}"""  # noqa: E501
+
+
+@needs_browser
+def test_dark_and_light_can_both_be_read(page) -> None:
+    page.get_by_role("checkbox", name="background", exact=True).check()
+    page.locator("#ladder li").nth(1).wait_for()
+    paper = {}
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        paper[scheme], poor = page.evaluate(CONTRAST)
+        assert poor == [], scheme
+    assert paper["light"] > 0.9 and paper["dark"] < 0.05
+
+
+@needs_browser
+def test_nothing_moves_for_whoever_asked_for_that(page) -> None:
+    moving = """() => { LF.$('job').hidden = LF.$('job-moving').hidden = false;
+        return document.getAnimations().length; }"""
+    page.emulate_media(reduced_motion="no-preference")
+    assert page.evaluate(moving) > 0
+    page.emulate_media(reduced_motion="reduce")
+    assert page.evaluate(moving) == 0
+
+
+@needs_browser
+def test_everything_fits_the_window_and_has_a_name(page) -> None:
+    for width in (1300, 420):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll('input, select, textarea, button, canvas, a')].filter((e) =>
+            e.offsetParent !== null && !e.getAttribute('aria-label') && !e.textContent.trim()
+            && !(e.labels && e.labels.length && e.labels[0].textContent.trim())).map((e) => e.outerHTML)"""
+    )
+    assert nameless == []
