@@ -117,12 +117,6 @@ def acts_of(model: type[BaseModel], name: str) -> Acts:
     return reduce(or_, (Acts[str(stage).upper()] for stage in stages), Acts(0))  # type: ignore[union-attr]
 
 
-def unit_of(model: type[BaseModel], name: str) -> str:
-    """Unit of a field, empty where it has none."""
-    extra = model.model_fields[name].json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-
-
 @cache
 def fields_on(model: type[BaseModel], what: Acts) -> tuple[str, ...]:
     """Names of the fields of a part that act on any of these stages."""

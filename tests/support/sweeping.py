@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import xarray as xr
+
+from lightfield.cli import main
 
 SCENE = """
 name = "small tank"
@@ -29,7 +34,8 @@ VARY = ("--vary", "lamp.hwhm_deg=3,4,5,6", "--vary", "water.scattering_per_m=0:0
         "--vary", "water.absorption_per_m=0.05,0.1,0.2")  # fmt: skip
 BUDGET = ("--max-photons", "2e4", "--rel-error", "0.5")
 # Small blocks, so that a small sweep has many of them.
-SMALL_BLOCKS = "import lightfield.sweep.plan as p; p.BLOCK_CASES = 11; "
+SMALL_BLOCK = 11
+SMALL_BLOCKS = f"import lightfield.sweep.plan as p; p.BLOCK_CASES = {SMALL_BLOCK}; "
 MAIN = "import sys; from lightfield.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
@@ -37,6 +43,21 @@ def command(scene: Path, store: Path, *more: str, before: str = "", vary: Sequen
     """Command line of a sweep; `before` is run in the process first."""
     words = ["sweep", str(scene), *vary, *BUDGET, "-o", str(store), *more]
     return [sys.executable, "-c", SMALL_BLOCKS + before + "\n" + MAIN, *words]
+
+
+def in_process(
+    scene: Path, store: Path, *more: str, vary: Sequence[str] = VARY
+) -> subprocess.CompletedProcess[str]:
+    """Run a sweep to its end in this process, where another one is not what is asked about."""
+    words = ["sweep", str(scene), *vary, *BUDGET, "-o", str(store), *more]
+    output, errors = io.StringIO(), io.StringIO()
+    with (
+        mock.patch("lightfield.sweep.plan.BLOCK_CASES", SMALL_BLOCK),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(errors),
+    ):
+        code = main(words)
+    return subprocess.CompletedProcess(words, code, output.getvalue(), errors.getvalue())
 
 
 def sweep(

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from sweeping import SCENE, differences, sweep
+from sweeping import SCENE, differences, in_process, sweep
 
 from lightfield.sweep.cluster import connected
 
@@ -62,7 +62,7 @@ def test_two_workers_of_a_scheduler_write_the_same_store(scheduler: str, tmp_pat
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
     here, there = tmp_path / "here.zarr", tmp_path / "there.zarr"
-    assert sweep(scene, here).returncode == 0
+    assert in_process(scene, here).returncode == 0
     done = sweep(scene, there, "--scheduler", scheduler)
     assert done.returncode == 0, done.stderr
     assert differences(here, there) == []
@@ -71,11 +71,11 @@ def test_two_workers_of_a_scheduler_write_the_same_store(scheduler: str, tmp_pat
     assert 100 < float(found[2]) < 2000
 
 
-def test_no_scheduler_at_that_address_is_one_line(tmp_path: Path) -> None:
+def test_no_scheduler_at_that_address_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
-    before = "import lightfield.sweep.cluster as c; c.CONNECT_SECONDS = 2"
-    refused = sweep(scene, tmp_path / "s.zarr", "--scheduler", "tcp://127.0.0.1:9", before=before)
+    monkeypatch.setattr("lightfield.sweep.cluster.CONNECT_SECONDS", 2)
+    refused = in_process(scene, tmp_path / "s.zarr", "--scheduler", "tcp://127.0.0.1:9")
     assert refused.returncode == 2
     assert "no Dask scheduler answers" in refused.stderr
     assert refused.stderr.count("\n") == 1
@@ -106,7 +106,7 @@ def test_no_other_machine_reaches_a_sweep(workers: int, tmp_path: Path) -> None:
 def test_tls_without_keys_is_one_line(tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
-    refused = sweep(scene, tmp_path / "s.zarr", "--scheduler", "tls://127.0.0.1:9")
+    refused = in_process(scene, tmp_path / "s.zarr", "--scheduler", "tls://127.0.0.1:9")
     assert refused.returncode == 2
     assert "no keys for TLS" in refused.stderr
     assert refused.stderr.count("\n") == 1

@@ -24,7 +24,6 @@ VARIABLES: dict[str, tuple[str, ...]] = {
     "receiver": (*_PLACE, "time"),
     "readout": (*_PLACE, "time", "signal"),
 }
-_ACTS = {"source": Acts.TIME, "path": Acts.PLACES, "receiver": Acts.TIME, "readout": Acts.READOUT}
 #: Effects of a scene, parameters of each, characters of a name: at most. Chosen: what a person can think of.
 MOST_EFFECTS, MOST_PARAMETERS, LONGEST_NAME = 20, 8, 40
 #: A size worth asking about, as a part of the range, where none is given; starts of a shape. Chosen.

@@ -87,10 +87,6 @@ class Scattered:
         """Probability of a larger chi-square if only absorption and scattering are at work."""
         return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
 
-    def absorption_if(self, b: Array | float) -> tuple[Array, Array]:
-        """Absorption, and its error, if scattering were known to be b; shape (n_colours,), 1/m."""
-        return self.combined - self.kappa * b, self.combined_stderr
-
 
 @dataclass(frozen=True, eq=False)
 class Stack:

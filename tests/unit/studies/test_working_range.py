@@ -15,7 +15,7 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.field import Region, traced_field
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
-from lightfield.studies.working_range.poses import smooth_light
+from lightfield.studies.working_range.smooth_light import smooth_light
 from lightfield.studies.working_range.study import WorkingRange, working_range
 from lightfield.studies.working_range.text import as_data, as_text
 

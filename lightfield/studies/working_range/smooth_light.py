@@ -1,0 +1,289 @@
+"""The light of a trace about the axis, without its grain.
+
+Derivatives of a trace's noise look like information, and far from the lamp there is nothing else. So
+scattered light is a smooth factor on the direct light here, a few polynomials in distance and in the squared
+tangent of the angle to the axis,
+
+    F_z = D_z e^P(z, t^2),        F_rho / F_z = S(z, t^2) rho / z    of what was scattered or reflected,
+
+fitted to the traced flux vector F about the axis; D is the direct light in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from lightfield.arrays import Array
+from lightfield.formula.path import rays
+from lightfield.formula.vector import direct_flux, on_receivers
+from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.response.grid import COMPONENTS, Grid
+from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
+
+#: Terms in distance and in squared tangent, of the excess and of the direction.
+_TERMS, _TURNING = (5, 3), (3, 2)
+#: Cells of the trace across the beam, m; along it they are four times as long.
+_STEP_M = 0.16
+#: Light is followed to so many half widths of the beam at least, and beyond the array.
+_HALF_WIDTHS = 1.2
+#: Room for the array beside its own reach, m: derivatives ask next to it.
+_ROOM_M = 0.05
+#: Least scattering to trace in, 1/m, as of the follower's light.
+_LEAST_TRACED_PER_M = 0.1
+#: Step of derivatives, m, as of the follower's light.
+_DIFFERENCE_M = 1e-4
+#: Light and its ratios are at least this, and squared distances, m2: logarithms and quotients stay finite.
+_DARK, _NEAR_M2 = 1e-12, 1e-12
+#: Sets of places whose light is remembered: a pose asks for about ten, in five waters.
+_REMEMBERED = 128
+
+
+class Frame(NamedTuple):
+    """Where the polynomials are fitted: distances, m, the largest tangent, and the largest radius, m."""
+
+    near_m: float
+    far_m: float
+    tangent: float
+    radius_m: float
+
+
+class Cells(NamedTuple):
+    """Cells of a trace that are fitted to, and their solutions for the polynomials' coefficients.
+
+    Parameters
+    ----------
+    place_m : array, shape (n, 3)
+    pitch_m : float
+    tally : array, shape (n_batches, n_rows, 3, n)
+        Flux vector by history.
+    excess, turning : array, shape (n_terms, n)
+    """
+
+    place_m: Array
+    pitch_m: float
+    tally: Array
+    excess: Array
+    turning: Array
+
+
+class _Shared:
+    """What all views of one trace have in common: without one of its batches, or in other water, all are
+    asked for light at the same places.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp and tank of the trace.
+    frame : Frame
+    """
+
+    def __init__(self, scene: Scene, frame: Frame) -> None:
+        self._scene, self._frame = scene, frame
+        self._waters: list[Scene] = []
+        self.in_cells: dict[int, tuple[Array, Array]] = {}
+        self.direct = lru_cache(_REMEMBERED)(self._direct)
+        self.polynomials = lru_cache(_REMEMBERED)(self._polynomials)
+
+    def number(self, scene: Scene) -> int:
+        """The same for the same water."""
+        if scene not in self._waters:
+            self._waters.append(scene)
+        return self._waters.index(scene)
+
+    def _direct(self, water: int, places: bytes) -> Array:
+        return direct_flux(self._waters[water], np.frombuffer(places).reshape(-1, 3))
+
+    def _polynomials(self, places: bytes) -> tuple[Array, Array]:
+        place = np.frombuffer(places).reshape(-1, 3)
+        excess, turning = (terms(self._scene, self._frame, place, count) for count in (_TERMS, _TURNING))
+        return excess, turning
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothLight:
+    """Light about the axis without the grain of its trace; a `Light` of the follower.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp and tank are those of the trace; the water is free.
+    response : TransportResponse
+        Of the trace: its histories and reference water.
+    cells : Cells
+    shared : _Shared
+    left_out : int, optional
+        A batch of the trace that does not count.
+    """
+
+    scene: Scene
+    response: TransportResponse
+    cells: Cells
+    shared: _Shared
+    left_out: int | None = None
+
+    def reading(self, place_m: Array, normal: Array) -> Array:
+        """Readings of cosine receivers, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
+        return on_receivers(self._flux(np.asarray(place_m, float)), np.asarray(normal, float))
+
+    def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
+        """Flux vector of all light, 1/m^2, (n, 3), and its slopes by the place, (n, 3, 3)."""
+        place = np.asarray(place_m, float)
+        steps = _DIFFERENCE_M * np.eye(3)
+        slopes = [(self._flux(place + s) - self._flux(place - s)) / (2 * _DIFFERENCE_M) for s in steps]
+        return [(self._flux(place), np.stack(slopes, axis=2))]
+
+    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
+        """`reading` and its standard errors, by a jackknife over the batches of the trace."""
+        parts = self._left_out(place_m, normal)
+        away = ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)
+        return self.reading(place_m, normal), np.sqrt((len(parts) - 1) / len(parts) * away)
+
+    def batches(self, place_m: Array, normal: Array) -> Array:
+        """Readings by independent parts of the trace, as the jackknife makes them of it."""
+        parts = self._left_out(place_m, normal)
+        return len(parts) * self.reading(place_m, normal) - (len(parts) - 1) * parts
+
+    def leave_one_out(self) -> list[SmoothLight]:
+        """Without one of the batches of the trace, each in turn."""
+        return [replace(self, left_out=k) for k in range(len(self.cells.tally))]
+
+    def in_water_of(self, scene: Scene) -> SmoothLight:
+        """The same trace in the water of another scene."""
+        return replace(self, scene=scene)
+
+    def _left_out(self, place_m: Array, normal: Array) -> Array:
+        place, normal = np.asarray(place_m, float), np.asarray(normal, float)
+        return np.stack([on_receivers(self._flux(place, fit), normal) for fit in self._fits[1:]])
+
+    @cached_property
+    def _water(self) -> int:
+        return self.shared.number(self.scene)
+
+    def _in_water(self) -> tuple[Array, Array]:
+        """Diffuse flux in every cell by batch, (n_batches, 3, n), and the direct light's mean there, (n,)."""
+        if self._water not in self.shared.in_cells:
+            self.shared.in_cells[self._water] = self._in_cells()
+        return self.shared.in_cells[self._water]
+
+    def _in_cells(self) -> tuple[Array, Array]:
+        place, scene, before = self.cells.place_m, self.scene, self.response.reference
+        at = middles_nm(scene)[0].mean(keepdims=True)
+        a, b = coefficients_in(scene.water, at, before.molecular_share)
+        rho, surface = (np.array([v]) for v in scene.reflectances)
+        weights = np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
+        straight = rays(scene.lamp, *place.T).water_m
+        change = float(a[0] + b[0]) - before.absorption_per_m - before.scattering_per_m
+        depth = change * straight - 0.5 * (scene.water.hardening_per_m * straight) ** 2
+        diffuse = np.tensordot(self.cells.tally, weights, axes=([1], [0])) * np.exp(-depth)
+        aside = self.cells.pitch_m / np.sqrt(12) * np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)])
+        direct = np.mean([direct_flux(scene, place + step)[:, 2] for step in aside], axis=0)
+        return diffuse, np.maximum(direct, _DARK)
+
+    @cached_property
+    def _fits(self) -> list[tuple[Array, Array]]:
+        """Coefficients of P and of S: of all batches that count, and without one of them, each in turn."""
+        diffuse, direct = self._in_water()
+        used = np.delete(diffuse, self.left_out, axis=0) if self.left_out is not None else diffuse
+        n, whole = len(used), used.mean(axis=0)
+        lamp, (x, y, z) = self.scene.lamp, self.cells.place_m.T
+        dx, dy = x - lamp.offset_x_m, y - lamp.offset_y_m
+        found = []
+        for flux in [whole, *((n * whole - one) / (n - 1) for one in used)]:
+            excess = np.log1p(np.maximum(flux[2] / direct, _DARK))
+            away = (flux[0] * dx + flux[1] * dy) * z / np.maximum(dx * dx + dy * dy, _NEAR_M2)
+            found.append((self.cells.excess @ excess, self._turned(flux[2], away)))
+        return found
+
+    def _turned(self, along: Array, away: Array) -> Array:
+        """S where F_rho = S F_z rho / z: the two are fitted apart, for photons are few in a single cell."""
+        return np.stack([self.cells.turning @ away, self.cells.turning @ along])
+
+    def _flux(self, place: Array, fit: tuple[Array, Array] | None = None) -> Array:
+        P, (away, along) = self._fits[0] if fit is None else fit
+        lamp, places = self.scene.lamp, place.tobytes()
+        direct, (excess, turning) = self.shared.direct(self._water, places), self.shared.polynomials(places)
+        diffuse = direct[:, 2] * np.expm1(excess @ P)
+        slope = (turning @ away / np.maximum(turning @ along, _DARK) / place[:, 2])[:, None]
+        aside = slope * (place[:, :2] - [lamp.offset_x_m, lamp.offset_y_m])
+        return np.asarray(direct + diffuse[:, None] * np.column_stack([aside, np.ones(len(place))]))
+
+
+def terms(scene: Scene, frame: Frame, place_m: Array, count: tuple[int, int]) -> Array:
+    """Chebyshev polynomials at places, shape (n, n_terms)."""
+    x, y, z = place_m.T
+    x0, y0 = _axis(scene, z)
+    near, far, tangent, _ = frame
+    along = 2 * (z - near) / (far - near) - 1
+    aside = 2 * ((x - x0) ** 2 + (y - y0) ** 2) / (tangent * z) ** 2 - 1
+    return np.asarray(chebyshev.chebvander2d(along, aside, [n - 1 for n in count]))
+
+
+def _axis(scene: Scene, z_m: Array) -> tuple[Array, Array]:
+    lamp, (ux, uy, uz) = scene.lamp, beam_axes(scene.lamp)[2]
+    return lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m
+
+
+def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, photons: float) -> SmoothLight:
+    """Trace the flux vector about the axis between two distances, and smooth it.
+
+    Parameters
+    ----------
+    reach_m : float
+        Of the array.
+    photons : float
+
+    Raises
+    ------
+    RenderError
+        The array reaches into a wall.
+    """
+    near, end = near_m - 0.5 * reach_m, far_m + reach_m
+    tangent = max((reach_m + _ROOM_M) / near_m, _HALF_WIDTHS * np.tan(np.radians(scene.lamp.hwhm_deg)))
+    wide, aside = tangent * end, _aside(scene, end)
+    if scene.tank is not None:
+        (left, right), (low, high), (_, wall) = scene.tank.box_m
+        end = min(end, wall - 4 * _STEP_M)
+        wide = min(wide, min(-left, right, -low, high) - 2.5 * _STEP_M - aside)
+    wide = max(wide, reach_m + _ROOM_M)
+    region = Region(_STEP_M * np.floor((wide + aside) / _STEP_M), near, end, _STEP_M)
+    at = middles_nm(scene)[0].mean(keepdims=True)
+    (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+    traced = max(float(b), _LEAST_TRACED_PER_M)
+    molecules = molecular_share(scene) * float(b) / traced
+    reference = Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
+    field = traced_field(scene, region, photons=photons, reference=reference)
+    frame = Frame(near, end, tangent, region.half_width_m - aside)
+    cells = _cells(scene, field.grid, field.response, frame)
+    return SmoothLight(scene, field.response, cells, _Shared(scene, frame))
+
+
+def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> Cells:
+    """The cells within the frame, and the least squares of the polynomials over them."""
+    x, y, z = (v.ravel() for v in grid.centres())
+    x0, y0 = _axis(scene, z)
+    radius = np.hypot(x - x0, y - y0)
+    inside = radius <= np.minimum(frame.tangent * z, frame.radius_m)
+    place, lamp = np.stack([x, y, z], axis=1)[inside], scene.lamp
+    tally = response.tally.reshape(*response.tally.shape[:2], len(COMPONENTS), -1)[:, :, :3, inside]
+    # Noise of a cell's light over its light, roughly: few photons are far away, and aside.
+    weight = 1 / place[:, 2]
+    excess = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TERMS)) * weight
+    squared = (place[:, 0] - lamp.offset_x_m) ** 2 + (place[:, 1] - lamp.offset_y_m) ** 2
+    weight = np.sqrt(squared) * place[:, 2]
+    turning = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TURNING)) * weight
+    return Cells(place, grid.pitch_x_m, tally, excess, turning)
+
+
+def _aside(scene: Scene, z_m: float) -> float:
+    """How far the beam's axis is from the tank's, m, as far as there."""
+    lamp, (ux, uy, uz) = scene.lamp, beam_axes(scene.lamp)[2]
+    return float(max(abs(lamp.offset_x_m) + abs(ux / uz) * z_m, abs(lamp.offset_y_m) + abs(uy / uz) * z_m))
