@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,8 @@ _ON_AXIS = 0.1
 _SAME = 1e-6
 #: What rounding leaves of the largest eigenvalue.
 _ROUNDING = 1e-10
+#: So many curves are remembered by their amplitudes.
+_REMEMBERED = 32
 #: All that has no second differences: of lamps and waters over time and wavelength.
 _LINES: list[Array] = [np.ones(NODES), np.linspace(-1, 1, NODES)]
 
@@ -98,7 +100,7 @@ class Basis:
     functions: Array
     told: int
 
-    @property
+    @cached_property
     def paths(self) -> tuple[str, ...]:
         """One per amplitude."""
         return tuple(path_of(self.field, k) for k in range(1, self.functions.shape[1] + 1))
@@ -163,14 +165,25 @@ class Curves:
 
     def stated(self, values: Mapping[str, float]) -> Stated:
         """Values as a scene takes them: nodes of curves in place of their amplitudes."""
-        if not any(is_amplitude(path) for path in values):
+        amplitudes = {k: v for k, v in values.items() if is_amplitude(k)}
+        if not amplitudes:
             return dict(values)
-        out: dict[str, Any] = {k: v for k, v in values.items() if not is_amplitude(k)}
+        out: dict[str, Any] = {k: v for k, v in values.items() if k not in amplitudes}
         for field, basis in self.bases.items():
-            amplitudes = basis.amplitudes(values)
-            if amplitudes.any():
-                out[field] = self._added(field, basis.place, basis.curve(amplitudes))
+            own = tuple(amplitudes.get(path, 0.0) for path in basis.paths)
+            if any(own):
+                out[field] = self._nodes(field, own)
         return out
+
+    @cached_property
+    def _nodes(self) -> Callable[[str, tuple[float, ...]], Nodes]:
+        """Nodes of a curve with these amplitudes; most steps of a fit change something else."""
+
+        def nodes(field: str, amplitudes: tuple[float, ...]) -> Nodes:
+            basis = self.bases[field]
+            return self._added(field, basis.place, basis.curve(np.array(amplitudes)))
+
+        return lru_cache(_REMEMBERED)(nodes)
 
     def _added(self, field: str, place: Array, curve: Array) -> Nodes:
         """Nodes of a curve together with what the scene has already."""

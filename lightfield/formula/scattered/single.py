@@ -43,7 +43,7 @@ class Resolution(NamedTuple):
     @classmethod
     def for_beam(cls, half_width_rad: float, tangent: float) -> Resolution:
         """What a beam takes, seen from up to this tangent of the angle to its axis."""
-        return cls(48, 16, 16) if half_width_rad < _NARROW * tangent else cls(20, 14, 10)
+        return cls(48, 12, 16) if half_width_rad < _NARROW * tangent else cls(20, 14, 10)
 
 
 class SinglePaths(NamedTuple):

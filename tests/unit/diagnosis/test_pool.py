@@ -259,6 +259,23 @@ def test_a_quick_fit_ends_where_regression_does() -> None:
         assert np.allclose(settled.jacobian, own.jacobian, rtol=1e-4, atol=1e-6)
 
 
+def test_a_fit_far_from_the_best_is_left_within_a_hundredth_of_the_way() -> None:
+    """And one that is near goes on to the end, whatever slopes it begins with."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=30.0, dusk=-30.0)
+    chosen = tuple(c for c in problem.candidates if c.name == "odd")
+    _, _, chi2 = made.regression(problem, "odd")
+    own = made.fit(problem, *chosen)
+    bent = {path: column * 1.5 + 0.5 for path, column in zip(own.paths, own.jacobian.T, strict=True)}
+    taken = []
+    for near in (0.0, 0.5 * chi2, np.inf):
+        rough = quick_fit(problem, chosen, made.whiten, Begin({}, bent), 60, 1e-6, near)
+        distance = max(chi2 - near, 0.0)
+        assert chi2 * (1 - 1e-9) <= rough.chi2 <= chi2 * (1 + 1e-3) + 0.01 * distance
+        taken.append(rough.evaluations)
+    assert taken[0] <= taken[1] <= taken[2] and taken[0] < taken[2]
+
+
 def test_an_effect_whose_light_is_no_number_is_left_where_it_was() -> None:
     """And no light is asked for where a parameter is no number."""
     made = toy()

@@ -30,7 +30,7 @@ _STEPS, _LEFT = 20, 0.05
 #: Steps from each of several shapes before the best is fitted to the end; so many shapes are tried. Chosen:
 #: from one alone the width of a halo is lost.
 _FEW, _SHAPES = 4, 2
-#: Sets that cost no more than this above the best are fitted to the end at once.
+#: Sets that cost no more than this above the best are fitted to the end at once; of others the cost is rough.
 _NEAR = 50.0
 #: Part of its range within which a score may start an amplitude.
 _PART = 0.4
@@ -186,7 +186,8 @@ class Pool:
         return done
 
     def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
-        fit = quick_fit(self.problem, explanation, self.ground.test.whiten, begin, steps, _LEFT)
+        near = (self._lowest + _NEAR - sum(map(self.ground.price, explanation))) * self.ground.phi
+        fit = quick_fit(self.problem, explanation, self.ground.test.whiten, begin, steps, _LEFT, near)
         self._spend(explanation, fit)
         return fit
 

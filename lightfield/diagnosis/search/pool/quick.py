@@ -23,6 +23,9 @@ from lightfield.fitting.least_squares import Fit, Whiten
 _DAMPING, _LEAST, _FALL, _RISE, _FAILURES, _GIVEN_UP = 1e-3, 1e-9, 10.0, 10.0, 3, 8
 #: How often slopes are taken anew before a fit counts as ended.
 _RENEWALS = 6
+#: What a fit may leave of its distance from sets near the best. Chosen: what is added to it is ranked by what
+#: it would save, and what is added to is fitted to the end.
+_OF_DISTANCE = 0.01
 #: A parameter this near to a bound that it is drawn to, as part of its range, is held there.
 _AT = 1e-9
 
@@ -119,13 +122,14 @@ class _Quick:
         left = self.residual - self.slopes[:, free] @ step[free]
         return step, self.chi2 - float(left @ left)
 
-    def run(self, steps: int, tolerance: float) -> None:
-        """Steps until the next one would not be felt."""
+    def run(self, steps: int, tolerance: float, near: float = np.inf) -> None:
+        """Steps until the next one would not be felt, see `quick_fit`."""
         failed, kept = 0, max(float(self.problem.keep.sum()), 1.0)
         for _ in range(steps):
             step, gain = self._step()
             # Where light is no number there is no way on, and none is asked for at such a place.
-            if not np.isfinite(gain) or gain < tolerance * max(1.0, self.chi2 / kept):
+            little = max(tolerance * max(1.0, self.chi2 / kept), _OF_DISTANCE * (self.chi2 - near))
+            if not np.isfinite(gain) or gain < little:
                 return
             prediction, residual = self._at(self.u + step)
             chi2 = _square(residual)
@@ -165,7 +169,13 @@ class _Quick:
 
 
 def quick_fit(
-    problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin, steps: int, tolerance: float
+    problem: Problem,
+    explanation: Explanation,
+    whiten: Whiten,
+    begin: Begin,
+    steps: int,
+    tolerance: float,
+    near: float = np.inf,
 ) -> Fit:
     """The fit from one place.
 
@@ -175,9 +185,11 @@ def quick_fit(
         Steps at most.
     tolerance : float
         Ends when a step would lower chi-square by less than this, or than this part of the scatter.
+    near : float
+        Chi-square above which a hundredth of what lies between will do.
     """
     search = _Quick(problem, explanation, whiten, begin)
-    search.run(steps, tolerance)
+    search.run(steps, tolerance, near)
     return search.fit()
 
 
