@@ -1,7 +1,8 @@
 """How true is what a fit finds in scattering water? Readings by an independent walk of photons, diagnosed.
 
-Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--modes diagnose] [--walk]`. The fields
-of the walk are stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, some minutes).
+Run from the root: `python -m benchmarks.scattering_fits [--seeds N] [--modes diagnose] [--case NAME] [--walk]`.
+The fields of the walk are stored beside this file; `--walk` makes them again with `walk.c` (a C compiler, 7
+minutes).
 Every row is diagnosed twice: with all light from one trace that is reweighed, as a search does, and as
 `diagnose` ends. Nothing is asserted. Results are kept in `found.csv`; what is there is not done again.
 """
@@ -30,7 +31,7 @@ HERE = Path(__file__).resolve().parent
 STORE = HERE / "found.csv"
 PLANES_M = (3.5, 4.5, 5.5, 6.5, 7.5, 8.5)
 RINGS_M = tuple(round(0.1 * k, 1) for k in range(1, 11))
-HALF_WIDTH_M, PHOTONS = 0.02, 3e7
+HALF_WIDTH_M, PHOTONS = 0.05, 1e8
 #: Errors of the instrument: of a reading, of the dark over the largest reading, of a stay at a plane.
 RELATIVE, DARK, STAY = 0.005, 0.0005, 0.002
 ABSORPTION_PER_M, HWHM_DEG = 0.1, 3.81
@@ -161,6 +162,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=4, help="noise seeds of every case")
     parser.add_argument("--modes", default=",".join(MODES), help="of these two, with a comma between")
+    parser.add_argument("--case", default="", help="only cases whose name begins so")
     parser.add_argument("--walk", action="store_true", help="walk the photons again")
     args = parser.parse_args()
     rows = load()
@@ -168,7 +170,7 @@ def main() -> None:
     scene = Scene.from_toml(BELIEVED)
     for seed in range(args.seeds):
         for case in CASES:
-            for mode in args.modes.split(","):
+            for mode in args.modes.split(",") if case.name.startswith(args.case) else ():
                 if (case.name, str(seed), mode) in done:
                     continue
                 readings = readings_of(case, seed, args.walk and seed == 0 and mode == MODES[0])
