@@ -54,6 +54,17 @@ def test_many_readings_settle_where_a_sample_leads(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.slow
+def test_an_effect_that_describes_the_noise_of_the_search_is_dropped() -> None:
+    """b = 0.7 per m, g = 0.88: the search's trace asks for a skirt beside scattering; settled, scattering by
+    itself leaves nothing to explain (p 0.98; of other traces 0.96)."""
+    case = next(c for c in CASES if (c.b, c.g) == (0.7, 0.88))
+    readings, scene = readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED)
+    found = diagnose(readings, scene, only=["scattering", "beam_skirt"], advise=False)
+    assert (found.verdict.verdict, found.verdict.effects) == ("identified", ["scattering"])
+    assert ("beam_skirt", "scattering") in [one.names for one in found.finding.tried]
+
+
+@pytest.mark.slow
 def test_a_scene_that_states_its_scattering_is_settled_too() -> None:
     """b = 0.7 per m, g = 0.95, both stated: the half width of the beam within three of its errors (with the
     light of the search it came out 7 too small), and the stated scattering supported."""

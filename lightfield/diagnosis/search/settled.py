@@ -97,6 +97,10 @@ def settled(
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
         return prepared, finding
+    if finding.size == 2 and not finding.beyond_two:
+        simpler = _simpler(problem, chosen[0])
+        finding = replace(finding, accepted=[*finding.accepted, *simpler], tried=[*finding.tried, *simpler])
+        chosen += simpler
     done: list[tuple[Tried, Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
@@ -172,11 +176,25 @@ def _accepted(
 
     passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
     passing = [t for t in passing if not t.at_edge] or passing
-    size = len(passing[0].explanation) if passing else None
+    size = min((len(t.explanation) for t in passing), default=None)
     passing = [t for t in passing if len(t.explanation) == size]
     weights = with_base(passing, finding.level, finding.n) if passing else []
     best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
     return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
+
+
+def _simpler(problem: Problem, pair: Tried) -> list[Tried]:
+    """The one of two effects that scatters, by itself: the other may describe what the trace of the search
+    has wrong."""
+    out = []
+    for alone in pair.explanation:
+        kept = {*(p.path for p in problem.base), *(p.path for p in alone.parameters)}
+        start = np.array([u for path, u in zip(pair.fit.paths, pair.fit.u, strict=True) if path in kept])
+        assert pair.test is not None
+        fit = problem.fit((alone,), pair.test.whiten, [start])
+        if scatters(problem, fit):
+            out.append(Tried((alone,), fit, np.inf, None, pair.test))
+    return out[:1]
 
 
 def _settled_from(problem: Problem, tried: Tried, seed: int) -> Settled:

@@ -31,6 +31,8 @@ from lightfield.scene.water.layers import layers_depth
 #: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
 #: of the light up to albedos of 0.9 (tests/system/test_saved_page.py).
 ALBEDOS = 7
+#: Attenuations that it is told at: every second of those at which it is known.
+_STEP_PER_M = 2 * C_STEP
 #: Light below this has no logarithm, in m^-2.
 _DARKEST = 1e-40
 
@@ -190,11 +192,11 @@ def _reflections(
     dark, dim = at(0.0, 0.0), at(1.0, 0.0)
     seen = dark > 0
     way = np.where(seen, np.log(np.where(seen, dark, 1.0) / np.where(dim > 0, dim, 1.0)), 0.0)
-    nodes = C_STEP * np.arange(int(np.ceil(most_per_m / C_STEP)) + 4)
+    nodes = _STEP_PER_M * np.arange(int(np.ceil(most_per_m / _STEP_PER_M)) + 4)
     albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(ALBEDOS) + 0.5) / ALBEDOS))
     if scene.reflectances[0] == 0:
-        return Reflections(dark, way, C_STEP, albedos, np.zeros((0, ALBEDOS, len(dark))))
+        return Reflections(dark, way, _STEP_PER_M, albedos, np.zeros((0, ALBEDOS, len(dark))))
     walls = [
         [(at(c, rho) - dark * np.exp(-c * way)) / rho for rho in albedos.tolist()] for c in nodes.tolist()
     ]
-    return Reflections(dark, way, C_STEP, albedos, np.log(np.maximum(walls, _DARKEST)))
+    return Reflections(dark, way, _STEP_PER_M, albedos, np.log(np.maximum(walls, _DARKEST)))

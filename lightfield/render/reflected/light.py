@@ -33,12 +33,12 @@ from lightfield.scene import Lamp, Scene, Tank, receiver
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
-#: Reflections followed one by one; the rest is what a recurrence makes of the last four. 48 change light by
-#: 0.08 % at most (`benchmarks/constants`), seven by 2.5 % at a wall albedo of 0.9.
-REFLECTIONS = 16
-#: Step of attenuation, m^-1, between which light is interpolated: of a white tow tank of clear water, whose
-#: light has the longest ways, 0.4 % (twice the step: 3 %).
-C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
+#: Reflections followed one by one; the rest is what a recurrence makes of the last four. In a closed tow tank
+#: of walls of 0.9 and water that takes nothing, whose light has the longest ways, 96 change light by 0.06 %
+#: (16 by 2.2 %; elsewhere by 0.08 % at most, `benchmarks/constants`).
+REFLECTIONS = 32
+#: Step of attenuation, m^-1, between which light is interpolated: there to 0.1 % (twice the step: 1 %).
+C_STEP, SURFACE_NODES = 0.0125, (0.0, 0.5, 1.0)
 #: Part of the light of waves that met two facets in a row: 0 to 7 % of it for slopes of 2 to 12 degrees, a
 #: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/test_waves.py`); the middle of that.
 TWO_FACETS = 0.035
