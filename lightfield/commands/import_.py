@@ -6,6 +6,7 @@ import argparse
 
 from lightfield.errors import UsageError
 from lightfield.readings import ErrorBudget, write_table
+from lightfield.readings.importing import places
 from lightfield.readings.importing.importer import import_index
 from lightfield.storage.files import output_file
 
@@ -75,7 +76,8 @@ def run(args: argparse.Namespace) -> int:
     write_table(readings, args.output)
     files = len(readings.metadata["instrument"]["files"])
     formats = ", ".join(readings.metadata["instrument"]["formats"])
-    print(f"{files} files ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")
+    what = f"{files} rows" if formats == places.NAME else f"{files} file{'s' * (files > 1)}"
+    print(f"{what} ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")
     for warning in readings.warnings:
         print(f"  note: {warning}")
     print(args.output)

@@ -63,7 +63,8 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
 def band_page(found: Bands) -> str:
     """The page."""
     drawing = page_figure(
-        band_figure(found), "band", "Grey: 500 to 550 nm, the paper's band. Dots: the best by each rule.",
+        band_figure(found), "band",
+        "Grey: 500 to 550 nm, the band of the tow tank experiment. Dots: the best by each rule.",
         "Signal and attenuation over wavelength, and the worth of bands", band_figure(found, narrow=True),
     )  # fmt: skip
     low, high = found.flat_nm()
@@ -76,7 +77,8 @@ def band_page(found: Bands) -> str:
         f"read from the size of a signal near 500 nm is {wrong:.2f} m off.",
     )
     table = Table(
-        "The paper's band against the best (for attenuation: the least over its own).",
+        "500 to 550 nm, as in the tow tank experiment, against the best band (for attenuation: the least "
+        "over its own).",
         ("at", "rule", "best band", "500–550 nm has"), rows(found),
     )  # fmt: skip
     title = f"{found.scene.name or 'Water'}: bands of {found.width_nm:g} nm"

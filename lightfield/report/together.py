@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.expected import ABOUT, HEAD, Together
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
-from lightfield.report.style import BAD, FORMULA, GOOD, MUTED, NARROW, WIDTH, figure, label, percent_axis
+from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, NARROW, WIDTH, figure, label, percent_axis
 
 _SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
 
@@ -39,6 +39,7 @@ def chances_figure(made: Together, narrow: bool = False) -> Figure:
                 textcoords="offset points",
                 va="center",
                 fontsize=9.5,
+                color="white" if one.certain > 0.5 else INK,  # on the dark bar, or beside it
             )
         axes.set_yticks(range(len(names), 0, -1), names)
         axes.set_xlim(0, 1)

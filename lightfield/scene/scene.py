@@ -323,6 +323,9 @@ class Scene(Part):
         except ValidationError as error:
             raise scene_error(error, type(self), "values") from None
 
+    def __repr__(self) -> str:
+        return f"<Scene: {self.name or 'without a name'}; {'in a tank' if self.tank else 'open water'}>"
+
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""
         data = self.model_dump(mode="json", exclude={"name", "description", *LIGHTLESS})

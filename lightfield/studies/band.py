@@ -30,7 +30,7 @@ from lightfield.storage.tables import read_columns
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
 CRITERIA = {
-    "attenuation": "least attenuation (the paper's rule)",
+    "attenuation": "least attenuation",
     "signal": "most signal",
     "information": "most information about range",
 }
@@ -284,7 +284,7 @@ def as_text(found: Bands) -> str:
     low, high = found.flat_nm()
     lines = [headline(found), ""]
     for row in rows(found):
-        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} the paper's band: {row[3]}")
+        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} 500 to 550 nm has {row[3]}")
     lines.append(water_sentence(found))
     lines.append(f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm")
     return "\n".join(lines)

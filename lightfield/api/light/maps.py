@@ -61,7 +61,7 @@ class Maps(Result[xr.Dataset]):
             f"{data.sizes['z_m']} planes" if "z_m" in data.dims else f"{data.sizes['position']} positions"
         )
         error = data.attrs.get("reached_relative_error")
-        known = "" if error is None else f", relative error {100 * float(error):.2g} %"
+        known = "" if error is None else f", relative error {float(f'{100 * float(error):.2g}'):g} %"
         return f"{self.quantity.replace('_', ' ')} on {places} at {colours}{known}"
 
     def _relative_error(self) -> np.ndarray:

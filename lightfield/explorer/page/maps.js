@@ -24,6 +24,9 @@ LF.paintMap = (canvas, values, side, tone) => {
 LF.blank = (canvas) => { canvas.width = canvas.width; };
 
 LF.paintMaps = (render, formula, side, log) => {
+  // A plane in a shallow tank is no square: a round beam must look round in it.
+  const { map_x_m: x, map_y_m: y } = LF.experiment, wide = (x[side - 1] - x[0]) / (y[side - 1] - y[0]);
+  for (const id of ["map-render", "map-formula", "map-ratio"]) LF.$(id).style.aspectRatio = Number.isFinite(wide) && wide > 0 ? wide : 1;
   if (!formula) { for (const id of ["map-render", "map-formula", "map-ratio"]) LF.blank(LF.$(id)); return; }
   const top = LF.extent([render || formula])[1], floor = 1e-3;
   const tone = log

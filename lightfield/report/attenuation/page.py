@@ -93,7 +93,7 @@ def _apparent(one: Apparent, number: int) -> Section:
             page_figure(
                 percent_figure(one),
                 f"percent{number}",
-                "Bands of one standard error. Grey: 500 to 550 nm, the band of the paper.",
+                "Bands of one standard error. Grey: 500 to 550 nm, the band of the tow tank experiment.",
                 "Light lost per metre and over each distance, against wavelength",
                 percent_figure(one, narrow=True),
             ),

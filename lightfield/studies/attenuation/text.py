@@ -221,7 +221,7 @@ def published_sentences(one: Apparent) -> list[str]:
             lines.append(
                 f"Published between {low:g} and {high:g} nm: K = {K:g} per m, "
                 f"{100 * -np.expm1(-K):.1f} % per metre; here {mean:.4f} ± {error:.4f} per m, "
-                f"{(mean - K) / error:+.1f} standard errors away."
+                f"{(mean - K) / error:+.1f} standard errors away.".replace("-", "\N{MINUS SIGN}")
             )
     return lines
 

@@ -34,8 +34,9 @@ HEAD = (
 )
 #: What is asked of each column.
 ASKED = (
-    "Docking: where an array of receivers on the axis knows its pose to 0.1 m across, 0.3 m along and "
-    "5 degrees (Cramer-Rao bound of one reading; gain and water known as the scene says, or to 5 % and 20 %; "
+    "Open water: walls and surface of a tank are left out. Docking: where an array of receivers on the axis "
+    "knows its pose to 0.1 m across, 0.3 m along and 5 degrees (Cramer-Rao bound of one reading; gain "
+    "and water known as the scene says, or to 5 % and 20 %; "
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."
 )

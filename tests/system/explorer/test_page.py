@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from explored import PATIENCE_MS, error, needs_browser, rest, until_error
 
 
@@ -192,3 +193,18 @@ def test_everything_fits_the_window_and_has_a_name(page) -> None:
             && !(e.labels && e.labels.length && e.labels[0].textContent.trim())).map((e) => e.outerHTML)"""
     )
     assert nameless == []
+
+
+@needs_browser
+def test_maps_have_the_shape_of_the_plane(page) -> None:
+    """In a tank half as deep as wide a round beam looks round."""
+    shape = page.evaluate("""() => {
+      const e = LF.experiment, box = () => LF.$("map-formula").getBoundingClientRect();
+      const paint = () => LF.paintMaps(null, LF.shown.map_formula || null, e.map_x_m.length, true);
+      paint();
+      const square = box().width / box().height;
+      e.map_y_m = e.map_y_m.map((y) => y / 2);
+      paint();
+      return [square, box().width / box().height];
+    }""")
+    assert shape == [pytest.approx(1.0, abs=0.02), pytest.approx(2.0, abs=0.04)]

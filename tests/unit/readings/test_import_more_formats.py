@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import ocean_files
 import pytest
 from campaign import run
 from hypothesis import given, settings
@@ -28,7 +29,7 @@ from instrument_files import (
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.importer import import_index
-from lightfield.readings.instruments.formats import BINARY, READERS, read_spectra
+from lightfield.readings.instruments.formats import BINARY, NAMES, READERS, read_spectra
 from lightfield.readings.instruments.hyperocr import read as read_frames
 from lightfield.readings.instruments.oceanoptics.procspec import read as read_procspec
 
@@ -238,6 +239,19 @@ def test_the_page_of_formats_names_every_reader():
 
 
 # --- damaged files: an error of ours, or a spectrum that can be
+
+
+def test_no_reader_is_left_out_of_the_damage(tmp_path):
+    """What tests of damaged files begin with, here and in `test_import_damaged`: every reader has some."""
+    whole = [
+        *(make() for make in TEXTS.values()), procspec(), PAR,
+        *("\n".join(lines()) + "\n" for lines, _ in ocean_files.FORMATS.values()),
+    ]  # fmt: skip
+    found = {spectrum.format for one in whole for spectrum in read_spectra(written(tmp_path, one))}
+    written(tmp_path, calibration(), "a.cal")
+    frame = bytes.fromhex(FRAME.read_text().replace("\n", ""))
+    found |= {spectrum.format for spectrum in read_spectra(written(tmp_path, frame, "a.raw"))}
+    assert found == set(NAMES)
 
 
 @settings(max_examples=100, deadline=None)

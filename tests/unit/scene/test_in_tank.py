@@ -143,3 +143,10 @@ def test_made_readings_stay_in_the_tank(kind: str) -> None:
     assert np.abs(readings.x_m).max() < 0.5
     assert readings.y_m.max() < 0.15
     assert readings.y_m.min() > -0.45
+
+
+def test_a_scene_says_itself_in_a_line() -> None:
+    """As a notebook shows it; all of it is hundreds of lines."""
+    scene = Scene.from_toml('name = "a pool"\n[tank]\nlength_m = 20.0\n')
+    assert repr(scene) == "<Scene: a pool; in a tank>"
+    assert repr(Scene()) == "<Scene: without a name; open water>"
