@@ -125,7 +125,7 @@ TWO = (
     ("grid", ("beam_ellipticity", "saturation")), ("grid", ("beam_tilt", "lamp_drift")),
     ("wide", ("wall_reflection", "saturation")), ("column", ("surface_reflection", "background")),
     ("air", ("window_refraction", "background")), ("colour", ("cdom", "background")),
-    ("wide", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
+    ("column", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
 )  # fmt: skip
 
 

@@ -50,7 +50,7 @@ MAY_ACT: Mapping[str, Sequence[str]] = {
 #: sizes of two to ten times the typical one, three sets each.
 LATER: Sequence[tuple[str, tuple[str, ...]]] = (
     ("line", ("plane_gain",)), ("grid", ("plane_gain", "beam_offset")),
-    ("wide", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
+    ("column", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
     ("colour", ("attenuation_spectrum",)), ("colour", ("attenuation_spectrum", "background")),
 )  # fmt: skip
 LATER_STRENGTH, LATER_DRAWS = (2.0, 10.0), 3

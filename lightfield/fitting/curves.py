@@ -266,7 +266,8 @@ class Curves:
         if wave is None or self.readings.scale != "absolute":
             return None
         place = np.linspace(wave.min(), wave.max(), NODES)
-        return self._basis(SPECTRUM, place, wave, value_at, np.diff(np.eye(NODES), 2, axis=0), _LINES, 1)
+        found = self._basis(SPECTRUM, place, wave, value_at, np.diff(np.eye(NODES), 2, axis=0), _LINES, 1)
+        return found and self._by_its_readings(found, wave)
 
     def _colour(self) -> Basis | None:
         wave, r = self._colours, self.readings
@@ -284,7 +285,13 @@ class Curves:
         rough = np.diff(np.eye(NODES), 2, axis=0)
         every = np.unique(wave, return_inverse=True)[1]
         gains = np.zeros(len(wave), int) if r.scale == "absolute" else every
-        return self._basis(COLOUR, place, wave, depth, rough, _LINES, 1, gains=gains)
+        found = self._basis(COLOUR, place, wave, depth, rough, _LINES, 1, gains=gains)
+        return found and self._by_its_readings(found, wave)
+
+    def _by_its_readings(self, found: Basis, wave: Array) -> Basis:
+        """What could contradict a curve over wavelengths is not others, but the other readings of each."""
+        used = self._weight > 0
+        return replace(found, told=int(used.sum()) - len(np.unique(wave[used])))
 
     def _planes(self) -> Basis | None:
         z = np.asarray(self.readings.z_m, float)

@@ -12,6 +12,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
+from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Readings below this part of the largest one of their plane do not count in the error in per cent. Chosen:
@@ -64,9 +65,9 @@ def percent(problem: Problem, prediction: Array, which: Array) -> float:
 
 
 def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> float:
-    """Error in per cent of every plane as predicted by a fit to all others."""
+    """Error in per cent of every plane as predicted by a fit to all others; NaN for gains of planes."""
     plane, counted = problem.layout.plane, bright(problem)
-    if plane.max() == 0:
+    if plane.max() == 0 or any(field_of(p.path) == PLANES for c in explanation for p in c.amplitudes):
         return float("nan")
     prediction = fit.prediction.copy()
     for k in range(int(plane.max()) + 1):

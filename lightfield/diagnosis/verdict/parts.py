@@ -169,6 +169,11 @@ class StatedEffect(Part):
     sigma_from_stated: float | None = None
     sigma_to_remove: float | None = None
     reason: str | None = Field(None, description="why it was held")
+    if_free: dict[str, Estimate] = Field(
+        default_factory=dict,
+        description="held while the rest was fitted: values of that rest which are another, or much less "
+        "sure, with this effect free",
+    )
 
 
 class Spot(Part):

@@ -26,12 +26,15 @@ from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
 from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import GAIN
 from lightfield.scene import Scene
 
 Judgement = Literal["supported", "undecided", "contradicted", "absent"]
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
 REMOVABLE_SIGMA = 3.0
+#: A value is told with an effect of the scene free, where its error is then so many times as large. Chosen.
+_LESS_SURE = 1.5
 #: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two (Wilks 1938,
 #: doi:10.1214/aoms/1177732360); test_refutation.py refits at the limit.
 _ONE_SIDE, _TWO_SIDES = float(special.chdtri(1, 0.10)), float(special.chdtri(1, 0.05))
@@ -52,6 +55,8 @@ class Judged:
         Of its one amplitude's distance from the neutral value, 95 %.
     errors : mapping
         Smallest standard errors by path.
+    held : Fit, optional
+        What is reported beside it, where that holds it as stated.
     """
 
     candidate: Candidate
@@ -61,6 +66,7 @@ class Judged:
     limit: float | None
     contradicted: bool
     errors: Mapping[str, float] = field(default_factory=dict)
+    held: Fit | None = None
 
     @property
     def judgement(self) -> Judgement:
@@ -163,6 +169,7 @@ def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
         _sigmas((gone.chi2 - free.chi2) / phi, len(changed.parameters)),
         _limit(free, changed, phi),
         contradicted,
+        held=kept if mine is None else None,
     )
 
 
@@ -189,6 +196,18 @@ def _limit(free: Fit, candidate: Candidate, phi: float) -> float | None:
         u = free.u[i] + side * (slope + np.sqrt(slope**2 + curvature * rise)) / curvature
         ends.append(float(np.clip(u, parameter.low, parameter.high)))
     return max(abs(u - off) for u in ends)
+
+
+def _moved(
+    held: Mapping[str, Estimate], free: Mapping[str, Estimate], own: Iterable[str]
+) -> dict[str, Estimate]:
+    """Values that an effect held as stated makes others, or surer, than they are with it free."""
+    return {
+        path: free[path]
+        for path, one in held.items()
+        if path != GAIN and path not in own and one.stderr and (error := free[path].stderr)
+        and (abs(free[path].value - one.value) > one.stderr or error > _LESS_SURE * one.stderr)
+    }  # fmt: skip
 
 
 def stated_effects(
@@ -222,6 +241,7 @@ def stated_effects(
                 limit=one.limit,
                 sigma_from_stated=one.sigma_from_stated,
                 sigma_to_remove=one.sigma_to_remove,
+                if_free={} if one.held is None else _moved(estimate(one.held, one.errors), values, moved),
             )
         )
     tested = {path for entry in out for path in entry.stated} | set(free)

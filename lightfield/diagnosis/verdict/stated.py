@@ -95,10 +95,18 @@ def lines(stated: Sequence[StatedEffect]) -> list[str]:
                 f"stated: your scene's {join([entry.effect or ''])} {_standing(entry)}; "
                 f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated{_apart(entry)}"
             )
+            if entry.if_free:
+                out.append(_conditional(entry, path, value))
     held = [
         f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
     ]
     return [*out, "held as stated: " + ", ".join(held)] if held else out
+
+
+def _conditional(entry: StatedEffect, path: str, value: float) -> str:
+    """What is only known while a value of the scene is held."""
+    others = "; ".join(f"{name} = {_value(one)}" for name, one in entry.if_free.items())
+    return f"stated: what is fitted holds only if {path} = {value:.4g} is right; with that free {others}"
 
 
 def _apart(entry: StatedEffect) -> str:

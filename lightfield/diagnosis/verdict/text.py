@@ -49,8 +49,9 @@ def _found(verdict: Verdict) -> words.Said:
         if many is not None:
             return many
         return words.said(
-            verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise
-        )
+            verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise,
+            any(found_words.follows_any(one) for one in verdict.found),
+        )  # fmt: skip
 
     return stated.with_stated(
         verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say

@@ -84,6 +84,7 @@ def said(
     within: str,
     determined: bool,
     noise: str = "",
+    follows_any: bool = False,
 ) -> Said:
     """One or two sentences that say what was found and how sure it is.
 
@@ -95,6 +96,8 @@ def said(
         There are more readings than the best explanation has parameters.
     noise : str
         What the detection limits rest on.
+    follows_any : bool
+        The explanation has a curve that would follow nearly any readings at these places.
     """
     if kind == "none":
         return Said.of(f"No missing effect detectable{within}.", f"{_sentence(_seen(limits, noise))}.")
@@ -114,6 +117,8 @@ def said(
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
+            if follows_any:
+                doubt = "so would it nearly any readings at these places: it is a curve as free as they are"
             reasons = {e.reason for e in explanations[0].parameters.values()}
             if Reason.AT_BOUNDARY in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 from lightfield.diagnosis.verdict.found.words import instead, size
@@ -17,6 +18,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.stated import lines
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (
     LEAST_PERCENT,
@@ -246,11 +248,15 @@ def _rung(rung: Rung) -> list[str]:
 
 
 def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
-    values = []
+    values, amplitudes = [], [path for path in each.parameters if is_amplitude(path)]
     for path, estimate in each.parameters.items():
+        if path in amplitudes:
+            continue
         unit = "" if estimate.unit == "1" else f" {estimate.unit}"
         error = f" ± {estimate.stderr:.2g}" if estimate.stderr is not None else f" ({estimate.reason})"
         values.append(f"{path} = {estimate.value:.4g}{error}{unit}")
+    for field, count in Counter(field_of(path) for path in amplitudes).items():
+        values.append(f"{field}: a curve of {count} functions")
     return {
         "effects": " + ".join(_words(name) for name in each.effects),
         "weight": f"{each.weight:.2f}",

@@ -19,6 +19,7 @@ from lightfield.fitting.parameter import Model
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.report.diagnosis.page import diagnosis_page
 from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
 
 
 class Haze:
@@ -116,6 +117,25 @@ def test_what_is_too_small_to_be_seen_is_left_open() -> None:
     assert found.verdict.verdict == "none"
     assert stated(found, "background").judgement == "undecided"
     assert "cannot be told from none" in found.as_text()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_only_known_while_a_value_of_the_scene_is_held_is_said(seed: int) -> None:
+    """A background that is stated and not there, too small to be refuted, holds the absorption off: what that
+    is with it free is told, as a fit that frees the background gives it."""
+    table, _ = readings(seed=seed, layout="line")
+    believed = scene(**{"detector.background": 6e-4})
+    found = diagnose(table, believed, diffuse=None, advise=False)
+    entry = stated(found, "background")
+    fitted = fit_readings(table, believed, ["background"]).estimates["water.absorption_per_m"]
+    held = found.verdict.ladder[0].parameters["water.absorption_per_m"]
+    assert found.verdict.best_set == []
+    told = entry.if_free["water.absorption_per_m"]
+    assert told.stderr and fitted.stderr and held.stderr
+    assert told.value == pytest.approx(fitted.value, abs=0.2 * fitted.stderr)
+    assert told.stderr == pytest.approx(fitted.stderr, rel=0.1) and told.stderr > 1.2 * held.stderr
+    assert abs(told.value - held.value) > held.stderr
+    assert "only if detector.background = 0.0006 is right; with that free" in found.as_text()
 
 
 def test_what_cannot_be_tested_is_listed_as_held(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,6 +44,13 @@ def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | 
     assert text == words.Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
+def test_a_curve_that_would_follow_anything_is_no_weak_evidence() -> None:
+    """Sixty sigma are no chance; what is open is whether any other readings would be met as well."""
+    text = words.said("ambiguous", [explanation("scattering")], None, {}, None, "", True, follows_any=True)
+    assert "so would it nearly any readings at these places" in text.sentence
+    assert "chance" not in text.sentence
+
+
 def test_reasons_are_written_as_ever() -> None:
     """Programs compare the values in the JSON file."""
     written = [

@@ -27,9 +27,14 @@ def level(one: FoundEffect) -> str:
         return f"simplest; {others} would do as well" if others else "simplest"
     if others:
         return f"one of: this, or {others}"
-    if one.rms_percent is not None:
+    if follows_any(one):
         return "not sure: so free a curve would follow nearly any readings at these places"
     return "not sure"
+
+
+def follows_any(one: FoundEffect) -> bool:
+    """Is it a curve that nothing replaces, and that is not sure all the same?"""
+    return one.level == "one of" and one.rms_percent is not None and not one.alternatives
 
 
 def instead(one: FoundEffect) -> str:
