@@ -10,8 +10,7 @@ import numpy as np
 from lightfield.explorer.experiment import PERCENT, Experiment
 from lightfield.explorer.fits import Fits, Fitted, Score
 from lightfield.explorer.state import State
-from lightfield.fitting.light_source import GAIN
-from lightfield.fitting.parameter import FitParameter
+from lightfield.fitting.parameter import GAIN, FitParameter
 
 #: A slider of what is found on a logarithmic scale goes to so many times the fitted value, and down alike.
 _AROUND = 4.0

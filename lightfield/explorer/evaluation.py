@@ -13,7 +13,7 @@ from lightfield.explorer.fits import Fits
 from lightfield.explorer.places import SIDE
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 from lightfield.render.diffuse.dense_water import trace_for
 
 #: Planes whose evaluation is kept ready.

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.curves import field_of
-from lightfield.fitting.light_source import GAIN, Diffuse, DiffuseSource, LightSource, remembered
+from lightfield.fitting.light_source import Diffuse, DiffuseSource, LightSource, remembered
+from lightfield.fitting.parameter import GAIN
 from lightfield.formula import field as analytic
 from lightfield.formula import own
 from lightfield.readings import Readings, units

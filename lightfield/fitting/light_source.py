@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.curves import Curves, Stated
+from lightfield.fitting.parameter import GAIN
 from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
@@ -26,7 +27,6 @@ from lightfield.scene.water.coefficients import scattering_per_m
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-GAIN = "gain"
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in

@@ -10,6 +10,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 
+#: Path of the reading per unit of light, or the beginning of one per wavelength.
+GAIN = "gain"
+
 
 class Forward(Protocol):
     """Predicts readings from parameter values; paths that are not given keep the scene's values."""

@@ -24,7 +24,7 @@ from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
 from lightfield.fitting.forward import POWER
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 
 #: A gain this many standard errors from 1 is not the calibration's.
 AGREES_SIGMA = 3.0

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.diagnosis.verdict import aside_words, stated, words
-from lightfield.diagnosis.verdict.found import rest, unnamed
+from lightfield.diagnosis.verdict.found import rest
 from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.verdict.verdict import Verdict
@@ -31,7 +31,7 @@ def words_of(verdict: Verdict) -> words.Said:
 def warnings_of(verdict: Verdict) -> list[str]:
     """What to be warned of, in words."""
     best = verdict.explanations[0].parameters if verdict.explanations else {}
-    return [*(one.sentence for one in verdict.cautions), *unnamed.sentences(verdict.unnamed, best)]
+    return [*(one.sentence for one in verdict.cautions), *found_words.unnamed(verdict.unnamed, best)]
 
 
 def _found(verdict: Verdict) -> words.Said:

@@ -15,7 +15,8 @@ from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.saved.arrays import Arrays
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import GAIN, has_diffuse_light
+from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.parameter import GAIN
 from lightfield.formula.path import rays
 from lightfield.render.diffuse.portable import Histories, Portable, portable
 from lightfield.render.diffuse.response import DiffuseResponse

@@ -30,7 +30,7 @@ from lightfield.explorer.saved.light import fixed_light, moving_light, ranges, w
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 
 PAGE = Path(__file__).parents[1] / "page"
 SCRIPTS = ("values.js", "plots.js", "maps.js", "panels.js", "kernel.js", "saved.js")

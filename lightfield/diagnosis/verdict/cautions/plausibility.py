@@ -16,7 +16,8 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.fitting.forward import POWER, SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import GAIN, has_diffuse_light
+from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.parameter import GAIN
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.water.coefficients import absorption_per_m

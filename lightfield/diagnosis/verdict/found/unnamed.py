@@ -7,8 +7,6 @@ those of the best set alone, do not know of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from scipy import special
 
@@ -18,8 +16,7 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
-from lightfield.diagnosis.verdict.words import join
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 
 #: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
 #: any. Chosen: a warning in three of ten such verdicts, and only where it also changes something.
@@ -92,28 +89,3 @@ def _changed(node: Node, other: Node, phi: float, units: dict[str, str]) -> dict
         for path in node.fit.paths
         if not path.startswith(GAIN) and abs(after[path] - before[path]) > CHANGED * stated[path]
     }
-
-
-def sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
-    """One sentence for each.
-
-    Parameters
-    ----------
-    values : mapping
-        Parameters of the best set by path, as stated.
-    """
-    out = []
-    for one in told:
-        changes = [
-            f"{path} from {values[path].value:.3g} to {e.value:.3g}"
-            + ("" if e.stderr is None else f" ± {e.stderr:.1g}")
-            + ("" if e.unit == "1" else f" {e.unit}")
-            for path, e in one.with_it.items()
-            if path in values
-        ]
-        if changes:
-            out.append(
-                f"{join([one.effect])} is too small to be named ({one.sigma:.1f} sigma), but if it is there "
-                f"it changes {', '.join(changes)}: more than the stated errors say"
-            )
-    return out

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Misfit, Rung
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Misfit, Rung, Unnamed
 from lightfield.diagnosis.verdict.words import Said, join, unexplained_about
 
 #: Effects from which on the verdict is told by what is known of each.
@@ -130,5 +130,30 @@ def _changes(found: Sequence[FoundEffect]) -> list[str]:
                 f"without {join([one.effect])}: a = {less.absorption_per_m:.4g}, "
                 f"b = {less.scattering_per_m:.4g}, K = {less.attenuation_per_m:.4g} 1/m, "
                 f"hwhm = {less.hwhm_deg:.4g} degrees"
+            )
+    return out
+
+
+def unnamed(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
+    """What effects that are too small to be named would change, a sentence for each.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the best set by path, as stated.
+    """
+    out = []
+    for one in told:
+        changes = [
+            f"{path} from {values[path].value:.3g} to {e.value:.3g}"
+            + ("" if e.stderr is None else f" ± {e.stderr:.1g}")
+            + ("" if e.unit == "1" else f" {e.unit}")
+            for path, e in one.with_it.items()
+            if path in values
+        ]
+        if changes:
+            out.append(
+                f"{join([one.effect])} is too small to be named ({one.sigma:.1f} sigma), but if it is there "
+                f"it changes {', '.join(changes)}: more than the stated errors say"
             )
     return out
