@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from lightfield.api.given import AnyPath, scene_of
-from lightfield.api.result import Result
+from lightfield.api.result import ToldByDetails
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
 from lightfield.studies.follower import design, survey
@@ -50,7 +50,7 @@ def sigma_columns(sigma: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-class Survey(Result[survey.Survey]):
+class Survey(ToldByDetails[survey.Survey]):
     """What an array can know of its pose, here and over the formation space."""
 
     @property
@@ -60,12 +60,6 @@ class Survey(Result[survey.Survey]):
             f"{len(found.elements)} elements: docking (0.1 m across, 0.3 m along, 5 deg) is met in "
             f"{100 * found.reaches:.0f} % of the space"
         )
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The bound at the scene's pose over what docking allows."""
@@ -89,7 +83,7 @@ class Survey(Result[survey.Survey]):
         return write_survey(self.details, path)
 
 
-class Arrays(Result[design.Comparison]):
+class Arrays(ToldByDetails[design.Comparison]):
     """Arrays side by side, best first."""
 
     @property
@@ -97,12 +91,6 @@ class Arrays(Result[design.Comparison]):
         best, worst = self.details.arrays[0], self.details.arrays[-1]
         gain = (worst.criterion / best.criterion) ** 0.5
         return f"{best.name} knows the pose {gain:.2g} times as well as {worst.name}"
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """A, the sum of the variances of the pose, over that of the worst."""

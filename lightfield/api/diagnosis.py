@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import plan as planning
 from lightfield.diagnosis.expected import Together as Certainty
@@ -220,18 +220,12 @@ class Plan(Result[planning.LayoutPlan]):
         return write_result(self, path, "What the layout can tell")
 
 
-class Together(Result[Certainty]):
+class Together(ToldByDetails[Certainty]):
     """Which of several effects that act at once a layout would make certain."""
 
     @property
     def headline(self) -> str:
         return self.details.sentence
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The chance of every effect to be certain."""

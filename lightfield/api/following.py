@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lightfield.api.array import PHOTONS
 from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.following import study
@@ -23,18 +23,12 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Following(Result[study.Following]):
+class Following(ToldByDetails[study.Following]):
     """Runs of the closed loop, of one follower or of several."""
 
     @property
     def headline(self) -> str:
         return self.details.verdict
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Distance from the lamp over time, of every follower's typical run."""

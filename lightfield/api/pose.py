@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, filled, sigma_columns, space_and_photons
 from lightfield.api.given import AnyPath
-from lightfield.api.result import Result
+from lightfield.api.result import ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower import bias as biases
@@ -26,19 +26,13 @@ if TYPE_CHECKING:
 __all__ = ["Bias", "Poses", "bias", "estimate"]
 
 
-class Poses(Result[sequence.Poses]):
+class Poses(ToldByDetails[sequence.Poses]):
     """Poses of a sequence of readings."""
 
     @property
     def headline(self) -> str:
         found = self.details
         return f"{len(found.estimates)} readings: {found.lost} without light, {found.misfits} that do not fit"
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Distance along the beam over time."""
@@ -74,7 +68,7 @@ def _keys(rows: Sequence[dict[str, Any]]) -> list[str]:
     return [key for row in rows for key in row]
 
 
-class Bias(Result[biases.BiasStudy]):
+class Bias(ToldByDetails[biases.BiasStudy]):
     """The error of a follower that believes the formula."""
 
     @property
@@ -82,12 +76,6 @@ class Bias(Result[biases.BiasStudy]):
         worst = float(np.abs(self.details.plane.bias_z.values).max())
         own = self.details.scene.water.scattering_per_m
         return f"In water that scatters {own:g} 1/m the formula is up to {worst:.2f} m wrong along the beam"
-
-    def as_text(self) -> str:
-        return self.details.as_text()
-
-    def as_data(self) -> dict[str, Any]:
-        return self.details.as_data()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Believed less true distance against scattering, at the first distance, a line per calibration."""

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -14,7 +14,17 @@ if TYPE_CHECKING:
 
     from lightfield.report.style import Axes
 
+
+class Says(Protocol):
+    """Details that say themselves."""
+
+    def as_text(self) -> str: ...
+
+    def as_data(self) -> dict[str, Any]: ...
+
+
 Details = TypeVar("Details")
+Told = TypeVar("Told", bound=Says)
 
 #: Rows and columns of a table that a notebook shows of an answer.
 MOST_ROWS, MOST_COLUMNS = 12, 12
@@ -105,3 +115,13 @@ class Result(ABC, Generic[Details]):
         more = len(table) - MOST_ROWS
         rest = f"<p>and {more} more rows: <code>.to_pandas()</code></p>" if more > 0 else ""
         return f"<div><p><b>{type(self).__name__}.</b> {escape(self.headline)}</p>{shown}{rest}</div>"
+
+
+class ToldByDetails(Result[Told]):
+    """An answer that says what its details say."""
+
+    def as_text(self) -> str:
+        return self.details.as_text()
+
+    def as_data(self) -> dict[str, Any]:
+        return self.details.as_data()

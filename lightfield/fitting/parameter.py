@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 
-#: What the names of the readings' factors begin with, in a fit as in a verdict.
+#: Path of the reading per unit of light, or the beginning of one per wavelength.
 GAIN = "gain"
 
 

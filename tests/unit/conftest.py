@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from lightfield.scene import Scene
 
@@ -82,3 +83,13 @@ def make():
 @pytest.fixture(scope="session")
 def light():
     return gaussian_light
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made, but only their words reach the page: drawing takes most of a page's time."""
+
+    def words(figure, name):
+        return f"<svg>{' '.join(text.get_text() for text in figure.findobj(Text))}</svg>"
+
+    monkeypatch.setattr("lightfield.report.page.to_svg", words)

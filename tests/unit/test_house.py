@@ -84,7 +84,7 @@ def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
     Modules of this package by their full name, of others by the first part of it.
     """
     found: set[str] = set()
-    for node, in_function in _nodes(ast.parse(module.read_text(encoding="utf-8"))):
+    for node, in_function in _imported(module):
         if in_function == inside and isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif in_function == inside and isinstance(node, ast.ImportFrom):
@@ -95,6 +95,12 @@ def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
     return frozenset(ours | {name.split(".")[0] for name in found if not name.startswith("lightfield")})
 
 
+@cache
+def _imported(module: Path) -> list[tuple[ast.AST, bool]]:
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    return [found for found in _nodes(tree) if isinstance(found[0], ast.Import | ast.ImportFrom)]
+
+
 def _nodes(tree: ast.AST, inside: bool = False) -> Iterator[tuple[ast.AST, bool]]:
     for node in ast.iter_child_nodes(tree):
         if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
@@ -102,6 +108,7 @@ def _nodes(tree: ast.AST, inside: bool = False) -> Iterator[tuple[ast.AST, bool]
             yield from _nodes(node, inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
 
 
+@cache
 def _file(name: str) -> Path | None:
     """The file of a module of this package."""
     place = PACKAGE.parent.joinpath(*name.split("."))

@@ -31,7 +31,7 @@ def words_of(verdict: Verdict) -> words.Said:
 def warnings_of(verdict: Verdict) -> list[str]:
     """What to be warned of, in words."""
     best = verdict.explanations[0].parameters if verdict.explanations else {}
-    return [*(one.sentence for one in verdict.cautions), *found_words.too_small(verdict.unnamed, best)]
+    return [*(one.sentence for one in verdict.cautions), *found_words.unnamed(verdict.unnamed, best)]
 
 
 def _found(verdict: Verdict) -> words.Said:

@@ -64,10 +64,11 @@ def answers(table, diagnosis, maps):
     }
 
 
-#: Whose pages other tests draw: in the fast tier once is enough.
+#: Whose pages other tests make; all are drawn in the slow tier.
 DRAWN_ELSEWHERE = {"diagnosis", "comparison", "range", "attenuation", "survey", "arrays"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, maps, tmp_path):
     for name, (answer, rows) in answers(table, diagnosis, maps).items():
         assert len(repr(answer)) <= 200 and "\n" not in repr(answer), name
@@ -90,9 +91,8 @@ def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, map
 @pytest.mark.slow
 def test_every_answer_has_a_page(table, diagnosis, maps, tmp_path):
     for name, (answer, _) in answers(table, diagnosis, maps).items():
-        if name in DRAWN_ELSEWHERE:
-            page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
-            assert "</html>" in page and "<svg" in page, name
+        page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
+        assert "</html>" in page and "<svg" in page, name
 
 
 def test_an_answer_without_axes_draws_into_a_figure_of_its_own(diagnosis):

@@ -52,6 +52,7 @@ def believing(values: dict[str, Any], hidden: dict[str, Any] | None = None, **gi
     return diagnose(table, scene(**values), diffuse=given.pop("diffuse", None), advise=False, **given)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_scattering_that_is_not_in_the_readings_is_said_with_its_limit() -> None:
     found = believing({"water.scattering_per_m": 0.15}, diffuse=haze)
     verdict, entry = found.verdict, stated(found, "scattering")

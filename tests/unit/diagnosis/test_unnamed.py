@@ -10,8 +10,7 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.verdict.found import unnamed
-from lightfield.diagnosis.verdict.found.words import too_small
+from lightfield.diagnosis.verdict.found import unnamed, words
 from lightfield.diagnosis.verdict.parts import Estimate
 
 #: So many sigma of chi-square without it: below the price of one of five, which is 3.1 (chi-square 9.5).
@@ -59,7 +58,7 @@ def test_what_a_small_effect_would_change_is_told() -> None:
     node = found.many.best
     before, stderr = node.fit.values["slope"], node.fit.stderr(1.0)["slope"]
     assert abs(before - 0.1) > 2 * stderr, "the stated error does not hold the truth"
-    said = too_small([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
+    said = words.unnamed([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
     assert said[0].startswith("lean is too small to be named (2.8 sigma)")
     assert f"slope from {before:.3g} to {with_it.value:.3g} ±" in said[0]
 

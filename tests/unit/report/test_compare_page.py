@@ -79,6 +79,7 @@ def test_drawings_follow_the_theme(html):
     assert "#1f2429" not in drawings, "ink is a variable, so that it turns light on dark paper"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_files_are_written_with_the_page_first(case, tmp_path):
     dataset, comparison = case
     files = write_comparison(comparison, dataset.attrs, tmp_path)

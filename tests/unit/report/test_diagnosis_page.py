@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon
-from matplotlib.text import Text
 
 from lightfield.diagnosis.verdict.parts import SetAside
 from lightfield.diagnosis.verdict.text import as_text
@@ -134,18 +133,10 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     )
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures are made, but only their words reach the page: drawing takes most of a page's time."""
-
-    def words(figure, name):
-        return f"<svg>{' '.join(text.get_text() for text in figure.findobj(Text))}</svg>"
-
-    monkeypatch.setattr("lightfield.report.page.to_svg", words)
-
-
 @pytest.mark.parametrize("kind", ["none", "identified", "ambiguous", "unexplained"])
-def test_every_verdict_is_said_first(kind):
+def test_every_verdict_is_said_first(kind, request):
+    if kind != "ambiguous":  # one of four is drawn, figures and all
+        request.getfixturevalue("undrawn")
     html = diagnosis_page(example(kind))
     view = example(kind)
     assert html.index(view.verdict.headline) < html.index("<h2>")
@@ -177,14 +168,15 @@ def test_fresh_render_is_shown_on_the_ladder():
     assert "0.45 ± 0.06" in html
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_readings_on_the_axis_only_and_many_planes(tmp_path):
     on_axis = example(count=1, planes=(4.5, 5.5, 6.5, 7.5, 8.5))
     assert on_axis.scan_axis == "z_m"
     many = example(planes=tuple(np.linspace(3, 9, 9)), two_sided=True)
     assert len(many.groups()) == 9
-    for view in (on_axis, many):
-        assert "along the axis" in diagnosis_page(view) or view is many
-    assert write_diagnosis(on_axis, tmp_path / "page.html").stat().st_size > 10_000
+    assert "Readings and model" in diagnosis_page(many)
+    page = write_diagnosis(on_axis, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "along the axis" in page and len(page) > 10_000
 
 
 def test_groups_name_only_what_differs():
@@ -256,6 +248,7 @@ def at_places(kind="ambiguous"):
     return dataclasses.replace(view, readings=dataclasses.replace(view.readings, x_m=x_m, y_m=y_m, z_m=z_m))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_single_places_are_drawn_as_measured_against_model_and_over_r_and_z():
     view = at_places()
     assert view.is_scattered and not example().is_scattered
@@ -275,12 +268,14 @@ def test_single_places_are_drawn_as_measured_against_model_and_over_r_and_z():
     assert np.allclose(dots[:, 1], np.hypot(view.readings.x_m, view.readings.y_m))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_readings_over_decades_are_drawn_logarithmically_and_the_ladder_comes_first():
     assert data_figure(example()).axes[0].get_yscale() == "log"
     html = diagnosis_page(example("identified"))
     assert html.index("The error falls") < html.index("Readings and model")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal():
     view = example("none")
     html = diagnosis_page(view)

@@ -121,6 +121,7 @@ def test_distances_lie_in_the_tank() -> None:
         best_band(short)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_words_data_and_page() -> None:
     found = best_band(scene(), False)
     assert len(json.loads(json.dumps(as_data(found)))["best"]) == 6

@@ -197,6 +197,7 @@ def test_numbers_that_make_no_sense(wrong) -> None:
         working_range(scene(), None, **wrong)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_words_data_and_page(formula) -> None:
     data = json.loads(json.dumps(as_data(formula)))
     assert data["reaches"][0]["z_m"] == pytest.approx(8.31, abs=0.01) and len(data["z_m"]) == len(
@@ -207,6 +208,7 @@ def test_words_data_and_page(formula) -> None:
     assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2 * 2
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_where_an_array_sees_nothing_of_a_direction_its_bound_is_infinite() -> None:
     """A small tank and a narrow beam: near the lamp the array is wider than all light that is known there."""
     tank = {"width_m": 1.2, "depth_m": 0.8, "length_m": 3.0, "behind_lamp_m": 0.3, "wall_albedo": 0.3}

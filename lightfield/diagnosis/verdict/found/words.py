@@ -139,8 +139,8 @@ def _changes(found: Sequence[FoundEffect]) -> list[str]:
     return out
 
 
-def too_small(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
-    """One sentence for each effect that is too small to be named.
+def unnamed(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
+    """What effects that are too small to be named would change, a sentence for each.
 
     Parameters
     ----------
