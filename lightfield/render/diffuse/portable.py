@@ -31,8 +31,8 @@ from lightfield.scene.water.layers import layers_depth
 #: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
 #: of the light up to albedos of 0.9 (tests/system/test_saved_page.py).
 ALBEDOS = 7
-#: Attenuations that it is told at: every second of those at which it is known.
-_STEP_PER_M = 2 * C_STEP
+#: Attenuations that it is told at: every fourth of those at which it is known.
+_STEP_PER_M = 4 * C_STEP
 #: Light below this has no logarithm, in m^-2.
 _DARKEST = 1e-40
 
