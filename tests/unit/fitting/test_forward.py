@@ -64,6 +64,27 @@ def test_every_reading_has_the_light_and_the_error_of_its_own_colour() -> None:
     assert smooth == pytest.approx(0.02 * expected)
 
 
+def test_what_was_predicted_before_changes_nothing() -> None:
+    """Scenes, lamp power and curves are remembered: a model that was never asked gives the same bits."""
+    x = np.linspace(-1.0, 1.0, 21)
+    readings = Readings.from_arrays(
+        x_m=np.tile(x, 3), z_m=np.repeat([3.0, 4.0, 6.0], 21), value=np.exp(-4 * np.tile(x, 3) ** 2),
+        stderr=np.full(63, 0.01), time_s=60.0 * np.arange(63),
+    )  # fmt: skip
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}})
+    forward = SceneForward(scene, readings)
+    changes = {
+        "gain": 2.0, "lamp.hwhm_deg": 5.0, "lamp.drift_per_hour": 0.1, "detector.background": 0.01,
+        "lamp.profile_departure.1": 0.2, "lamp.profile_departure.2": -0.1, "lamp.power_departure.1": 0.1,
+    }  # fmt: skip
+    names = list(changes)
+    for order in (names, names[::-1], names[3:] + names[:3]):
+        asked: dict[str, float] = {}
+        for name in order:
+            asked[name] = changes[name]
+            assert (forward.predict(asked) == SceneForward(scene, readings).predict(asked)).all()
+
+
 def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:
     """The share goes to the source, and with a source that has a budget of its own it is a share of that."""
     asked: list[dict[str, Any]] = []
