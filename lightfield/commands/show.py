@@ -92,7 +92,8 @@ def as_text(data: xr.Dataset, path: Path) -> str:
     for name in axes:
         steps = data[name].values
         span = f"{steps[0]:g} to {steps[-1]:g}" if steps.dtype.kind in "fi" else ", ".join(map(str, steps))
-        lines.append(f"  {name:<34} {data.sizes[name]:>5} steps  {span} {data[name].attrs.get('units', '')}")
+        unit = {"1": ""}.get(data[name].attrs.get("units", ""), data[name].attrs.get("units", ""))
+        lines.append(f"  {name:<34} {data.sizes[name]:>5} steps  {span} {unit}".rstrip())
     status = data.status.values
     lines.append(f"  {status.size} cases from {data.attrs['traces']} traces: {np.sum(status == 1)} computed, "
                  f"{np.sum(status == 2)} failed, {np.sum(status == 0)} to do")  # fmt: skip

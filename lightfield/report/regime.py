@@ -13,7 +13,7 @@ from lightfield.studies.regime import LEVELS, undecided
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
 COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
-NAMES = ("within 5 %", "within 10 %", "within 25 %", "failed")
+NAMES = ("within 5 %", "within 10 %", "within 25 %", "worse")
 
 
 def regime_figure(dataset: xr.Dataset) -> Figure:

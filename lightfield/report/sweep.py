@@ -60,7 +60,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             if name.startswith("formula_error"):
                 axis.axhline(0, color=MUTED, linewidth=0.8)
                 axis.yaxis.set_major_formatter(PercentFormatter(1, decimals=0))
-            elif name != "half_width_m":
+            elif name != "half_width_m" and _spans_a_decade(axis):
                 axis.set_yscale("log")
         for axis in fig.axes[3:4] if narrow else fig.axes[2:4]:
             axis.set_xlabel(_axis_name(held, along))
@@ -268,6 +268,13 @@ def _step_name(data: xr.Dataset, name: str, step: int) -> str:
 def _text_ticks(axis: Axes, data: xr.Dataset, name: str) -> None:
     if data[name].dtype.kind not in "fi":
         axis.set_xticks(range(data.sizes[name]), [str(v) for v in data[name].values])
+
+
+def _spans_a_decade(axes: Axes) -> bool:
+    """Do its lines? Of less, a logarithmic axis has no round numbers to show."""
+    values = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines] or [np.empty(0)])
+    lit = values[np.isfinite(values) & (values > 0)]
+    return bool(lit.size and lit.max() >= 10 * lit.min())
 
 
 def _is_log(values: np.ndarray) -> bool:
