@@ -161,7 +161,7 @@ def test_a_shadow_is_unexplained_and_located() -> None:
     jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
 
 
-@pytest.mark.parametrize("period_deg", [0.7, 1.1, 2.0])
+@pytest.mark.parametrize("period_deg", [1.1, pytest.param(1.5, marks=pytest.mark.slow), 2.0])
 def test_a_ripple_of_the_angle_is_not_taken_for_noise(period_deg: float) -> None:
     """Not far above the noise of 1 %: a beam that is no Gaussian, or too fast for any smooth curve."""
 

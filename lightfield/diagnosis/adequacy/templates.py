@@ -60,7 +60,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
     raw: list[Array] = []
     labels: list[tuple[Candidate, tuple[float, ...], int]] = []
     for candidate in problem.candidates:
-        if moved & {p.path for p in candidate.parameters}:
+        if candidate.form.refines or moved & {p.path for p in candidate.parameters}:
             continue
         if not all(candidate.effect.combines_with(e) or candidate.effect is e for e in there):
             continue

@@ -230,7 +230,10 @@ def _resolve(
 
 def _different_curves(forms: Iterable[Candidate], told: Mapping[str, int]) -> list[Candidate]:
     """Forms of a free-form effect with different numbers of functions, called after them."""
-    sizes = {len(form.amplitudes): form for form in forms if len(form.amplitudes) >= _FEWEST_FUNCTIONS}
+    sizes: dict[int, Candidate] = {}
+    for form in forms:
+        if len(form.amplitudes) >= _FEWEST_FUNCTIONS:
+            sizes.setdefault(len(form.amplitudes), form)
     return [
         replace(
             one, form=replace(one.form, name=f"{n} functions"),

@@ -80,11 +80,19 @@ class Free:
 
 @dataclass(frozen=True)
 class Form:
-    """One functional form of an effect: amplitudes that are zero when it is off, and shapes."""
+    """One functional form of an effect: amplitudes that are zero when it is off, and shapes.
+
+    Parameters
+    ----------
+    refines : bool
+        Tried only where a shorter form of the effect is in the best set already: a curve so fine would take
+        what is no curve of its kind.
+    """
 
     name: str
     amplitudes: tuple[Free, ...]
     shapes: tuple[Free, ...] = ()
+    refines: bool = False
 
 
 @dataclass(frozen=True)

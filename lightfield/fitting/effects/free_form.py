@@ -14,13 +14,15 @@ from lightfield.fitting.effects.effect import Effect, Form, Free
 _LARGE, _TYPICAL = 2.5, 0.02
 
 
-def _forms(field: str, sizes: Iterable[int]) -> tuple[Form, ...]:
+def _forms(field: str, sizes: Iterable[int], refining: Iterable[int] = ()) -> tuple[Form, ...]:
+    found = [(size, False) for size in sizes] + [(size, True) for size in refining]
     return tuple(
         Form(
             f"{size} functions",
             tuple(Free(f"{field}.{k}", -_LARGE, _LARGE, _TYPICAL) for k in range(1, size + 1)),
+            refines=refines,
         )
-        for size in sizes
+        for size, refines in found
     )
 
 
@@ -28,7 +30,7 @@ EFFECTS = (
     Effect(
         "beam_profile",
         "beam shape",
-        _forms("lamp.profile_departure", (2, 4, 7, 11, 19)),
+        _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19,)),
         "The beam has a shape of its own, which no formula describes: rings, a flat top, a peak, a hole.",
         "A function of the angle from the beam's axis alone, the same at every distance.",
         "Measure the lamp in air at one range with a fine angular step and use that table.",
