@@ -55,7 +55,7 @@ lies within so many stated errors, with the binomial error of that part (Agresti
 same of all numbers that were fitted, which hang together: their parts are known about as well as those of b.
 A seed is that of the readings' noise and of the traces that settle a fit.
 
-| truth (per m) | light | seeds | named | b, mean | stated | scatter | pull, mean | pull, rms | within 1 | within 2 | all: 1, 2 |
+| truth, per m | light | n | named | mean b | stated | scatter | pull | rms | in 1 | in 2 | all: 1, 2 |
 |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|
 """
 FOUND = (
