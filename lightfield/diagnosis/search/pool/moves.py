@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Promise, begin_at
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold.
@@ -103,8 +104,20 @@ def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
         for other in pool.problem.candidates:
             nested = other.name == candidate.name and not paths.isdisjoint(p.path for p in other.parameters)
             whole = [other if c is candidate else c for c in best.explanation]
-            if nested and other is not candidate and allowed(other) and pool.affordable(whole):
+            if not (nested and other is not candidate and allowed(other) and pool.affordable(whole)):
+                continue
+            if not other.form.refines or _is_mostly(pool, best, candidate):
                 pool.fit(whole, [begin_at(best)])
+
+
+def _is_mostly(pool: Pool, node: Node, curve: Candidate) -> bool:
+    """Does a curve take more of the misfit than all that is left, so that a finer one only refines it?"""
+    rest = [c for c in node.explanation if c is not curve]
+    if not pool.affordable(rest):
+        return False
+    residuals = len(node.fit.residual) - len(node.fit.u)
+    left = node.fit.chi2 - pool.ground.phi * residuals
+    return pool.drop(node, curve).fit.chi2 - node.fit.chi2 > left
 
 
 def _without(pool: Pool, node: Node, candidate: object) -> bool:
