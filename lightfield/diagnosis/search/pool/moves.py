@@ -14,6 +14,10 @@ _LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.
 ROUNDS, SWAPS, REACH = 6, 10, 8.0
+#: A curve is refined that makes chi-square so many times smaller: those of a measured flood with a steep edge
+#: do 180 to 920 times, in readings with errors of 0.4 and 1 %; those that follow a ripple of the angle,
+#: which is no lamp's, 2 to 15 times (`benchmarks/many_effects`, `benchmarks/hidden_effects`).
+_MOSTLY = 50.0
 
 
 def forward(
@@ -111,13 +115,9 @@ def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
 
 
 def _is_mostly(pool: Pool, node: Node, curve: Candidate) -> bool:
-    """Does a curve take more of the misfit than all that is left, so that a finer one only refines it?"""
+    """Does a curve take nearly all of the misfit, so that a finer one only refines it?"""
     rest = [c for c in node.explanation if c is not curve]
-    if not pool.affordable(rest):
-        return False
-    residuals = len(node.fit.residual) - len(node.fit.u)
-    left = node.fit.chi2 - pool.ground.phi * residuals
-    return pool.drop(node, curve).fit.chi2 - node.fit.chi2 > left
+    return pool.affordable(rest) and pool.drop(node, curve).fit.chi2 > _MOSTLY * node.fit.chi2
 
 
 def _without(pool: Pool, node: Node, candidate: object) -> bool:
