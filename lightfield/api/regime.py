@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.scene import Scene
@@ -72,6 +72,7 @@ class Regime(Result[xr.Dataset]):
         return write_result(self, path, "Where the formula holds", [regime_figure(self.details)])
 
 
+@checked
 @told_in_notebook("regime")
 def regime(
     output: AnyPath,

@@ -48,7 +48,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     far = max(float(way[:, 2].max()) for way in ways) + 0.8
     wide = max(0.5, *(float(np.abs(way[:, 0]).max()) for way in ways)) + 0.3
     shape = (frames * len(shown), 1) if narrow else (len(shown), frames)
-    size = (NARROW, 0.75 + (0.3 + 1.2 * frames) * len(shown)) if narrow else (WIDTH, 0.75 + 1.35 * len(shown))
+    size = (NARROW, 0.75 + (0.4 + 1.2 * frames) * len(shown)) if narrow else (WIDTH, 0.75 + 1.45 * len(shown))
     with figure(*size) as fig:
         axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True).reshape(len(shown), frames)
         for row, one in zip(axes, shown, strict=True):
@@ -60,7 +60,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
             row[0].set_ylabel("across (m)", fontsize=8.5)
             believed = (SHORT if narrow else BELIEFS)[one.mission.believes]
             name = row[0].annotate(
-                f"{one.name}; believes {believed}", (0, 1), (0, 15), ha="left",
+                f"{one.name}; believes {believed}", (0, 1), (0, 21), ha="left",
                 xycoords="axes fraction", textcoords="offset points", fontsize=9.5, fontweight="bold",
             )  # fmt: skip
             name.set_in_layout(False)
@@ -91,7 +91,7 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
     if np.isfinite(believed).all():
         _vehicle(axis, believed + np.append(lamp, np.zeros(3)), size, colour, filled=False)
     axis.set_title(
-        f"\n{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
+        f"\n\n{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
         fontweight="normal", color=INK if lit else BAD,
     )  # fmt: skip
     axis.tick_params(labelsize=7.5)
