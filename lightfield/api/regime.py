@@ -69,7 +69,8 @@ class Regime(Result[xr.Dataset]):
         from lightfield.report.regime import regime_figure
         from lightfield.report.result import write_result
 
-        return write_result(self, path, "Where the formula holds", [regime_figure(self.details)])
+        wide, narrow = regime_figure(self.details), regime_figure(self.details, narrow=True)
+        return write_result(self, path, "Where the formula holds", [wide], narrow=[narrow])
 
 
 @checked

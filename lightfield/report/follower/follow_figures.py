@@ -54,7 +54,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
         for row, one in zip(axes, shown, strict=True):
             times = one.track.time_s
             for axis, k in zip(row, np.linspace(0, len(times) - 1, frames).round().astype(int), strict=True):
-                _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]))
+                _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]), below_name=axis is row[0])
                 axis.set_xlim(-0.4, far)
                 axis.set_ylim(-wide, wide)
             row[0].set_ylabel("across (m)", fontsize=8.5)
@@ -69,7 +69,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     return fig
 
 
-def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
+def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray, *, below_name: bool) -> None:
     track, mission = one.track, one.mission
     run = one.typical
     lamp, pose, believed = track.leader_m[k], track.pose[k, run], track.estimate[k, run]
@@ -90,8 +90,9 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
     _vehicle(axis, pose + np.append(lamp, np.zeros(3)), size, colour, filled=True)
     if np.isfinite(believed).all():
         _vehicle(axis, believed + np.append(lamp, np.zeros(3)), size, colour, filled=False)
+    room = "\n\n" if below_name else ""
     axis.set_title(
-        f"\n\n{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
+        room + f"{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
         fontweight="normal", color=INK if lit else BAD,
     )  # fmt: skip
     axis.tick_params(labelsize=7.5)
