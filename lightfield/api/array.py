@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.result import ToldByDetails
+from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
 from lightfield.studies.follower import design, survey
@@ -122,6 +123,7 @@ class Arrays(ToldByDetails[design.Comparison]):
         return write_comparison(self.details, path)
 
 
+@checked
 def show(
     scene: Scene | AnyPath,
     *,
@@ -155,6 +157,7 @@ def show(
     return Survey(survey.survey(known, **space_and_photons(known, half_width, max_photons, trace), seed=seed))
 
 
+@checked
 def compare(
     scene: Scene | AnyPath,
     with_: Mapping[str, Scene | AnyPath],
@@ -183,11 +186,14 @@ def compare(
         No array; a space that is not in the water.
     """
     known = filled(scene, medium)
+    if not with_:
+        raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
     others = {name: scene_of(other) for name, other in with_.items()}
     where = space_and_photons(known, half_width, max_photons, trace)
     return Arrays(design.compare(known, others, task=task, **where, seed=seed))
 
 
+@checked
 def optimise(
     scene: Scene | AnyPath,
     *,

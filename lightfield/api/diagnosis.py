@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, light_of, named, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
@@ -107,6 +107,7 @@ class Diagnosis(Result[diagnosing.Diagnosis]):
         return Diagnosis(self.details.save(Path(folder)))
 
 
+@checked
 def diagnose(
     readings: Readings | AnyPath,
     scene: Scene | AnyPath,
@@ -148,6 +149,10 @@ def diagnose(
     UsageError
         Unknown effect.
     """
+    if effects is not None and not named(effects):
+        raise UsageError(
+            "no effect is named", where="effects", rule="names of effects, or none for all of them"
+        )
     known = scene_of(scene, effects_file)
     with told_in_notebook("diagnose") as stage:
         found = diagnosing.diagnose(
@@ -248,6 +253,7 @@ class Together(ToldByDetails[Certainty]):
         return write_together(self.details, path)
 
 
+@checked
 @told_in_notebook("plan")
 def plan(
     layout: Readings | AnyPath,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.api.array import PHOTONS
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, named, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
 from lightfield.errors import UsageError
@@ -70,12 +70,13 @@ class Following(ToldByDetails[study.Following]):
         return write_following(self.details, path)
 
 
+@checked
 @told_in_notebook("follow")
 def follow(
     scene: Scene | AnyPath,
     *,
     with_: Sequence[Scene | AnyPath] = (),
-    believe: Sequence[str] = (),
+    believe: str | Sequence[str] = (),
     runs: int = 4,
     duration: float | None = None,
     max_photons: float = PHOTONS,
@@ -90,7 +91,7 @@ def follow(
         With an array; its `follower.mission` says what is to be done.
     with_ : sequence of Scene or path-like
         Other scenes to run beside it.
-    believe : sequence of str
+    believe : str or sequence of str
         Light it believes in: "field", "fitted", "exact", "clear", "relative"; default: as each scene says.
     runs : int
         With noise, gain and water of their own.
@@ -110,6 +111,7 @@ def follow(
     """
     if runs < 1:
         raise UsageError("impossible number", where="runs", found=runs, rule="at least 1")
+    believe = named(believe)
     unknown = [word for word in believe if word not in study.BELIEFS]
     if unknown:
         rule = ", ".join(study.BELIEFS)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from numbers import Integral, Real
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
+import numpy as np
+
+from lightfield.errors import UsageError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
 from lightfield.readings.columns import LAYOUT, REQUIRED
 from lightfield.readings.importing.importer import import_index
@@ -17,6 +23,97 @@ if TYPE_CHECKING:
     from lightfield.fitting.light_source import DiffuseSource
 
 AnyPath = str | PathLike[str]
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+#: Numbers that are taken in one range everywhere, by the argument's name: what is said, and what is so.
+_RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
+    "seed": ("0 or above", lambda value: value >= 0),
+    "max_photons": ("1 or above", lambda value: value >= 1),
+    "alpha": ("between 0 and 1", lambda value: 0 < value < 1),
+    "half_width": ("above 0 m", lambda value: value > 0),
+    "box": ("above 0 m", lambda value: value > 0),
+    "tilt_max": ("0 to 90 degrees", lambda value: 0 <= value <= 90),
+}
+_WORDS = {"Medium": ("water", "air"), "design.Task": ("formation", "docking")}
+
+
+def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Refuse arguments of another kind than the function's annotations say, in one sentence.
+
+    Raises
+    ------
+    UsageError
+        Names the argument, what was given and what is taken.
+    """
+    signature = inspect.signature(function)
+    kinds = {name: str(one.annotation) for name, one in signature.parameters.items()}
+
+    @wraps(function)
+    def call(*args: _P.args, **given: _P.kwargs) -> _R:
+        for name, value in signature.bind(*args, **given).arguments.items():
+            rule = (
+                None
+                if value is None and kinds[name].endswith("| None")
+                else _broken(name, kinds[name], value)
+            )
+            if rule is not None:
+                shown = value if len(str(value)) < _SHOWN else type(value).__name__
+                raise UsageError("not what this argument takes", where=name, found=shown, rule=rule)
+        return function(*args, **given)
+
+    return call
+
+
+#: Longer values are named by their type.
+_SHOWN = 60
+
+
+def _broken(name: str, annotation: str, value: object) -> str | None:
+    """The rule that a value breaks; None where it breaks none that is known here."""
+    kind = annotation.removesuffix(" | None")
+    if kind in ("float", "int"):
+        if not _is_number(value, Integral if kind == "int" else Real):
+            return "a whole number" if kind == "int" else "a number"
+        words, holds = _RANGES.get(name, ("", lambda value: True))
+        return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen
+    if kind in _WORDS:
+        return None if value in _WORDS[kind] else " or ".join(map(repr, _WORDS[kind]))
+    if kind.startswith("Mapping"):
+        return None if isinstance(value, Mapping) else "names with what belongs to each: {name: ...}"
+    if kind == "Sequence[float]":
+        numbers = _listed(value)
+        return None if numbers and all(_is_number(v, Real) for v in numbers) else "a list of numbers"
+    if kind == "Sequence[tuple[float, float]]":
+        pairs = [_listed(pair) for pair in _listed(value)]
+        fine = all(len(pair) == 2 and all(_is_number(v, Real) for v in pair) for pair in pairs)
+        return None if fine and not isinstance(value, str) else "a list of pairs, such as [(500, 550)]"
+    if kind == "str | Sequence[str]":
+        fine = isinstance(value, str) or (_is_list(value) and all(isinstance(v, str) for v in _listed(value)))
+        return None if fine else "a name, or a list of names"
+    if kind.startswith("Sequence["):
+        return None if _is_list(value) else "a list"
+    if "AnyPath" in kind and not isinstance(value, (str, PathLike)):
+        if "Readings" in kind:
+            fine, rule = isinstance(value, Readings), "readings as `load` gives them, or the path of a file"
+        elif "Scene" in kind:
+            fine, rule = isinstance(value, Scene), "a Scene, or the path of its file"
+        else:
+            fine, rule = False, "the path of a file"
+        return None if fine else rule
+    return None
+
+
+def _is_number(value: object, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool) and not np.isnan(float(value))  # type: ignore[arg-type]
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping))
+
+
+def _listed(value: object) -> list[object]:
+    return list(value) if _is_list(value) else []  # type: ignore[call-overload]
 
 
 def scene_of(scene: Scene | AnyPath, effects_file: AnyPath | None = None) -> Scene:
@@ -38,6 +135,7 @@ def readings_of(
     return read_table(fspath(readings), scene, LAYOUT if layout else REQUIRED)
 
 
+@checked
 def load(path: AnyPath, scene: Scene | AnyPath | None = None) -> Readings:
     """Read a table of readings (CSV with a TOML head).
 
@@ -72,6 +170,7 @@ def save(readings: Readings, path: AnyPath) -> Path:
     return Path(path)
 
 
+@checked
 def import_(
     index: AnyPath,
     *,

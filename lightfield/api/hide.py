@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, named, scene_of
+from lightfield.api.given import AnyPath, checked, named, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.experiments import hide as hiding
@@ -89,6 +89,7 @@ class Riddle(Result[hiding.Hidden]):
             return self.details.save(target)
 
 
+@checked
 @told_in_notebook("hide")
 def hide(
     scene: Scene | AnyPath,

@@ -7,11 +7,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
+from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.link import study as linking
 from lightfield.studies.link import text as link_text
@@ -72,6 +74,7 @@ class Link(Result[linking.Link]):
         return write_link(self.details, path)
 
 
+@checked
 @told_in_notebook("link")
 def link(
     scene: Scene | AnyPath,
@@ -115,6 +118,10 @@ def link(
     UsageError, RenderError
         Numbers that make no sense; a lamp that is no beam.
     """
+    for name, pair in (water or {}).items():
+        if isinstance(pair, str) or np.shape(pair) != (2,):
+            rule = "absorption and scattering in 1/m: {name: (0.1, 0.2)}"
+            raise UsageError("not a water", where=f"water {name}", found=pair, rule=rule)
     receiver = linking.Receiver(area, responsivity, amplifier_noise, background, bit_rate, ber)
     found = linking.link(
         scene_of(scene), receiver, waters=water, to_m=to,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, filled, sigma_columns, space_and_photons
-from lightfield.api.given import AnyPath
+from lightfield.api.given import AnyPath, checked
 from lightfield.api.result import ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -105,6 +105,7 @@ class Bias(ToldByDetails[biases.BiasStudy]):
         return write_bias(self.details, path)
 
 
+@checked
 def estimate(
     readings: AnyPath,
     scene: Scene | AnyPath,
@@ -139,6 +140,7 @@ def estimate(
     return Poses(sequence.poses_of(readings, known, filtered=filter, **where, seed=seed))
 
 
+@checked
 def bias(
     scene: Scene | AnyPath,
     *,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.scene import Scene
@@ -69,9 +69,11 @@ class Regime(Result[xr.Dataset]):
         from lightfield.report.regime import regime_figure
         from lightfield.report.result import write_result
 
-        return write_result(self, path, "Where the formula holds", [regime_figure(self.details)])
+        wide, narrow = regime_figure(self.details), regime_figure(self.details, narrow=True)
+        return write_result(self, path, "Where the formula holds", [wide], narrow=[narrow])
 
 
+@checked
 @told_in_notebook("regime")
 def regime(
     output: AnyPath,

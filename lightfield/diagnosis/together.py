@@ -39,6 +39,7 @@ from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.progress import step, tell
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -90,24 +91,29 @@ def _together(
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     known = [*effects.all_of(scene).values(), *effects.curves().values()]
-    source, reason = source_of(scene, diffuse, readings)
     table = planned(readings, scene)
-    forward = SceneForward(scene, table, source)
-    problem, untestable = problem_of(forward, table, known, reason)
-    chosen = _chosen(problem, untestable, names)
-    values = _values(chosen, sizes)
-    unlit = problem.fit(
-        (), _plainly, [problem.model().start]
-    ).values  # its gain makes the brightest reading 1
-    table = replace(table, value=forward.predict({**unlit, **values}))
-    forward = SceneForward(scene, table, source)
-    problem, _ = problem_of(forward, table, known, reason)
+    steps = 2 + len(names)
+    with step(0, steps, "light of the layout"):
+        source, reason = source_of(scene, diffuse, readings)
+        forward = SceneForward(scene, table, source)
+        problem, untestable = problem_of(forward, table, known, reason)
+        chosen = _chosen(problem, untestable, names)
+        values = _values(chosen, sizes)
+        unlit = problem.fit(
+            (), _plainly, [problem.model().start]
+        ).values  # its gain makes the brightest reading 1
+        table = replace(table, value=forward.predict({**unlit, **values}))
+        forward = SceneForward(scene, table, source)
+        problem, _ = problem_of(forward, table, known, reason)
     problem = problem.with_curves()
     chosen = tuple(next(c for c in problem.candidates if c.key == one.key) for one in chosen)
-    pool, node = _searched(forward, problem, chosen, values, readings, table)
-    seen = _worth_their_price(pool, node)
-    for candidate in seen.explanation:
-        seek_rivals(pool, seen, candidate)
+    with step(1, steps, "all effects at once"):
+        pool, node = _searched(forward, problem, chosen, values, readings, table)
+        pool.progress = lambda _: tell(f"{pool.fits} sets fitted", 0.0)
+        seen = _worth_their_price(pool, node)
+    for k, candidate in enumerate(seen.explanation):
+        with step(2 + k, steps, f"what could stand for {candidate.name}"):
+            seek_rivals(pool, seen, candidate)
     seen = pool.nodes[seen.key]
     weighing = Weighing.of(pool, seen)
     found = {one.candidate.name: one for one in evidence(pool, seen, adequate=True)}

@@ -169,7 +169,8 @@ def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator)
     """Values of one effect: amplitudes of a given strength with random signs, shapes anywhere plausible."""
     out = {}
     for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
-        sign = 1.0 if parameter.start <= parameter.low or rng.random() < 0.5 else -1.0
+        up = parameter.start <= parameter.low or rng.random() < 0.5
+        sign = 1.0 if up and parameter.start < parameter.high else -1.0
         room = abs((parameter.high if sign > 0 else parameter.low) - parameter.start)
         out[parameter.path] = parameter.value(parameter.start + sign * min(strength * typical, 0.5 * room))
     for k, parameter in enumerate(candidate.shapes):
@@ -328,7 +329,7 @@ def hide(
         "lamp": None if secret.lamp is None else Path(secret.lamp).name,
         "parameters": hidden,
         "unknown": drawn,
-        "lamp.hwhm_deg": truth.lamp.hwhm_deg,
+        **({} if truth.lamp.profile == "table" else {"lamp.hwhm_deg": truth.lamp.hwhm_deg}),
         "lamp.radius_m": truth.lamp.radius_m,
         "water.absorption_per_m": truth.water.absorption_per_m,
         "layout": layout if isinstance(layout, str) else TABLE,

@@ -8,7 +8,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from lightfield.report.style import MUTED, WIDTH, figure, label
+from lightfield.report.style import MUTED, NARROW, WIDTH, figure, label
 from lightfield.studies.regime import LEVELS, undecided
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
@@ -16,19 +16,24 @@ COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
 NAMES = ("within 5 %", "within 10 %", "within 25 %", "worse")
 
 
-def regime_figure(dataset: xr.Dataset) -> Figure:
+def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     """Class of every grid point with its error in per cent; `?` where noise leaves the class open.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         From `lightfield.studies.regime.regime_map`.
+    narrow : bool
+        For a telephone.
     """
     receivers, albedos, depths = (dataset[name].values for name in ("receiver", "albedo", "optical_depth"))
     colours = ListedColormap(COLOURS)
     classes = BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
     open_points = undecided(dataset)
-    with figure(WIDTH, 1.2 + 0.36 * len(albedos) * len(receivers) + 0.75 * len(receivers)) as fig:
+    with figure(
+        NARROW if narrow else WIDTH,
+        (1.7 if narrow else 1.2) + 0.36 * len(albedos) * len(receivers) + 0.75 * len(receivers),
+    ) as fig:
         axes = fig.subplots(len(receivers), 1, squeeze=False, sharex=True)[:, 0]
         for i, (axis, receiver) in enumerate(zip(axes, receivers, strict=True)):
             error = dataset.formula_error.values[i]
@@ -36,8 +41,10 @@ def regime_figure(dataset: xr.Dataset) -> Figure:
             axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
             for j in range(len(albedos)):
                 for k in range(len(depths)):
-                    text = percent(error[j, k]) + ("?" if open_points[i, j, k] else "")
-                    axis.text(k, j, text, ha="center", va="center", fontsize=9, color="#101418")
+                    text = percent(error[j, k], whole=narrow) + ("?" if open_points[i, j, k] else "")
+                    axis.text(
+                        k, j, text, ha="center", va="center", fontsize=6.5 if narrow else 9, color="#101418"
+                    )
             axis.set_xticks(range(len(depths)), [f"{d:g}" for d in depths])
             axis.set_yticks(range(len(albedos)), [f"{a:g}" for a in albedos])
             axis.grid(False)
@@ -45,17 +52,23 @@ def regime_figure(dataset: xr.Dataset) -> Figure:
             label(axis, "", "albedo b / c", str(receiver)[:1].upper() + str(receiver)[1:])
         axes[-1].set_xlabel("optical thickness c z")
         handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
-        fig.legend(handles=handles, loc="outside lower center", ncols=4)
+        fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
         title = "Error of Gaussian × inverse square × Beer-Lambert on the axis, in %"
+        if open_points.any():
+            title += "; ?: noise leaves the colour open"
+        if narrow:
+            title = title.replace("Beer-Lambert ", "Beer-Lambert\n").replace("; ?", "\n?")
         fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=MUTED)
     return fig
 
 
-def percent(error: float) -> str:
-    """Error in per cent, short enough for a cell."""
+def percent(error: float, whole: bool = False) -> str:
+    """Error in per cent, short enough for a cell; `whole`: for a narrow one."""
     if np.isnan(error):
         return "–"
     value = 100 * error
+    if whole and abs(value) >= 0.5:
+        return f"{max(value, -99.0):.0f}".replace("-", "\N{MINUS SIGN}")
     if abs(value) < 0.05:
         return "0"
     text = (

@@ -151,6 +151,11 @@ def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
     return float(theta[i] + part * (theta[1] - theta[0]))
 
 
+def stated_width_deg(lamp: Lamp) -> float:
+    """Half width of the beam at half maximum, degrees: the scene's, or that of its table of intensities."""
+    return math.degrees(half_width_rad(lamp)) if lamp.profile == "table" else lamp.hwhm_deg
+
+
 @lru_cache(maxsize=256)
 def finest_rad(lamp: Lamp) -> float:
     """Standard deviation of the Gaussian beam whose edge is as sharp, rad."""

@@ -99,8 +99,10 @@ def warnings_of(
             "flat_top", f"saturation: a flat top at {levels} in {_list(sorted(flat))}: its bands are marked",
             "shorten the exposure; state the full scale",
         ))  # fmt: skip
-    linear = one_word(s.spectrum.nonlinearity_corrected for s in shots)
-    if linear != "yes":
+    # A sensor of one band has a calibration of its maker's, and no correction of an array's pixels.
+    arrays = [s.spectrum.nonlinearity_corrected for s in shots if s.spectrum.band_nm is None]
+    linear = one_word(arrays)
+    if arrays and linear != "yes":
         said = {
             "no": "is off",
             "mixed": "is on in some files only",

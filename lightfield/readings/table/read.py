@@ -48,7 +48,8 @@ def read_table(
     scene : Scene, optional
         Also check against its tank, bands and quantity, and fill in its band.
     required : sequence of str
-        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1.
+        Columns that must be there: `LAYOUT` lets the values be absent, they are then 1, and the wavelengths:
+        every place is then one for each of the scene's bands.
 
     Raises
     ------
@@ -72,6 +73,8 @@ def read_table(
         extra=extra,
         line=np.array(lines, dtype=np.int_),
     )
+    if scene is not None and "value" not in required and np.isnan(readings.wavelength_nm).all():
+        readings = _in_every_band(readings, scene)
     check_values(readings, problems)
     if scene is not None:
         readings = against_scene(readings, scene, problems)
@@ -81,6 +84,13 @@ def read_table(
             readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
         )
     return replace(readings, warnings=(*_file_warnings(sheet, head), *load_warnings(readings)))
+
+
+def _in_every_band(places: Readings, scene: Scene) -> Readings:
+    """Places without a wavelength, as a spectrometer reads them: in all bands at once."""
+    centres = np.array([0.5 * (low + high) for low, high in scene.detector.bands_nm])
+    every = places.subset(np.repeat(np.arange(len(places)), len(centres)))
+    return replace(every, wavelength_nm=np.tile(centres, len(places)))
 
 
 def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any]:

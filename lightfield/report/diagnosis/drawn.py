@@ -12,6 +12,7 @@ from lightfield.diagnosis.search.rivals import separation
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.fitting.least_squares import Fit
+from lightfield.formula.scattered.nodes import stated_width_deg
 from lightfield.readings import Readings
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 
@@ -100,7 +101,7 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
         [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),
         found.forward.scene.tank,
-        found.scene.lamp.hwhm_deg,
+        stated_width_deg(found.scene.lamp),
         title or found.forward.scene.name or "Diagnosis",
         (
             ("readings", readings.source or "given as arrays"),

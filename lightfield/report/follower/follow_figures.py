@@ -48,19 +48,19 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     far = max(float(way[:, 2].max()) for way in ways) + 0.8
     wide = max(0.5, *(float(np.abs(way[:, 0]).max()) for way in ways)) + 0.3
     shape = (frames * len(shown), 1) if narrow else (len(shown), frames)
-    size = (NARROW, 0.75 + (0.3 + 1.2 * frames) * len(shown)) if narrow else (WIDTH, 0.75 + 1.35 * len(shown))
+    size = (NARROW, 0.75 + (0.4 + 1.2 * frames) * len(shown)) if narrow else (WIDTH, 0.75 + 1.45 * len(shown))
     with figure(*size) as fig:
         axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True).reshape(len(shown), frames)
         for row, one in zip(axes, shown, strict=True):
             times = one.track.time_s
             for axis, k in zip(row, np.linspace(0, len(times) - 1, frames).round().astype(int), strict=True):
-                _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]))
+                _frame(axis, one, int(k), np.array([0.4 + far, 2 * wide]), below_name=axis is row[0])
                 axis.set_xlim(-0.4, far)
                 axis.set_ylim(-wide, wide)
             row[0].set_ylabel("across (m)", fontsize=8.5)
             believed = (SHORT if narrow else BELIEFS)[one.mission.believes]
             name = row[0].annotate(
-                f"{one.name}; believes {believed}", (0, 1), (0, 15), ha="left",
+                f"{one.name}; believes {believed}", (0, 1), (0, 21), ha="left",
                 xycoords="axes fraction", textcoords="offset points", fontsize=9.5, fontweight="bold",
             )  # fmt: skip
             name.set_in_layout(False)
@@ -69,7 +69,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     return fig
 
 
-def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
+def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray, *, below_name: bool) -> None:
     track, mission = one.track, one.mission
     run = one.typical
     lamp, pose, believed = track.leader_m[k], track.pose[k, run], track.estimate[k, run]
@@ -90,8 +90,9 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray) -> None:
     _vehicle(axis, pose + np.append(lamp, np.zeros(3)), size, colour, filled=True)
     if np.isfinite(believed).all():
         _vehicle(axis, believed + np.append(lamp, np.zeros(3)), size, colour, filled=False)
+    room = "\n\n" if below_name else ""
     axis.set_title(
-        f"\n{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
+        room + f"{track.time_s[k]:.0f} s: {pose[2]:.1f} m" + ("" if lit else ", dark"), fontsize=8.5,
         fontweight="normal", color=INK if lit else BAD,
     )  # fmt: skip
     axis.tick_params(labelsize=7.5)

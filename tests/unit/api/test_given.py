@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import lightfield as lf
@@ -26,3 +27,36 @@ def test_a_number_that_is_none_is_said_to_be_none(given: dict[str, object]) -> N
     (name,) = given
     with pytest.raises(lf.LightfieldError, match=f"{name}.*a number, 1e"):
         lf.render(lf.Scene.from_dict({"name": "a pool"}), **given)  # type: ignore[arg-type]
+
+
+POOL = lf.Scene.from_dict({"name": "a pool"})
+WRONG = {
+    "a seed below 0": (lambda: lf.hide(POOL, seed=-1), "seed.*0 or above"),
+    "an effect that is a number": (lambda: lf.hide(POOL, effect=3), "effect.*a name"),  # type: ignore[arg-type]
+    "a scene that is a dict": (lambda: lf.hide({"name": "x"}), "scene.*a Scene"),  # type: ignore[arg-type]
+    "noise in words": (lambda: lf.hide(POOL, noise="1 %"), "noise.*a number"),  # type: ignore[arg-type]
+    "bare numbers": (lambda: lf.diagnose(np.ones(4), POOL), "readings.*`load`"),  # type: ignore[arg-type]
+    "no effect": (lambda: lf.diagnose("x.csv", POOL, effects=[]), "no effect is named"),
+    "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*between 0 and 1"),
+    "half a water": (lambda: lf.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),  # type: ignore[dict-item]
+    "waters in a list": (lambda: lf.link(POOL, water=[(1, 2)]), "water.*names"),  # type: ignore[arg-type]
+    "no photons": (lambda: lf.follow(POOL, max_photons=-1), "max_photons.*1 or above"),
+    "one scene for a list": (lambda: lf.follow(POOL, with_="a.toml"), "with_.*a list"),
+    "a band that is no pair": (lambda: lf.import_("i.csv", band=(500, 550)), "band.*pairs"),  # type: ignore[arg-type]
+    "another medium": (lambda: lf.array.show(POOL, medium="oil"), "medium.*'water' or 'air'"),  # type: ignore[arg-type]
+    "arrays without names": (lambda: lf.array.compare(POOL, [POOL]), "with_.*names"),  # type: ignore[arg-type]
+    "no other array": (lambda: lf.array.compare(POOL, {}), "nothing to compare"),
+    "no such task": (lambda: lf.array.optimise(POOL, task="x"), "task.*'docking'"),  # type: ignore[arg-type]
+    "a box inside out": (lambda: lf.array.optimise(POOL, box=-1), "box.*above 0"),
+    "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 90"),
+    "readings that are no file": (lambda: lf.pose.estimate(np.ones(3), POOL), "readings.*path"),  # type: ignore[arg-type]
+    "one water for a list": (lambda: lf.pose.bias(POOL, scattering=0.1), "scattering.*list"),  # type: ignore[arg-type]
+    "no water": (lambda: lf.pose.bias(POOL, scattering=[]), "scattering.*list"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_an_argument_does_not_take_is_one_error_that_names_it(case: str) -> None:
+    call, said = WRONG[case]
+    with pytest.raises(lf.LightfieldError, match=said):
+        call()

@@ -15,6 +15,7 @@ from lightfield.diagnosis.expected import Together
 from lightfield.diagnosis.together import together
 from lightfield.errors import UsageError
 from lightfield.fitting.forward import SceneForward
+from lightfield.progress import heard_by
 from lightfield.readings import Readings
 from lightfield.readings.columns import ErrorBudget
 from lightfield.scene import Scene
@@ -85,6 +86,16 @@ def test_a_wrong_question_is_refused(layout: Readings) -> None:
     ):
         with pytest.raises(UsageError, match=what):
             together(layout, SCENE, names, sizes)
+
+
+def test_it_says_what_it_does(layout: Readings) -> None:
+    """Words for every stage, and a part of the work that never falls."""
+    said: list[tuple[str, float]] = []
+    with heard_by(lambda words, part: said.append((words, part))):
+        together(layout, SCENE, ["beam_offset", "background"])
+    words, parts = [one for one, _ in said], [part for _, part in said]
+    assert any("beam_offset" in one for one in words) and any("sets fitted" in one for one in words)
+    assert parts == sorted(parts) and 0 < max(parts) <= 1
 
 
 def test_the_command_answers_and_writes(tmp_path, capsys) -> None:

@@ -63,3 +63,21 @@ def test_it_reads_at_the_places_of_a_table() -> None:
     made = hide(scene, Secret(), 0, Instrument(0.005), layout=table, order="plane", max_photons=1e3)
     assert made.readings.x_m.tolist() == [0.3, -0.2] and made.readings.z_m.tolist() == [5.0, 4.0]
     assert made.truth["layout"] == "table"
+
+
+def test_what_can_only_shrink_is_hidden_smaller() -> None:
+    """A scene that states a full surface leaves no room above it: what is hidden differs from it still."""
+    tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 6.0, "surface": "flat"}
+    scene = Scene.from_dict({"tank": tank, "detector": {"planes_m": [1.5, 2.5, 3.5]}})
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    for seed in range(8):
+        drawn = draw_effect(scene, table, "surface_reflection", np.random.default_rng(seed))
+        assert drawn["tank.surface_reflectance"] < 1
+
+
+def test_a_lamp_of_a_table_has_no_guess_of_its_width(tmp_path: Path) -> None:
+    (tmp_path / "lamp.csv").write_text("angle_deg,intensity\n0,1\n8,0.5\n20,0\n")
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
+    scene = Scene.from_dict({"lamp": lamp, "detector": {"planes_m": [2.0, 3.0]}})
+    truth = hide(scene, Secret(), 0, Instrument(0.005), max_photons=1e3).truth
+    assert "lamp.hwhm_deg" not in truth and "water.absorption_per_m" in truth

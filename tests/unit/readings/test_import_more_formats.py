@@ -143,6 +143,7 @@ def test_a_par_logger_gives_one_number_for_its_band_and_no_other(tmp_path):
     # The mean of two, and the standard error of that mean: |102 - 100| / 2.
     assert readings.value.tolist() == [101.0] and readings.stderr.tolist() == pytest.approx([1.0])
     assert any("photons" in str(note) for note in readings.warnings)
+    assert not any("non-linearity" in str(note) for note in readings.warnings)  # that is of an array's pixels
     for wrong, said in (
         ({"bands_nm": [(500.0, 550.0)]}, "one number for 400-700 nm"),
         ({"units": "umol m^-2 s^-1"}, "relative"),

@@ -15,6 +15,7 @@ from lightfield.errors import MeasurementError, OutputError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
 from lightfield.readings.columns import COLUMNS, LAYOUT
 from lightfield.readings.table.write import dumps
+from lightfield.scene import Scene
 
 FULL = """\
 # quantity = "irradiance"
@@ -378,3 +379,16 @@ def test_a_cell_that_could_not_be_read_is_one_problem(load):
     assert len(problems(load, "z_m,value\nx,1\n2,1\n")) == 1
     assert len(problems(load, "x_m,value\n1,2\n1,3\n")) == 1
     assert len(problems(load, "z_m,value\nx,1\n-2,1\n")) == 2
+
+
+def test_places_without_wavelengths_are_read_in_every_band(tmp_path):
+    """A layout says where; a spectrometer reads all bands there. Readings must say which."""
+    scene = Scene.from_dict({"detector": {"planes_m": [2.0], "bands_nm": [[440, 460], [500, 520]]}})
+    path = tmp_path / "layout.csv"
+    path.write_text("x_m,z_m\n0,2\n0.1,2\n")
+    layout = read_table(path, scene, LAYOUT)
+    assert layout.wavelength_nm.tolist() == [450.0, 510.0, 450.0, 510.0]
+    assert layout.x_m.tolist() == [0.0, 0.0, 0.1, 0.1]
+    path.write_text("x_m,z_m,value\n0,2,1\n0.1,2,1\n")
+    with pytest.raises(MeasurementError, match="no wavelength"):
+        read_table(path, scene)

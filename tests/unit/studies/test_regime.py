@@ -55,6 +55,9 @@ def test_nothing_rendered_is_unknown_not_zero():
 def test_figure_is_drawn(tmp_path):
     found = regime_map(lossless_scattering)
     assert save_png(regime_figure(found), tmp_path / "regime.png").stat().st_size > 10_000
+    telephone = regime_figure(found, narrow=True)
+    assert telephone.get_figwidth() < 5
     assert [percent(e) for e in (0.0001, -0.051, -0.4, -0.9995, 2.5, np.nan)] == [
         "0", "−5.1", "−40", "−99.9", "250", "–",
     ]  # fmt: skip
+    assert [percent(e, whole=True) for e in (-0.051, -0.4, -0.9995, np.nan)] == ["−5", "−40", "−99", "–"]

@@ -12,6 +12,7 @@ from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.formula.scattered.nodes import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 
@@ -89,6 +90,5 @@ def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
     """At the wavelength of the first channel."""
     scene, wavelength = forward.scene_at(fit.values, validate=False), forward.light.wavelengths_nm[:1]
     a, b = (float(of(scene.water, wavelength)[0]) for of in (absorption_per_m, scattering_per_m))
-    return WaterAndBeam(
-        absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b, hwhm_deg=scene.lamp.hwhm_deg
-    )
+    width = stated_width_deg(scene.lamp)
+    return WaterAndBeam(absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b, hwhm_deg=width)
