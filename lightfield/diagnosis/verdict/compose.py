@@ -311,7 +311,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         coordinate, advice = doubt.structure.coordinate, look(aside)
     explanations = _explanations(found, units, advise)
     counted = bright(problem)
-    # Over the explained model, as the error of the last rung is: over any other it could lie above that.
+    # Over the explained model, as the error of the last rung is.
     explained = found.steps[-1].fit.prediction
     sigma = standard_errors(prepared, finding)[counted] / explained[counted]
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi

@@ -201,6 +201,11 @@ def _lead(verdict: Verdict) -> list[str]:
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
+    if floor > last:
+        lines.append(
+            "The floor lies above the error: the errors that are stated, or those of traced light at dark "
+            "places, are larger than what is left."
+        )
     if verdict.run > 1:
         lines.append(
             f"This is look {verdict.run} at these readings. Every look spends some of their power: keep a "

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
-from lightfield.diagnosis.verdict.parts import SetAside
+from lightfield.diagnosis.verdict.parts import Rung, SetAside
 from lightfield.diagnosis.verdict.text import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import data_figure, residual_map, signature_figure
-from lightfield.report.diagnosis.page import diagnosis_page, write_diagnosis
+from lightfield.report.diagnosis.page import _lead, diagnosis_page, write_diagnosis
 from lightfield.report.diagnosis.places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.report.tank import tank_figure
@@ -299,3 +299,10 @@ def test_the_beam_ends_at_the_walls():
     beam = next(patch for patch in drawn.axes[0].patches if isinstance(patch, Polygon))
     box = beam.get_clip_box().transformed(drawn.axes[0].transData.inverted())
     assert (box.y0, box.y1) == pytest.approx((-TANK.width_m / 2, TANK.width_m / 2))
+
+
+def test_a_floor_above_the_error_is_explained() -> None:
+    rung = Rung.model_construct(error_percent=2.6)
+    for floor, said in ((12.0, True), (0.4, False)):
+        verdict = Verdict.model_construct(ladder=[rung], noise_floor_percent=floor, run=1)
+        assert any("lies above the error" in line for line in _lead(verdict)) is said
