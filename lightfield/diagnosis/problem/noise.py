@@ -76,7 +76,8 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     group : array of int, shape (n,)
         Readings of one group may share a factor (integration time, channel).
     """
-    top = float(np.max(np.abs(prediction)))
+    # A model without any light has the errors of the dark.
+    top = float(np.max(np.abs(prediction))) or float(np.nan_to_num(quoted).max(initial=0.0)) or 1.0
     level = np.clip(prediction, 0, None) / top
     basis = np.stack([np.ones_like(level), level, level**2], axis=1)
     if not errors_stated(quoted):

@@ -222,3 +222,13 @@ def test_the_scale_of_the_noise_beside_a_large_error_of_the_model() -> None:
             rest = residual - rich @ (rich.T @ residual)
             found.append(noise_scale(rest, rich, plain, modes @ modes.T, np.ones(lay.size)))
         assert abs(np.mean(found) / 1.3**2 - 1) < 4 * 0.16 / np.sqrt(40)
+
+
+def test_a_model_without_any_light_has_the_errors_of_the_dark() -> None:
+    """A background below zero may take all light of a model: nothing divides by it."""
+    dark, channel = np.zeros(60), np.zeros(60, int)
+    sigma = smooth_stderr(np.tile([0.1, 0.2, 0.3], 20), dark, channel)
+    assert sigma.min() >= 0.1
+    assert sigma.max() <= 0.3
+    assert np.ptp(sigma) == 0
+    assert np.all(np.isfinite(smooth_stderr(np.full(60, np.nan), dark, channel)))
