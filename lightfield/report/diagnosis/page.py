@@ -203,8 +203,8 @@ def _lead(verdict: Verdict) -> list[str]:
         lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
     if floor > last:
         lines.append(
-            "The floor lies above the error: the errors that are stated, or those of traced light at dark "
-            "places, are larger than what is left."
+            "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
+            "judged, are larger than what is left."
         )
     if verdict.run > 1:
         lines.append(
