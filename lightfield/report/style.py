@@ -20,7 +20,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from matplotlib.rcsetup import cycler
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
 from lightfield.storage.files import atomic_path
 
@@ -184,11 +184,9 @@ def to_svg(fig: Figure, name: str) -> str:
     return svg
 
 
-def percent_axis(axis: Axis, digits: int = 0) -> None:
-    """Ticks of a part of one in per cent."""
-    axis.set_major_formatter(
-        FuncFormatter(lambda value, _: f"{100 * value:.{digits}f} %".replace("-", "\N{MINUS SIGN}"))
-    )
+def percent_axis(axis: Axis) -> None:
+    """Ticks of a part of one in per cent, with as many digits as their range needs."""
+    axis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
 
 
 def plain_log_axis(axis: Axis) -> None:

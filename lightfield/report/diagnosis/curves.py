@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.words import UNITS
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
-from lightfield.report.style import DATA, FORMULA, MUTED, RENDER, WIDTH, figure, label, percent_axis
+from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label, percent_axis
 
 DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
@@ -19,18 +19,23 @@ BAND = 2.0
 SHOWN = 2
 
 
-def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
+def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
     """A panel per curve: above with the model that lacks it, below its band of two standard errors alone.
 
     Parameters
     ----------
     curves : sequence of FittedCurve
         At least one, as `fitting.fitted_curves` gives them.
+    narrow : bool, optional
+        Below each other, for a telephone.
     """
-    several = len(curves) > 1
-    with figure(WIDTH if several else 6.0, 4.2) as fig:
-        axes = fig.subplots(2, len(curves), squeeze=False, sharex="col", height_ratios=(2.2, 1))
-        for (upper, lower), curve in zip(axes.T, curves, strict=True):
+    count = len(curves)
+    with figure(*((NARROW, 0.8 + 4.0 * count) if narrow else (WIDTH if count > 1 else 6.0, 4.2))) as fig:
+        # One after the other: each part has a place and a title of its own.
+        grid = (count, 1) if narrow else (1, count)
+        parts = fig.subfigures(*grid, squeeze=False).ravel()
+        axes = [part.subplots(2, 1, sharex=True, height_ratios=(2.2, 1)) for part in parts]
+        for (upper, lower), curve in zip(axes, curves, strict=True):
             wide = BAND * curve.stderr
             upper.fill_between(
                 curve.at, curve.value - wide, curve.value + wide, color=RENDER, alpha=0.25, linewidth=0
@@ -46,23 +51,27 @@ def curve_figure(curves: Sequence[FittedCurve]) -> Figure:
             lower.axhline(0, color=MUTED, linewidth=0.8)
             lower.set_xlabel(curve.coordinate)
             lower.set_ylabel("its error")
-        lines, names = axes[0, 0].get_legend_handles_labels()
-        bands, errors = axes[1, 0].get_legend_handles_labels()
-        fig.legend([*lines, *bands], [*names, *errors], loc="outside lower center", ncols=3)
+        lines, names = axes[0][0].get_legend_handles_labels()
+        bands, errors = axes[0][1].get_legend_handles_labels()
+        fig.legend([*lines, *bands], [*names, *errors], loc="outside lower center", ncols=1 if narrow else 3)
     return fig
 
 
-def left_figure(left: Sequence[LeftOver]) -> Figure:
+def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
     """What nothing explains: what a local unknown makes of the light along its coordinate, the best first.
 
     Parameters
     ----------
     left : sequence of LeftOver
         At least one.
+    narrow : bool, optional
+        Below each other, for a telephone.
     """
     shown = left[:SHOWN]
-    with figure(WIDTH if len(shown) > 1 else 6.0, 3.4) as fig:
-        for axes, one in zip(fig.subplots(1, len(shown), squeeze=False, sharey=True)[0], shown, strict=True):
+    count = len(shown)
+    with figure(*((NARROW, 0.5 + 2.7 * count) if narrow else (WIDTH if count > 1 else 6.0, 3.4))) as fig:
+        grid = (count, 1) if narrow else (1, count)
+        for axes, one in zip(fig.subplots(*grid, squeeze=False, sharey=True).ravel(), shown, strict=True):
             factor, wide = np.array(one.factor), BAND * np.array(one.stderr)
             axes.fill_between(one.at, factor - wide, factor + wide, color=RENDER, alpha=0.25, linewidth=0)
             axes.plot(one.read_at, one.read, ".", color=DATA, markersize=3, label="readings over the model")
@@ -71,5 +80,5 @@ def left_figure(left: Sequence[LeftOver]) -> Figure:
             percent_axis(axes.yaxis)
             what = f"{one.name.replace('_', ' ')}: {one.removed_percent:.0f} % of what is left"
             label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
-        fig.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        fig.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=1 if narrow else 2)
     return fig

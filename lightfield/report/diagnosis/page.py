@@ -101,6 +101,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "What the explanation says of lamp, water or time as a curve: above against the model without "
             "it, below the band of its two standard errors.",
             "Fitted curves with their errors",
+            curve_figure(view.curves, narrow=True),
         )
     if verdict.left_over:
         figures["left"] = page_figure(
@@ -109,6 +110,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
             "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
             "with two standard errors. Dots: readings over the model without them. No explanations.",
             "Local unknowns along their coordinates",
+            left_figure(verdict.left_over, narrow=True),
         )
     if view.signatures:
         figures["signatures"] = page_figure(
