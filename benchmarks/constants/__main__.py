@@ -22,6 +22,7 @@ from lightfield.render.diffuse import source
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected import light as reflected
+from lightfield.render.reflected import orders
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -125,12 +126,12 @@ def of_reflections(name: str) -> list[float]:
         return reflected.ReflectedLight(scene, *where).evaluate(scene, c)
 
     now, found = light(), []
-    for constant, value in (
-        ("C_STEP", reflected.C_STEP / 4),
-        ("REFLECTIONS", 3 * reflected.REFLECTIONS),
-        ("terms_of_light", orthonormal),
+    for module, constant, value in (
+        (reflected, "C_STEP", reflected.C_STEP / 4),
+        (orders, "REFLECTIONS", 3 * orders.REFLECTIONS),
+        (reflected, "terms_of_light", orthonormal),
     ):
-        with changed(reflected, constant, value):
+        with changed(module, constant, value):
             change = np.abs(light() / now - 1)
         found += [100 * float(change.max()), 100 * float(change.mean())]
     return found
@@ -197,8 +198,8 @@ def main() -> int:
         return [str(scores.size), *beyond, rare, f"{np.mean(scores**2):.2f}"]
 
     text = TEXT.format(
-        more=3 * reflected.REFLECTIONS,
-        reflections=reflected.REFLECTIONS,
+        more=3 * orders.REFLECTIONS,
+        reflections=orders.REFLECTIONS,
         tanks=_rows(TANKS, lambda name: [f"{v:.2f}" for v in of_reflections(name)]),
         g=G,
         reaches=" | ".join(f"reach x {r:g}: rms | chi2/n" for r in REACHES),

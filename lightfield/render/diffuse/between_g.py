@@ -118,7 +118,7 @@ class BetweenG:
         mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (self.part, shares))
         lit = mean > 0
         ratio = np.divide(wanted, mean, out=np.ones_like(mean), where=lit)
-        value = mean * (ratio @ self.smoother.T)
+        value = mean * (self.smoother @ ratio.T).T
         if not errors:
             return value, []
         ratios = np.divide(found, mean, out=np.ones_like(found), where=lit)

@@ -16,29 +16,27 @@ response.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import floor, prod, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
+from lightfield.render.reflected.orders import REFLECTIONS, AtOnce, Operators, Orders, terms_of_light
 from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
 from lightfield.render.reflected.waves import glitter
 from lightfield.scene import Lamp, Scene, Tank, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
-DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
-#: Reflections followed one by one; the rest is what a recurrence makes of the last four. In a closed tow tank
-#: of walls of 0.9 and water that takes nothing, whose light has the longest ways, 96 change light by 0.06 %
-#: (16 by 2.2 %; elsewhere by 0.08 % at most, `benchmarks/constants`).
-REFLECTIONS = 32
-#: Step of attenuation, m^-1, between which light is interpolated: there to 0.1 % (twice the step: 1 %).
-C_STEP, SURFACE_NODES = 0.0125, (0.0, 0.5, 1.0)
+#: Step of attenuation, m^-1, between which orders of light are interpolated: in a closed white tow tank to
+#: 0.1 % for a narrow beam (twice the step: 0.5 %), elsewhere to 0.02 % (`benchmarks/constants`).
+C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
 #: Part of the light of waves that met two facets in a row: 0 to 7 % of it for slopes of 2 to 12 degrees, a
 #: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/test_waves.py`); the middle of that.
 TWO_FACETS = 0.035
@@ -49,7 +47,10 @@ _UPWARDS = 0.5
 #: Of walls and floor: albedo over that of the brighter of the two.
 Shares = tuple[float, float]
 #: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
-KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
+KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 100e6, 8
+#: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
+#: worked out for a water that was asked for so often: that costs as much as to follow ten lamps.
+LARGER, OFTEN = 2, 10
 
 
 class ReflectedLight:
@@ -71,6 +72,7 @@ class ReflectedLight:
         #: The walls, with a lid or with an open top.
         self.room = cache(lambda lid: Room(scene, self.places, lid))
         self._smeared = lru_cache(1)(self._smeared_of)
+        self._mirrored = lru_cache(KEPT)(self._mirrored_of)
 
     def some(self, rows: np.ndarray) -> ReflectedLight:
         """At some of the readings, from what is worked out for all of them."""
@@ -121,9 +123,13 @@ class ReflectedLight:
         if tank.slope > 0:
             light, in_water = self._smeared(lamp, tank.surface_slope_deg)
             return np.asarray((light * np.exp(-attenuation_per_m * in_water)).sum(axis=1))
-        arriving, light, in_water = image_of_lamp(lamp, tank.lamp_depth_m, self.places)
-        light *= np.exp(-attenuation_per_m * in_water)
-        return np.asarray(light * receiver.response(self.scene.detector, list(arriving.T)))
+        light, in_water = self._mirrored(lamp, tank.lamp_depth_m)
+        return np.asarray(light * np.exp(-attenuation_per_m * in_water))
+
+    def _mirrored_of(self, lamp: Lamp, top_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """Light by way of a flat surface without attenuation, and its way in water; (n,)."""
+        arriving, light, in_water = image_of_lamp(lamp, top_m, self.places)
+        return light * receiver.response(self.scene.detector, list(arriving.T)), in_water
 
     def _smeared_of(self, lamp: Lamp, slope_deg: float) -> tuple[np.ndarray, np.ndarray]:
         """Light by way of each facet of the waves without attenuation, and its way in water; (n, k)."""
@@ -135,104 +141,6 @@ class ReflectedLight:
             found.append((some.light * response, some.in_water))
         light, in_water = (np.concatenate(column) for column in zip(*found, strict=True))
         return light, in_water
-
-
-class Operators(NamedTuple):
-    """What reaches patches and readings of the light on the walls.
-
-    Parameters
-    ----------
-    first : array, shape (n, k * n_terms)
-        From the k patches before the readings, by terms of their light (see `terms_of_light`).
-    whole : array, shape (n, k)
-        From them, each with the same light all over.
-    among : array, shape (n_patches, n_patches)
-        From patch to patch.
-    """
-
-    first: np.ndarray
-    whole: np.ndarray
-    among: np.ndarray
-
-    @classmethod
-    def of(cls, among: np.ndarray, reading: np.ndarray, terms: np.ndarray) -> Operators:
-        """Of the exchange between patches, and of their parts with the readings (n, k * parts^2)."""
-        parts = reading.reshape(-1, len(terms))
-        first = (parts @ terms).reshape(len(reading), -1)
-        whole = first if len(terms) == 1 else parts.sum(axis=1).reshape(len(reading), -1)
-        return cls(first, whole, among)
-
-    def apply(
-        self, terms: np.ndarray, patches: np.ndarray, before: np.ndarray, albedo: np.ndarray
-    ) -> np.ndarray:
-        """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
-
-        Parameters
-        ----------
-        terms : array, shape (k, n_terms)
-            Of the light on the patches before the readings.
-        patches : array, shape (n_patches,)
-            Mean irradiance of all patches.
-        before : array of int, shape (k,)
-            Which of them lie before the readings.
-        albedo : array, shape (n_patches,)
-            Of each patch over the unit.
-        """
-        reflected = []
-        for _ in range(REFLECTIONS - 1):
-            patches = self.among @ (albedo * patches)
-            reflected.append(albedo[before] * patches[before])
-        more = self.whole @ np.stack(reflected, axis=1)
-        return np.vstack([self.first @ (terms * albedo[before, None]).ravel(), more.T]).astype(float)
-
-
-def terms_of_light(parts: int) -> np.ndarray:
-    """Orthonormal biquadratic polynomials over parts x parts, the constant first, shape (parts^2, n_terms).
-
-    Light varies within a patch, but smoothly: up to 3 x 3 parts are told without loss, 16 by nine numbers.
-    """
-    at = (2 * np.arange(parts) + 1) / parts - 1
-    u, v = (g.ravel() for g in np.meshgrid(at, at, indexing="ij"))
-    few = range(min(parts, 3))
-    powers = [u**i * v**j for i, j in product(few, few)]
-    terms = np.linalg.qr(np.stack(powers, axis=1))[0]
-    return np.asarray(terms * np.sign(terms[0]), np.float32)
-
-
-class Orders(NamedTuple):
-    """Light at the readings for unit albedo, by number of reflections.
-
-    Parameters
-    ----------
-    light : array, shape (REFLECTIONS, n)
-    one, two : float
-        What comes next: one times the last and two times the last but one, at all readings.
-    """
-
-    light: np.ndarray
-    one: float
-    two: float
-
-    @classmethod
-    def of(cls, light: np.ndarray) -> Orders:
-        """With the recurrence that the last four tell of, by least squares over the readings.
-
-        Two terms: light runs along the tank, and one ratio does not tell how.
-        """
-        lit = light[-4:, light[-1] > 0] / light[-1, light[-1] > 0]
-        products = lit @ lit.T
-        normal = products[1:3, 1:3] + products[:2, :2]
-        normal += 1e-9 * np.trace(normal) * np.eye(2) + 1e-300 * np.eye(2)
-        two, one = np.linalg.solve(normal, products[1:3, 3] + products[:2, 2]).tolist()
-        return cls(light, one, two)
-
-    def for_albedo(self, albedo: float) -> np.ndarray:
-        """Light of all reflections, shape (n,)."""
-        shares = albedo ** np.arange(1.0, REFLECTIONS + 1)
-        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 1e-4)
-        shares[-1] += beyond * (self.one + self.two * albedo)
-        shares[-2] += beyond * self.two
-        return np.asarray(shares @ self.light)
 
 
 class Room:
@@ -255,6 +163,11 @@ class Room:
         self._terms = terms_of_light(self.parts)
         size = 4 * len(places) * (self._terms.shape[1] + 1) * len(self.before)
         self._operator = lru_cache(int(np.clip(KEPT_BYTES / size, FEWEST, KEPT)))(self._operator_in)
+        size = 4 * REFLECTIONS * len(places) * len(self.patches.centre)
+        few = REFLECTIONS * len(places) <= LARGER * len(self.patches.centre)
+        self._most_at_once = int(KEPT_BYTES / size) if few else 0
+        self._at_once: dict[tuple[float, float, Shares], AtOnce] = {}
+        self._asked = Counter[tuple[float, float, Shares]]()
         self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
         self._direct = lru_cache(1)(self._direct_of)
         self._mirrored = lru_cache(1)(self._mirrored_of)
@@ -267,10 +180,10 @@ class Room:
     def light(self, lamp: Lamp, attenuation_per_m: float, tank: Tank) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n,).
 
-        Worked out at a few attenuations and reflectances, and interpolated: its logarithm is nearly linear in
-        the first (cubic between four nodes, which adds 0.1 % and no jump), itself a low polynomial in the
-        second, and in the albedo of the darker of walls and floor over that of the other. A fit that moves
-        the water, the walls, the floor or the surface then costs nothing new.
+        Worked out at a few attenuations and reflectances, and interpolated: the logarithm of every order is
+        nearly linear in the first (cubic between four nodes, which leaves no jump), light itself a low
+        polynomial in the second, and in the albedo of the darker of walls and floor over that of the other.
+        A fit that moves the water, the walls, the floor or the surface then costs nothing new.
 
         Parameters
         ----------
@@ -288,10 +201,13 @@ class Room:
         for m, w in product(mirrors, shares):
             missing = [c for c in nodes if (c, m, w) not in known]
             known.update(zip(product(missing, [m], [w]), self._reached(lamp, missing, m, w), strict=True))
-        by_share = [[[known[c, m, w].for_albedo(albedo) for c in nodes] for m in mirrors] for w in shares]
-        found = np.tensordot(lagrange(dim, darker if len(dim) > 1 else 1.0), np.array(by_share), axes=1)
-        along_c = np.exp(lagrange(nodes, attenuation_per_m) @ np.log(np.maximum(found, DARKEST)))
-        return np.asarray(lagrange(mirrors, surface) @ along_c)
+        along_c = lagrange(nodes, attenuation_per_m)
+        every = [
+            [Orders.between([known[c, m, w] for c in nodes], along_c).for_albedo(albedo) for m in mirrors]
+            for w in shares
+        ]
+        by_mirror = np.tensordot(lagrange(dim, darker if len(dim) > 1 else 1.0), np.array(every), axes=1)
+        return np.asarray(lagrange(mirrors, surface) @ by_mirror)
 
     def _reached(
         self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float, shares: Shares
@@ -302,10 +218,9 @@ class Room:
         lit = self.lit(lamp, attenuation_per_m, surface).reshape(len(attenuation_per_m), -1, self.parts**2)
         terms = lit @ self._terms
         whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
-        operators = [self._operator(c, surface) for c in attenuation_per_m]
-        found = zip(operators, terms, whole, strict=True)
-        albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
-        return [Orders.of(operator.apply(t[self.before], w, self.before, albedo)) for operator, t, w in found]
+        operators = [self._exchange(c, surface, shares) for c in attenuation_per_m]
+        found = zip(operators, terms[:, self.before], whole, strict=True)
+        return [Orders.of(operator.apply(t, w)) for operator, t, w in found]
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
@@ -331,13 +246,26 @@ class Room:
         light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
         return light.astype(np.float32), in_water.astype(np.float32)
 
-    def _operator_in(self, attenuation_per_m: float, surface: float) -> Operators:
-        """What walls and readings exchange in one water, under one surface."""
+    def _exchange(self, attenuation_per_m: float, surface: float, shares: Shares) -> Operators | AtOnce:
+        """What walls and readings exchange: of few readings, when it was often asked for, at once."""
+        of = attenuation_per_m, surface, shares
+        self._asked[of] += 1
+        if of not in self._at_once and self._most_at_once and self._asked[of] > OFTEN:
+            least = min(self._at_once, key=lambda known: self._asked[known], default=of)
+            if len(self._at_once) < self._most_at_once or self._asked[of] > 2 * self._asked[least]:
+                if len(self._at_once) == self._most_at_once:
+                    del self._at_once[least]
+                self._at_once[of] = self._operator(*of).at_once()
+        return self._at_once.get(of) or self._operator(*of)
+
+    def _operator_in(self, attenuation_per_m: float, surface: float, shares: Shares) -> Operators:
+        """What walls and readings exchange in one water, under one surface, over a floor."""
         among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
         if surface:
             among += np.float32(surface) * self.among_image.through(attenuation_per_m)
             reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
-        return Operators.of(among, reading, self._terms)
+        albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
+        return Operators.of(among, reading, self._terms, self.before, albedo)
 
     @cached_property
     def among(self) -> Transfer:
