@@ -23,12 +23,12 @@ from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.field import TracedField
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.follower.design import Setting, judged, optimise, task_poses
+from lightfield.studies.follower.design import ArraySetting, judged, optimise, task_poses
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of
-from lightfield.studies.follower.light import Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.tracking import Tracker
@@ -65,7 +65,7 @@ def least(work: Callable[[], object], times: int) -> float:
     return min(found)
 
 
-def prediction(model: Model, light: TracedField, pose: np.ndarray) -> tuple[float, float, str]:
+def prediction(model: ArrayModel, light: TracedField, pose: np.ndarray) -> tuple[float, float, str]:
     """Readings of all elements at one pose; the peer evaluates the same splines one by one with SciPy."""
     mean = light._mean
 
@@ -113,7 +113,9 @@ def design(scene: Scene, space: Space, photons: float) -> tuple[float, float, st
     started = time.process_time()
     best = optimise(scene, 8, 0.4, space=space, photons=photons).arrays[0]
     spent = time.process_time() - started
-    setting = Setting(light, task_poses(space), pose_names(scene), Noise.of_scene(scene), nuisances_of(scene))
+    setting = ArraySetting(
+        light, task_poses(space), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)
+    )
     rng, found, tried = np.random.default_rng(0), np.inf, 0
     started = time.process_time()
     while time.process_time() - started < spent:
@@ -143,7 +145,7 @@ def loop(scene: Scene, photons: float) -> tuple[float, float, str]:
         seconds[runs] = time.process_time() - started
     tracker = Tracker(Estimator.of_scene(scene, light, Space.of_scene(scene)))
     started, count = time.process_time(), 100
-    model = Model(light, elements)
+    model = ArrayModel(light, elements)
     for k in range(count):
         tracker.update(model.readings(track.pose[-1, :1])[0], 0.1 * k)
     peer = (time.process_time() - started) / count * len(track.time_s)
@@ -166,7 +168,7 @@ def main() -> int:
     rows, notes = [], []
     for what, asked, unit, factor, peer, (mine, theirs, note) in (
         ("prediction of 25 readings", 0.2, "ms", 1e3, "`scipy.ndimage.map_coordinates`",
-         prediction(Model(light, elements), light, pose)),
+         prediction(ArrayModel(light, elements), light, pose)),
         ("pose of one reading, with its errors", 10, "ms", 1e3, "`scipy.optimize.least_squares`, pose alone",
          estimate(estimator, pose)),
         ("120 s of closed loop at 10 Hz", 20, "s", 1.0, "estimates by the on-line tracker alone",

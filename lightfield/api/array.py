@@ -84,7 +84,7 @@ class Survey(ToldByDetails[survey.Survey]):
         return write_survey(self.details, path)
 
 
-class Arrays(ToldByDetails[design.Comparison]):
+class Arrays(ToldByDetails[design.Arrays]):
     """Arrays side by side, best first."""
 
     @property

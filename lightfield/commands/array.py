@@ -14,7 +14,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
-    from lightfield.studies.follower.design import Comparison
+    from lightfield.studies.follower.design import Arrays
 
 #: Name of the array that `optimise` finds.
 BEST = "the best found"
@@ -131,7 +131,7 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     return _compared(found, args)
 
 
-def _compared(found: Comparison, args: argparse.Namespace) -> int:
+def _compared(found: Arrays, args: argparse.Namespace) -> int:
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.explorer.experiment import PERCENT, Experiment
-from lightfield.explorer.fits import Fits, Fitted, Score
+from lightfield.explorer.fits import Fits, Fitted, Goodness
 from lightfield.explorer.state import State
 from lightfield.fitting.parameter import GAIN, FitParameter
 
@@ -145,7 +145,7 @@ def named(effects: Iterable[str]) -> str:
     return " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
 
 
-def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Score:
+def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Goodness:
     """How well some effects do with values as they are."""
     e = fits.experiment
     paths = [p.path for p in e.problem.base]

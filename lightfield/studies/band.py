@@ -45,7 +45,7 @@ WRONG = 0.10
 
 
 @dataclass(frozen=True)
-class Best:
+class BestBand:
     """The best band at one distance by one criterion.
 
     Parameters
@@ -78,14 +78,14 @@ class Bands:
         Over (z_m, wavelength_nm): `attenuation`, `attenuation_stderr`, `signal` per nm over its largest.
     bands : xarray.Dataset
         Over (z_m, low_nm): `attenuation`, `signal`, `snr`, `information`, `range_error_m`.
-    best : tuple of Best
+    best : tuple of BestBand
     width_nm : float
     scene : Scene
     """
 
     spectrum: xr.Dataset
     bands: xr.Dataset
-    best: tuple[Best, ...]
+    best: tuple[BestBand, ...]
     width_nm: float
     scene: Scene
 
@@ -259,7 +259,7 @@ def _bands(
     )
 
 
-def _best(bands: xr.Dataset, width: float) -> list[Best]:
+def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
     """The best of every criterion at every distance, the paper's band (the last) aside."""
     found = []
     for k, z in enumerate(bands.z_m.values):
@@ -275,7 +275,7 @@ def _best(bands: xr.Dataset, width: float) -> list[Best]:
             else:
                 stderr = share * abs(float(K[best] - K[-1])) * float(z * error[best] / K[best])
             low = float(row.low_nm.values[best])
-            found.append(Best(float(z), name, low, low + width, share, stderr))
+            found.append(BestBand(float(z), name, low, low + width, share, stderr))
     return found
 
 

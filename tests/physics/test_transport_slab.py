@@ -22,7 +22,7 @@ from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Crossing
 from lightfield.render.tracer.scattering import henyey_greenstein
 from lightfield.render.tracer.surfaces import Shapes
-from lightfield.render.tracer.walk import Water, counted, trace
+from lightfield.render.tracer.walk import ReferenceWater, counted, trace
 from lightfield.scene import Lamp
 
 BLACK = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}}
@@ -113,7 +113,7 @@ def trace_slab(
     )
     emission = Emission(Lamp(profile="pencil", tilt_x_deg=incidence_deg), cone_rad=0.1)
     histories = Histories(1, path_nodes=2, longest_excess_m=1.0)
-    water = Water(1 - omega, omega)
+    water = ReferenceWater(1 - omega, omega)
     flux, books = [], []
     for batch in range(BATCHES):
         each = photons // BATCHES
@@ -285,7 +285,7 @@ def test_where_a_pencil_beam_is_absorbed(a: float, b: float, g: float) -> None:
     )
     emission, histories = Emission(Lamp(profile="pencil"), cone_rad=0.1), Histories(0, path_nodes=2)
     surfaces, turn, planes = Shapes(scene), henyey_greenstein(g), AbsorptionMoments(a, b)
-    samples, water, each = [], Water(a, b), 10_240
+    samples, water, each = [], ReferenceWater(a, b), 10_240
     for batch in range(BATCHES):
         # In parts: four cells get all deposits, and single precision drops what adds little to a large sum.
         parts = [

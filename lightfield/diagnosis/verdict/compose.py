@@ -30,10 +30,10 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
+    PlaceToRead,
     Reason,
     Rung,
     SetAside,
-    Spot,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.trust import Trust, standard_errors
@@ -220,7 +220,9 @@ def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
     curve = sigma_curve(found.prepared, level.bench.phi * level.phi)
     best = where_next(problem, found.finding.whiten, one, two, level.phi, places, there, curve)
     readings = [
-        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats)
+        PlaceToRead(
+            x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats
+        )
         for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
     alike = best.predicted_sigma < SAME_CLASS_SIGMA

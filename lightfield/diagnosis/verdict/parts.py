@@ -12,7 +12,7 @@ from lightfield.diagnosis.adequacy.structure import Structure
 Kind = Literal["none", "identified", "ambiguous", "unexplained"]
 
 
-class Part(BaseModel):
+class Record(BaseModel):
     """Plain data that nothing changes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
@@ -41,7 +41,7 @@ class Reason(_Word):
     TOO_WIDE = "undetermined: error wider than the allowed range"
 
 
-class Estimate(Part):
+class Estimate(Record):
     """A fitted number."""
 
     value: float
@@ -50,7 +50,7 @@ class Estimate(Part):
     reason: Reason | None = Field(None, description="why there is no error")
 
 
-class AcceptedExplanation(Part):
+class AcceptedExplanation(Record):
     """A smallest set of effects beside which nothing is missing."""
 
     effects: list[str]
@@ -64,7 +64,7 @@ class AcceptedExplanation(Part):
     adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")
 
 
-class WaterAndBeam(Part):
+class WaterAndBeam(Record):
     """What a fit says of the water at the first wavelength, and of the beam."""
 
     absorption_per_m: float
@@ -73,7 +73,7 @@ class WaterAndBeam(Part):
     hwhm_deg: float
 
 
-class FoundEffect(Part):
+class FoundEffect(Record):
     """An effect of the best set, and how sure it is."""
 
     effect: str
@@ -108,7 +108,7 @@ class FoundEffect(Part):
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 
 
-class Unnamed(Part):
+class Unnamed(Record):
     """An effect that is too small to be named, and changes values by more than their stated errors."""
 
     effect: str
@@ -116,14 +116,14 @@ class Unnamed(Part):
     with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
 
 
-class NearestRival(Part):
+class NearestRival(Record):
     """The next explanation and its distance."""
 
     effects: list[str]
     separation_sigma: float
 
 
-class DetectionLimit(Part):
+class DetectionLimit(Record):
     """Smallest size that would have been seen with 95 % probability."""
 
     parameter: str
@@ -132,7 +132,7 @@ class DetectionLimit(Part):
     within_range: bool = Field(description="false: not even its largest plausible size would have been seen")
 
 
-class Rung(Part):
+class Rung(Record):
     """One step of the ladder from the base model to the explanation."""
 
     label: str
@@ -149,7 +149,7 @@ class Rung(Part):
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
 
 
-class StatedEffect(Part):
+class StatedEffect(Record):
     """An effect that the scene itself has, and what the readings say of it."""
 
     effect: str | None = Field(description="absent for what no effect of the table sets free")
@@ -176,7 +176,7 @@ class StatedEffect(Part):
     )
 
 
-class Spot(Part):
+class PlaceToRead(Record):
     """Readings to take."""
 
     x_m: float
@@ -186,7 +186,7 @@ class Spot(Part):
     repeats: int
 
 
-class SetAside(Part):
+class SetAside(Record):
     """A reading that took no part in the fit."""
 
     row: int = Field(description="row of the table, from 0")
@@ -199,7 +199,7 @@ class SetAside(Part):
     off_sigma: float | None = Field(description="(reading - model) / standard error; none if saturated")
 
 
-class Misfit(Part):
+class Misfit(Record):
     """An unexplained misfit that depends on one coordinate alone."""
 
     coordinate: str
@@ -210,7 +210,7 @@ class Misfit(Part):
     like: str | None = Field(None, description="local unknown that describes it best, if one does")
 
 
-class LeftOver(Part):
+class LeftOver(Record):
     """A local unknown beside what is known: where and how large the rest is that nothing explains."""
 
     name: str
@@ -244,7 +244,7 @@ class DoubtReason(_Word):
     NOT_CONFIRMED = "a fresh render does not confirm the fit"
 
 
-class Doubt(Part):
+class Doubt(Record):
     """Why nothing is named or ruled out whatever was found."""
 
     reason: DoubtReason

@@ -18,7 +18,7 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
-    Part,
+    Record,
     Rung,
     SetAside,
     StatedEffect,
@@ -28,7 +28,7 @@ from lightfield.diagnosis.verdict.text import warnings_of, words_of
 from lightfield.diagnosis.verdict.words import doubt
 
 
-class Verdict(Part):
+class Verdict(Record):
     """Everything a diagnosis says: data, and the words that follow from it."""
 
     verdict: Kind

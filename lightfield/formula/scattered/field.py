@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, multiple, reach
 from lightfield.formula.scattered.nodes import (
-    Table,
+    EmissionTable,
     half_width_rad,
     mean_cosine,
     near,
@@ -206,7 +206,7 @@ class ScatteredField:
 
     def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[TabledPaths]:
         """Paths of light that is scattered once, to all angles at every distance."""
-        angles, fine, table = _angles(most), Resolution.for_beam(width, most), Table.of(width)
+        angles, fine, table = _angles(most), Resolution.for_beam(width, most), EmissionTable.of(width)
 
         def to(z: float) -> SinglePaths:
             far = np.full(len(angles), z)

@@ -15,7 +15,7 @@ from lightfield.readings.columns import ErrorBudget, LoadWarning
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.importing.replicates import Point, join
+from lightfield.readings.importing.replicates import BandValue, join
 from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
@@ -81,7 +81,7 @@ def import_index(
     notes: list[LoadWarning] = [] if time_note is None else [time_note]
     darks = [shot for shot in shots if shot.entry.role == "dark"]
     sequence = _in_order([shot for shot in shots if shot.entry.role in ("signal", "reference")])
-    points: dict[tuple[int, int], Point] = {}
+    points: dict[tuple[int, int], BandValue] = {}
     flat: dict[str, float] = {}
     for k, shot in enumerate(sequence):
         _reduce(k, shot, darks, unit, bands_nm, saturation_level, points, flat, problems)
@@ -230,7 +230,7 @@ def _reduce(
     unit: str,
     bands: Bands,
     level: float | None,
-    points: dict[tuple[int, int], Point],
+    points: dict[tuple[int, int], BandValue],
     flat: dict[str, float],
     problems: Problems,
 ) -> None:
@@ -253,7 +253,9 @@ def _reduce(
             scale = shot.exposure_s if counts else 1.0
             near = (wavelength >= low) & (wavelength <= high)
             names = tuple(d.entry.file for d in chosen) or (("own column",) if own and counts else ())
-            points[k, b] = Point(shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names)
+            points[k, b] = BandValue(
+                shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names
+            )
     except ValueError as error_:
         problems.add(f"{shot.entry.file}: {error_}", place=shot.entry.line)
 

@@ -13,7 +13,7 @@ from lightfield.readings.importing.reduction import Shot
 
 
 @dataclass(frozen=True)
-class Point:
+class BandValue:
     """What one spectrum gives in one band, before replicates are joined."""
 
     shot: Shot
@@ -29,7 +29,7 @@ def _place(shot: Shot) -> tuple[object, ...]:
 
 
 def join(
-    sequence: Sequence[Shot], points: dict[tuple[int, int], Point], n_bands: int
+    sequence: Sequence[Shot], points: dict[tuple[int, int], BandValue], n_bands: int
 ) -> list[dict[str, Any]]:
     """One row for each stay at a place, exposure and band; coming back later is another reading."""
     stays: list[list[int]] = []
@@ -57,7 +57,7 @@ def join(
     return rows
 
 
-def _row(points: Sequence[Point]) -> dict[str, Any]:
+def _row(points: Sequence[BandValue]) -> dict[str, Any]:
     shots = [p.shot for p in points]
     value, error = reduction.mean_and_error([p.value for p in points])
     entry = shots[0].entry

@@ -10,7 +10,7 @@ from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.columns import (
-    Table,
+    NumberBlock,
     check_axis,
     find_table,
     header_of,
@@ -95,7 +95,7 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     ]
 
 
-def place(table: Table, name: str, meaning: str, problems: Problems) -> int:
+def place(table: NumberBlock, name: str, meaning: str, problems: Problems) -> int:
     """Which column has this name, or this number from 1; a problem where none has."""
     plain = [labels.plain(known) for known in table.names]
     if labels.plain(name) in plain:
@@ -108,7 +108,7 @@ def place(table: Table, name: str, meaning: str, problems: Problems) -> int:
 
 
 def _across(
-    document: Document, table: Table, across: dict[str, tuple[list[int], Array]], problems: Problems
+    document: Document, table: NumberBlock, across: dict[str, tuple[list[int], Array]], problems: Problems
 ) -> list[Spectrum]:
     out = []
     for name, (places, wavelength) in across.items():
@@ -127,7 +127,7 @@ def _across(
 
 def _spectrum(
     document: Document,
-    table: Table,
+    table: NumberBlock,
     wavelength: Array,
     columns: Mapping[str, Array],
     label: str,

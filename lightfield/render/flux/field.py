@@ -40,7 +40,7 @@ from lightfield.scene.water.coefficients import coefficients_in
 _MIRROR_X, _MIRROR_Y, _EXCHANGED = (-1, 1, 1, 1), (1, -1, 1, 1), (1, 0, 2, 3)
 
 
-class Field(Protocol):
+class FluxField(Protocol):
     """Light on cosine receivers, for unit radiant intensity on the lamp's axis."""
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:

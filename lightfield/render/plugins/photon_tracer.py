@@ -14,7 +14,7 @@ from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
-from lightfield.render.tracer.walk import Water, counted, trace
+from lightfield.render.tracer.walk import ReferenceWater, counted, trace
 
 BATCHES = 8
 LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
@@ -130,7 +130,7 @@ def _sensors(scene: mi.Scene) -> list[DetectorPlane]:
     return list(sensors)
 
 
-def _coefficients(medium: mi.Medium) -> Water:
+def _coefficients(medium: mi.Medium) -> ReferenceWater:
     interaction = dr.zeros(mi.MediumInteraction3f)
     scattering, _, extinction = medium.get_scattering_coefficients(interaction)
     b, c = (np.array(v).ravel() for v in (scattering, extinction))
@@ -140,4 +140,4 @@ def _coefficients(medium: mi.Medium) -> Water:
             rule="photon_tracer walks one wavelength at a time",
             remedy="give sigma_t and albedo as numbers",
         )
-    return Water(float(c[0] - b[0]), float(b[0]))
+    return ReferenceWater(float(c[0] - b[0]), float(b[0]))

@@ -19,7 +19,7 @@ from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces, beckmann
-from lightfield.render.tracer.walk import Water
+from lightfield.render.tracer.walk import ReferenceWater
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.phase import of_scene
@@ -47,7 +47,7 @@ class Setup:
     emission: Emission
     planes: Planes
     histories: Histories
-    water: Water
+    water: ReferenceWater
     reference: Reference
     grid: Grid
     straight_m: np.ndarray
@@ -153,7 +153,7 @@ def prepare(
     else:
         planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
-    reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
+    reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
     top = reference.surface_reflectance if reflects else None
     parts = shapes(scene, reference.wall_albedo, top) if scene.tank else {}

@@ -30,7 +30,7 @@ from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import Turn
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.render.tracer.surfaces import FAR, Surfaces
-from lightfield.scene import Water as SceneWater
+from lightfield.scene import Water
 from lightfield.scene.curve import Nodes, value_at
 from lightfield.scene.water.layers import is_layered, slab_m
 
@@ -46,19 +46,19 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Water:
+class ReferenceWater:
     """Reference water that photons are traced in.
 
     Parameters
     ----------
     absorption_per_m, scattering_per_m : float, m^-1
-    layers : Water of a scene
+    layers : ReferenceWater of a scene
         Its gradients, slab and curve are added to the absorption.
     """
 
     absorption_per_m: float
     scattering_per_m: float
-    layers: SceneWater = field(default_factory=SceneWater)
+    layers: Water = field(default_factory=Water)
 
 
 class AbsorptionCurve:
@@ -106,7 +106,7 @@ class AbsorptionCurve:
 class Absorption:
     """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
-    def __init__(self, water: Water) -> None:
+    def __init__(self, water: ReferenceWater) -> None:
         layers = water.layers
         self.is_uniform = not is_layered(layers)
         self.uniform, self.gradient, self.centre, self.upwards, self.layer, self.low, self.high = (
@@ -199,7 +199,7 @@ def trace(
     emission: Emission,
     planes: Planes,
     histories: Histories,
-    water: Water,
+    water: ReferenceWater,
     photons: int,
     seed: int,
     first: int = 0,

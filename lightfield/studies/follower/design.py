@@ -28,8 +28,8 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import TASK_UNITS, jackknife, nuisances_of
-from lightfield.studies.follower.light import Light, Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Light, Space, light_of, pose_names
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]
@@ -69,7 +69,7 @@ def task_poses(space: Space, task: Task = "formation") -> Array:
 
 
 @dataclass(frozen=True)
-class Setting:
+class ArraySetting:
     """What arrays are compared in.
 
     Parameters
@@ -77,18 +77,18 @@ class Setting:
     light : Light
     poses : array, shape (n_poses, 6), m and rad
     names : tuple of str
-    noise : Noise
+    noise : SensorNoise
     nuisances : mapping of str to float
     """
 
     light: Light
     poses: Array
     names: tuple[str, ...]
-    noise: Noise
+    noise: SensorNoise
     nuisances: Mapping[str, float]
 
     @cached_property
-    def leave_one_out(self) -> list[Setting]:
+    def leave_one_out(self) -> list[ArraySetting]:
         """The same in the light of the trace without one of its batches, for each in turn."""
         return [replace(self, light=light) for light in self.light.leave_one_out()]
 
@@ -99,8 +99,8 @@ class Setting:
         in the
         middle that faces forward.
         """
-        model = Model(self.light, elements)
-        forward = Model(self.light, Elements(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]])))
+        model = ArrayModel(self.light, elements)
+        forward = ArrayModel(self.light, Elements(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]])))
         wanted = [*self.names, *self.nuisances]
         units = np.array([TASK_UNITS.get(name, 1.0) for name in wanted])
         rows = []
@@ -137,7 +137,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedArray:
     """An array in a task: A, root mean square bounds over its poses, m and rad, and the relative error of A
     by the noise of the trace (see `information.with_doubt`)."""
 
@@ -167,22 +167,22 @@ class Judged:
         return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 
-def judged(name: str, elements: Elements, setting: Setting) -> Judged:
+def judged(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
     """An array at the poses of a task."""
     covariances = setting.covariances(setting.whitened(elements))
     squares = np.einsum("pkk->pk", covariances)[:, : len(setting.names)].mean(axis=0)
     sigma = {n: float(TASK_UNITS[n] * np.sqrt(v)) for n, v in zip(setting.names, squares, strict=True)}
     parts = [one.criterion(one.whitened(elements)) for one in setting.leave_one_out]
     doubt = jackknife(float(squares.sum()), parts)
-    return Judged(name, elements, float(squares.sum()), sigma, doubt)
+    return JudgedArray(name, elements, float(squares.sum()), sigma, doubt)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Arrays:
     """Arrays in the same light and task, best first."""
 
     scene: Scene
-    arrays: list[Judged]
+    arrays: list[JudgedArray]
     task: str
     traced: bool
 
@@ -196,11 +196,11 @@ class Comparison:
 
 def setting_of(
     scene: Scene, space: Space, reach: Elements, task: Task, *, photons: float, seed: int
-) -> Setting:
+) -> ArraySetting:
     """Light, noise and what is unknown as a scene says; light as far as elements may reach."""
     light = light_of(scene, space, reach, photons=photons, seed=seed)
-    return Setting(
-        light, task_poses(space, task), pose_names(scene), Noise.of_scene(scene), nuisances_of(scene)
+    return ArraySetting(
+        light, task_poses(space, task), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)
     )
 
 
@@ -212,7 +212,7 @@ def compare(
     *,
     photons: float = 1e7,
     seed: int = 0,
-) -> Comparison:
+) -> Arrays:
     """Arrays of several scenes in the light, noise and task of the first.
 
     Parameters
@@ -234,7 +234,7 @@ def compare(
     found = sorted(
         (judged(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
     )
-    return Comparison(scene, found, task, bool(photons))
+    return Arrays(scene, found, task, bool(photons))
 
 
 def candidates(x: Array, y: Array, tilts_deg: Array) -> Elements:
@@ -258,7 +258,7 @@ def optimise(
     space: Space | None = None,
     photons: float = 1e7,
     seed: int = 0,
-) -> Comparison:
+) -> Arrays:
     """The best places and tilts of so many elements in a square, beside the scene's own array.
 
     Parameters
@@ -286,11 +286,11 @@ def optimise(
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
     best = designed(setting, elements, box_m, tilt_max_deg, spacing_m, seed)
     arrays = [judged("the best found", best, setting), judged(scene.name or "this array", own, setting)]
-    return Comparison(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
+    return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
 
 
 def designed(
-    setting: Setting, elements: int, box_m: float, tilt_max_deg: float, spacing_m: float, seed: int = 0
+    setting: ArraySetting, elements: int, box_m: float, tilt_max_deg: float, spacing_m: float, seed: int = 0
 ) -> Elements:
     """The best array that exchanges and ever closer candidates find."""
     half, tilts = 0.5 * box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
@@ -350,7 +350,7 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
 
 
 def _exchange(
-    setting: Setting, among: Elements, whitened: Array, begin: Sequence[int], spacing_m: float
+    setting: ArraySetting, among: Elements, whitened: Array, begin: Sequence[int], spacing_m: float
 ) -> tuple[float, list[int]]:
     """Exchanges until none helps: A, and which candidates are left."""
     chosen = list(begin)

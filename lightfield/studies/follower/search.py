@@ -16,7 +16,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import MARGIN_M, Model, Space
+from lightfield.studies.follower.light import MARGIN_M, ArrayModel, Space
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
 DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
@@ -33,7 +33,7 @@ MOST_TURNED = 0.6
 
 
 @dataclass(frozen=True)
-class Found:
+class Minima:
     """Minima, one per start, best first.
 
     Parameters
@@ -65,7 +65,7 @@ def starts_in(box: tuple[Array, Array], names: Sequence[str], count: int, seed: 
 
 
 def search(
-    model: Model,
+    model: ArrayModel,
     readings: Array,
     variance: Array,
     names: Sequence[str],
@@ -74,7 +74,7 @@ def search(
     gain_sigma: float = 0.0,
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
-) -> Found:
+) -> Minima:
     """Poses that explain readings, from every start, best first.
 
     Parameters
@@ -92,11 +92,11 @@ def search(
         model, readings, variance, names, starts, gain_sigma=gain_sigma, box=box, most_steps=most_steps
     )
     order = np.argsort(found.chi2, kind="stable")
-    return Found(found.poses[order], found.gains[order], found.chi2[order])
+    return Minima(found.poses[order], found.gains[order], found.chi2[order])
 
 
 def descend(
-    model: Model,
+    model: ArrayModel,
     readings: Array,
     variance: Array,
     names: Sequence[str],
@@ -105,7 +105,7 @@ def descend(
     gain_sigma: float = 0.0,
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
-) -> Found:
+) -> Minima:
     """As `search`, in the order of the starts; readings and variances may be of each, (s, n_elements)."""
     at = [POSE.index(name) for name in names]
     wide = len(starts), len(model.elements)
@@ -161,4 +161,4 @@ def descend(
         going[index[ended]] = False
         if not going.any():
             break
-    return Found(poses, np.exp(gain), chi2)
+    return Minima(poses, np.exp(gain), chi2)

@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Space
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.rivals import NEAR_SIGMA
 from lightfield.studies.follower.search import box_of, descend
@@ -31,7 +31,13 @@ class Observer:
     """
 
     def __init__(
-        self, model: Model, noise: Noise, names: Sequence[str], space: Space, gain_sigma: float, count: int
+        self,
+        model: ArrayModel,
+        noise: SensorNoise,
+        names: Sequence[str],
+        space: Space,
+        gain_sigma: float,
+        count: int,
     ) -> None:
         self.model, self.noise, self.names, self.gain_sigma = model, noise, tuple(names), gain_sigma
         self.box = box_of(space)

@@ -19,7 +19,7 @@ from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.light import densest_per_m, light_of_mission
 from lightfield.studies.following.loop import Track, run_loop
-from lightfield.studies.following.metrics import METRICS, Spread, metrics_of
+from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -68,9 +68,9 @@ class Followed:
         return (self.scene.follower or Follower()).mission
 
     @property
-    def spreads(self) -> dict[str, Spread]:
+    def spreads(self) -> dict[str, OverRuns]:
         """Every metric over the runs."""
-        return {name: Spread.of(values) for name, values in self.runs.items()}
+        return {name: OverRuns.of(values) for name, values in self.runs.items()}
 
     @property
     def typical(self) -> int:
@@ -306,7 +306,7 @@ def with_belief(scene: Scene, believes: str) -> Scene:
     return scene
 
 
-def _pm(one: Spread) -> str:
+def _pm(one: OverRuns) -> str:
     if not np.isfinite(one.scatter):
         return f"{one.mean:.3g}"
     digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2

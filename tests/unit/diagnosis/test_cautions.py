@@ -7,7 +7,7 @@ import pytest
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
-from lightfield.diagnosis.verdict.parts import Spot
+from lightfield.diagnosis.verdict.parts import PlaceToRead
 from lightfield.readings.columns import LoadWarning
 
 NUMBERS = {
@@ -41,7 +41,7 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
     told = NextMeasurement(
         asks=asks,
         between=[["beam_tilt"], ["detector_tilt", "background"]],
-        readings=[Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
+        readings=[PlaceToRead(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
         separation_now_sigma=1.2,
         separation_predicted_sigma=7.5,
     )

@@ -11,7 +11,7 @@ import pytest
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.experiments.layouts import scan
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -33,7 +33,7 @@ def coloured(water: Mapping[str, Any], hidden: Mapping[str, Any], seed: int = 0)
     table = scan(believed, "line", "random", rng)
     truth = believed.with_values({"lamp.hwhm_deg": 4.4, **hidden})
     light = direct_field(truth, table.x_m, table.y_m, table.z_m, table.wavelength_nm)
-    measured, _ = measure(truth, table, Light(light), Instrument(), rng)
+    measured, _ = measure(truth, table, LightAtReadings(light), Instrument(), rng)
     return measured, believed
 
 

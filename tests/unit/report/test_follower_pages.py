@@ -12,8 +12,8 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.design import compare, optimise
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.sequence import Poses
 from lightfield.studies.follower.survey import survey
@@ -49,8 +49,8 @@ def test_a_comparison_names_the_best(tmp_path: Path) -> None:
 def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     scene = Scene.from_dict({**SCENE.to_dict(), "array": {**ROUND, "count": [5, 5]}})
     assert scene.array is not None
-    model = Model(FormulaLight(scene), elements_of(scene.array))
-    noise = Noise(brightest=0.01, ampere=1.0, amplifier=1e-9)
+    model = ArrayModel(FormulaLight(scene), elements_of(scene.array))
+    noise = SensorNoise(brightest=0.01, ampere=1.0, amplifier=1e-9)
     tracker = Tracker(Estimator(model, noise, POSE[:5], {"gain": 0.05}, Space()))
     readings = model.readings(np.array([[0.1, 0, 6, 0, 0, 0.0]]))[0]
     states = [tracker.update(readings * (t != 2), 0.1 * t) for t in range(4)]

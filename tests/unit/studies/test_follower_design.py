@@ -7,17 +7,17 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import Setting, candidates, compare, designed, judged, task_poses
+from lightfield.studies.follower.design import ArraySetting, candidates, compare, designed, judged, task_poses
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
 
 SCENE = Scene.from_dict(
     {"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05}}
 )
 POSES = task_poses(Space(0.4, 4.5, 8.5))
-SETTING = Setting(FormulaLight(SCENE), POSES, POSE[:5], Noise(brightest=0.01), {"gain": 0.05})
+SETTING = ArraySetting(FormulaLight(SCENE), POSES, POSE[:5], SensorNoise(brightest=0.01), {"gain": 0.05})
 
 
 def test_an_exchange_is_a_new_array() -> None:
@@ -33,7 +33,7 @@ def test_an_exchange_is_a_new_array() -> None:
 def test_the_criterion_is_the_mean_of_bounds() -> None:
     """By plain inversion, with derivatives by one-sided differences of the formula."""
     elements, total = on_sphere(grid((5, 5), 0.4), 0.32), 0.0
-    model = Model(FormulaLight(SCENE), elements)
+    model = ArrayModel(FormulaLight(SCENE), elements)
     units = np.array([0.01, 0.01, 0.1, np.radians(1), np.radians(1), 1.0])
     for pose in POSES:
         base = model.readings(pose[None])[0]

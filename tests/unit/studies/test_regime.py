@@ -5,13 +5,13 @@ import pytest
 
 from lightfield.report.regime import percent, regime_figure
 from lightfield.report.style import save_png
-from lightfield.studies.regime import Point, as_text, reach, regime_map, rows, undecided
+from lightfield.studies.regime import AxisPoint, as_text, reach, regime_map, rows, undecided
 
 
 def lossless_scattering(depth, albedo, receiver):
     """All light scattered is seen (irradiance) or a tenth of it (collimator): K = a, or K = a + 0.9 b."""
     seen = 1.0 if receiver == "irradiance" else 0.1
-    return Point(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
+    return AxisPoint(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
 
 
 def test_error_is_that_of_the_wrong_exponent():
@@ -33,9 +33,9 @@ def test_reach_is_where_the_error_crosses_the_level():
 
 
 def test_noise_leaves_points_open_and_the_map_says_so():
-    found = regime_map(lambda d, a, r: Point(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
+    found = regime_map(lambda d, a, r: AxisPoint(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
     assert undecided(found).all(), "6 % off with a noise of 1 %: within 5 % or not is open"
-    sure = regime_map(lambda d, a, r: Point(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
+    sure = regime_map(lambda d, a, r: AxisPoint(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
     assert not undecided(sure).any()
 
 
@@ -48,7 +48,7 @@ def test_table_and_verdict():
 
 
 def test_nothing_rendered_is_unknown_not_zero():
-    found = regime_map(lambda d, a, r: Point(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
+    found = regime_map(lambda d, a, r: AxisPoint(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
     assert np.isnan(found.formula_error.values).all()
 
 

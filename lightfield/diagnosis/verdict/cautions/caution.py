@@ -6,7 +6,7 @@ from enum import Enum
 
 from pydantic import Field, computed_field
 
-from lightfield.diagnosis.verdict.parts import Doubt, Part
+from lightfield.diagnosis.verdict.parts import Doubt, Record
 from lightfield.readings.columns import LoadWarning
 
 
@@ -74,7 +74,7 @@ _WORDS = {
 }
 
 
-class Caution(Part):
+class Caution(Record):
     """Something to be warned of."""
 
     warns: Warns

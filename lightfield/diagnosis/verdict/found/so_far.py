@@ -13,7 +13,7 @@ from lightfield.fitting.least_squares import Fit
 
 
 @dataclass(frozen=True)
-class Best:
+class BestSoFar:
     """The best set so far."""
 
     problem: Problem
@@ -38,13 +38,13 @@ class SoFar:
     ----------
     sets : int
         Sets of effects that were fitted.
-    best : Best, optional
+    best : BestSoFar, optional
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda line: None) -> None:
         self._tell = tell
         self.sets = 0
-        self.best: Best | None = None
+        self.best: BestSoFar | None = None
         self._base_percent: float | None = None
 
     def __call__(self, stage: str) -> None:
@@ -54,13 +54,13 @@ class SoFar:
         """So many sets more were fitted, and this is the best so far."""
         self.sets += sets
         if self.best is None or fit is not self.best.fit:
-            self.best = Best(problem, explanation, fit)
+            self.best = BestSoFar(problem, explanation, fit)
             if not explanation:
                 self._base_percent = self.best.error_percent
         if sets:
             self._tell(self._line(self.best))
 
-    def _line(self, best: Best) -> str:
+    def _line(self, best: BestSoFar) -> str:
         names = " + ".join(c.name for c in best.explanation) or "no effect"
         return f"{self.sets} sets of effects tried; best so far: {best.error_percent:.3g} % with {names}"
 
@@ -79,7 +79,7 @@ class SoFar:
         return "\n".join([*lines, *(f"  {_effect(c, best)}" for c in best.explanation)])
 
 
-def _effect(candidate: Candidate, best: Best) -> str:
+def _effect(candidate: Candidate, best: BestSoFar) -> str:
     if candidate.effect.is_free_form:
         return f"{candidate.name}: a curve of {len(candidate.amplitudes)} functions"
     known = best.problem.forward.scene.parameters()
