@@ -230,7 +230,7 @@ def import_(
     )
 
 
-def light_of(trace: bool) -> DiffuseSource | None:
+def diffuse_source(trace: bool) -> DiffuseSource | None:
     """Where scattered and reflected light comes from: the renderer, or nowhere."""
     if not trace:
         return None

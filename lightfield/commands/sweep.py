@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
             rule=f"about {size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
         )  # fmt: skip
-    with progress_bar() as report:
+    with cases_bar() as report:
         done = run_sweep(
             plan,
             args.output,
@@ -174,7 +174,7 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
 
 
 @contextmanager
-def progress_bar(name: str = "sweep") -> Iterator[Report]:
+def cases_bar(name: str = "sweep") -> Iterator[Report]:
     """Cases done, photons per second and time left on standard error; else a line now and then."""
     output = console(stderr=True)
     if not output.is_terminal:

@@ -140,7 +140,7 @@ def label_of(path: str) -> str:
     return f"{'own ' if part == 'effect' else ''}{rest}"
 
 
-def named(effects: Iterable[str]) -> str:
+def effects_in_words(effects: Iterable[str]) -> str:
     """Effects "effect:form" for people."""
     return " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
 

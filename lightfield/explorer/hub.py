@@ -366,4 +366,4 @@ async def _awaited(found: Any) -> None:
 
 
 def _text(kind: str, **content: object) -> str:
-    return json.dumps(protocol.plain({"type": kind, **content}), allow_nan=False)
+    return json.dumps(protocol.jsonable({"type": kind, **content}), allow_nan=False)

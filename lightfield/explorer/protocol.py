@@ -168,7 +168,7 @@ def request_id(message: str | bytes) -> int | None:
 def pack(head: Mapping[str, object], arrays: Mapping[str, Array]) -> bytes:
     """A binary answer."""
     listed = [[name, list(array.shape)] for name, array in arrays.items()]
-    text = json.dumps(plain({**head, "arrays": listed}), allow_nan=False).encode()
+    text = json.dumps(jsonable({**head, "arrays": listed}), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     body = b"".join(np.ascontiguousarray(array, "<f4").tobytes() for array in arrays.values())
     return struct.pack("<I", len(text)) + text + body
@@ -186,14 +186,14 @@ def unpack(message: bytes) -> tuple[dict[str, object], dict[str, Array]]:
     return head, arrays
 
 
-def plain(value: object) -> object:
+def jsonable(value: object) -> object:
     """The same as JSON may hold it: what is no number is null."""
     if isinstance(value, dict):
-        return {str(key): plain(inner) for key, inner in value.items()}
+        return {str(key): jsonable(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
+        return [jsonable(inner) for inner in value]
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return jsonable(value.tolist())
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.integer):

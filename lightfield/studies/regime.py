@@ -132,7 +132,7 @@ def regime_map(
     )
 
 
-def reach(optical_depth: Array, error: Array, level: float) -> float:
+def depth_within(optical_depth: Array, error: Array, level: float) -> float:
     """Largest optical depth up to which the error stays within a level, interpolated between points.
 
     Parameters
@@ -193,7 +193,7 @@ def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> st
 
 
 def _reach_text(depth: Array, error: Array, level: float) -> str:
-    found = reach(depth, error, level)
+    found = depth_within(depth, error, level)
     if np.isinf(found):
         return f"> {depth[-1]:g}"
     return f"< {depth[0]:g}" if np.isnan(found) else f"{found:.2g}"

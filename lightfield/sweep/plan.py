@@ -288,8 +288,8 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
     # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
     for steps in np.ndindex(*(cases.axes[i].size for i in transport)):
         alike = numbers[_where(cases, transport, steps)].ravel()
-        if problem_of(cases, int(alike[0])):
-            problems |= {int(n): problem for n in alike if (problem := problem_of(cases, int(n)))}
+        if why_impossible(cases, int(alike[0])):
+            problems |= {int(n): problem for n in alike if (problem := why_impossible(cases, int(n)))}
     table = np.zeros((*cases.shape, 4))
     # Water and walls apart: where both vary, each has far fewer values than there are cases.
     water = Acts.ABSORPTION | Acts.SCATTERING | Acts.BASE | Acts.COLOUR | Acts.PLACES
@@ -323,7 +323,7 @@ def _coefficients(scene: Scene) -> tuple[float, float]:
     return float(a.min()), float(b.max())
 
 
-def problem_of(cases: Cases, number: int) -> str:
+def why_impossible(cases: Cases, number: int) -> str:
     """Why a case cannot be; empty when it can."""
     try:
         cases.build(number)

@@ -13,7 +13,7 @@ import pytest
 from lightfield.render.flux.field import Region, TracedField, traced_field
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import CLEAR, EXACT, FITTED, RELATIVE, belief, believed
-from lightfield.studies.follower.design import ArraySetting, judged, task_poses
+from lightfield.studies.follower.design import ArraySetting, judged_array, task_poses
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, with_doubt
@@ -166,5 +166,5 @@ def test_criterion_of_known_arrays(field, name: str) -> None:
     """b = 0.05, gain to 5 %. A holds squares of slopes, and of flat arrays the noise of the trace."""
     elements, expected = CRITERIA[name]
     setting = ArraySetting(water(field, 0.05), task_poses(SPACE), POSE[:5], NOISE, {"gain": 0.05})
-    found = judged(name, elements, setting)
+    found = judged_array(name, elements, setting)
     assert found.criterion == pytest.approx(expected, rel=SIGMAS * np.hypot(found.doubt, 2 * SLOPES))

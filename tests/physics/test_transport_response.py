@@ -65,11 +65,11 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
     """
     use_backend()
     from lightfield.render.tracer.accumulate import response_from
-    from lightfield.render.tracer.build import prepare
+    from lightfield.render.tracer.build import assembled
     from lightfield.render.tracer.histories import Histories
     from lightfield.render.tracer.walk import counted, trace
 
-    setup = prepare(SCENE, scene_grid(SCENE), Reference(0.05, 0.2, 0.5))
+    setup = assembled(SCENE, scene_grid(SCENE), Reference(0.05, 0.2, 0.5))
     coarse = setup.histories
     fine = Histories(
         coarse.max_scatterings,

@@ -12,7 +12,7 @@ from lightfield.diagnosis.problem.candidates import Setting, candidates
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Budget, errors_stated
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
+from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, SceneForward
@@ -78,7 +78,7 @@ def budget_of(readings: Readings) -> Budget:
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
     repeats = repeats_of(readings) if gain is None else None
     if repeats is not None:
-        gain = 100 * plane_gain(repeats, PLANE_GAIN_PERCENT / 100)
+        gain = 100 * plane_gain_error(repeats, PLANE_GAIN_PERCENT / 100)
         assumed.append(Assumed(Term.PLANE_GAIN, gain, repeats.visits, repeats.reference))
     elif gain is None:
         assumed.append(Assumed(Term.PLANE_GAIN, PLANE_GAIN_PERCENT))

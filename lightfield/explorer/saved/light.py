@@ -53,7 +53,7 @@ def why_fixed(e: Experiment, scene: Scene) -> str | None:
     return "some readings are in air" if e.layout.air.any() else None
 
 
-def ranges(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def ranges_at_stop(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Ranges of what moves at a stop, by path."""
     out = {}
     for path, value in values.items():

@@ -24,9 +24,9 @@ from lightfield.errors import LightfieldError
 from lightfield.explorer.described import state_data
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.places import SIDE
-from lightfield.explorer.protocol import plain
+from lightfield.explorer.protocol import jsonable
 from lightfield.explorer.saved.arrays import PackedArrays
-from lightfield.explorer.saved.light import fixed_light, moving_light, ranges, why_fixed
+from lightfield.explorer.saved.light import fixed_light, moving_light, ranges_at_stop, why_fixed
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
@@ -68,7 +68,7 @@ def page_html(session: Session) -> str:
         "verdict": session.verdict,
     }
     data["arrays"] = session_arrays.text
-    return _filled(str(e["title"]), json.dumps(plain(data), allow_nan=False))
+    return _filled(str(e["title"]), json.dumps(jsonable(data), allow_nan=False))
 
 
 def _stops(session: Session) -> list[tuple[State, str]]:
@@ -117,7 +117,7 @@ def _stop(
             None if m is None else (m, {**values, GAIN: values[gain]}, (gain,))
             for m, gain in zip(maps, gains, strict=True)
         ]
-    why, moves = why_fixed(e, e.forward.scene_at(values, validate=False)), ranges(values)
+    why, moves = why_fixed(e, e.forward.scene_at(values, validate=False)), ranges_at_stop(values)
     if why is None:
         try:
             readings = moving_light(*first, moves, arrays)

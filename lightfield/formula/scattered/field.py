@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
-from lightfield.formula.scattered.multiple import Spread, multiple, reach
+from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.nodes import (
     EmissionTable,
     half_width_rad,
@@ -191,7 +191,7 @@ class ScatteredField:
         known = near(phase)
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
-        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(reach(lamp)))]
+        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(largest_kz(lamp)))]
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)

@@ -15,7 +15,7 @@ from lightfield.readings.columns import ErrorBudget, LoadWarning
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.importing.replicates import BandValue, join
+from lightfield.readings.importing.replicates import BandValue, joined_rows
 from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
@@ -86,8 +86,8 @@ def import_index(
     for k, shot in enumerate(sequence):
         _reduce(k, shot, darks, unit, bands_nm, saturation_level, points, flat, problems)
     problems.raise_any("not a usable index")
-    notes += provenance.warnings_of(sequence, darks, unit, flat)
-    rows = join(sequence, points, len(bands_nm))
+    notes += provenance.doubts_of_files(sequence, darks, unit, flat)
+    rows = joined_rows(sequence, points, len(bands_nm))
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])
     notes += [single] if single else []
     metadata = provenance.metadata_of(sequence, darks, unit, bands_nm, saturation_level, notes)

@@ -60,7 +60,7 @@ def read_places(
             "no table of numbers", where=where, rule="names of columns, and two rows or more below them",
             remedy="export it as CSV",
         )  # fmt: skip
-    at = {m: plain.place(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
+    at = {m: plain.column_named(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
     problems.raise_any("not a usable table")
     numbers = {m: _lengths(table, m, at[m], problems) for m in PLACES if m in at}
     spectra = _one_band(where, table, at["value"], bands_nm, problems) if "value" in at else None

@@ -11,7 +11,7 @@ import numpy as np
 from lightfield.readings.columns import LoadWarning
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.problems import ranges
+from lightfield.readings.problems import line_ranges
 
 # Columns of a table made by import beside those of every reading table.
 COLUMNS = ("file", "n_spectra", "dark", "nonlinearity_corrected", "electric_dark_corrected")
@@ -70,7 +70,7 @@ def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {label: text for label, text in first.items() if all(other.get(label) == text for other in others)}
 
 
-def warnings_of(
+def doubts_of_files(
     sequence: Sequence[Shot], darks: Sequence[Shot], unit: str, flat: Mapping[str, float]
 ) -> list[LoadWarning]:
     """What is doubtful about the files."""
@@ -144,8 +144,8 @@ def single_spectra(n_spectra: Sequence[str], stderr: Sequence[float]) -> LoadWar
     ]
     if not single and not equal:
         return None
-    parts = [f"readings {ranges(single)} come from single spectra"] if single else []
-    parts += [f"readings {ranges(equal)} from identical ones"] if equal else []
+    parts = [f"readings {line_ranges(single)} come from single spectra"] if single else []
+    parts += [f"readings {line_ranges(equal)} from identical ones"] if equal else []
     return LoadWarning(
         "single_spectra",
         f"{' and '.join(parts)}: no standard error (the scatter of pixels does not show lamp and position)",

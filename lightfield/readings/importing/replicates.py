@@ -28,7 +28,7 @@ def _place(shot: Shot) -> tuple[object, ...]:
     return (entry.role, entry.medium, entry.x_m + 0.0, entry.y_m + 0.0, entry.z_m)
 
 
-def join(
+def joined_rows(
     sequence: Sequence[Shot], points: dict[tuple[int, int], BandValue], n_bands: int
 ) -> list[dict[str, Any]]:
     """One row for each stay at a place, exposure and band; coming back later is another reading."""

@@ -189,7 +189,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 def wavelength_column(table: NumberBlock) -> int:
     """Which column is the wavelength: by its name or unit, else the first."""
     for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
-        words = labels.plain(name)
+        words = labels.folded(name)
         if unit == "nm" or re.match(r"(wave|lambda|λ|longitud|wellenl|longueur|lunghezza|w$|nm$)", words):
             return k
     return 0

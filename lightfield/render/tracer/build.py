@@ -106,7 +106,7 @@ def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:
     return float(np.clip(7 / max(decay, 1e-6), max(2 * far_m, 8.0), 8 * max(far_m, 8.0)))
 
 
-def prepare(
+def assembled(
     scene: Scene,
     grid: Grid,
     reference: Reference,

@@ -150,7 +150,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
     return write(path, "Detector array", verdict, lead, sections, survey.scene, origin)
 
 
-def write_comparison(found: Arrays, path: str | os.PathLike[str]) -> Path:
+def write_arrays(found: Arrays, path: str | os.PathLike[str]) -> Path:
     """Page of `array compare` and `array optimise`."""
     best, worst = found.arrays[0], found.arrays[-1]
     rows = [

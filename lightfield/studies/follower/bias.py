@@ -36,7 +36,7 @@ from lightfield.studies.follower.light import (
     pose_names,
 )
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import search
+from lightfield.studies.follower.search import find_minima
 from lightfield.studies.follower.survey import array_of
 
 #: Ways to calibrate the formula, in words.
@@ -55,14 +55,14 @@ SCATTERING_PER_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 ACROSS, ALONG = 5, 5
 
 
-def on_axis(light: Light, z_m: float) -> float:
+def reading_on_axis(light: Light, z_m: float) -> float:
     """Reading of a receiver on the axis that faces the lamp, 1/m^2."""
     return float(light.reading(np.array([[0.0, 0.0, z_m]]), np.array([[0.0, 0.0, -1.0]]))[0])
 
 
 def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
     """K of ln(E z^2) on the axis between two distances, 1/m: what a fit of Beer-Lambert there gives."""
-    first, last = (on_axis(light, z) * z**2 for z in (near_m, far_m))
+    first, last = (reading_on_axis(light, z) * z**2 for z in (near_m, far_m))
     return float(np.log(first / last) / (far_m - near_m))
 
 
@@ -87,7 +87,7 @@ def believed(truth: Light, elements: Elements, calibration: str, space: Space) -
     else:
         slope = slope_per_m(made_in, space.near_m, space.far_m)
     formula = FormulaLight(truth.scene.model_copy(update={"water": Water(absorption_per_m=max(slope, 0.0))}))
-    gain = on_axis(made_in, space.near_m) / on_axis(formula, space.near_m)
+    gain = reading_on_axis(made_in, space.near_m) / reading_on_axis(formula, space.near_m)
     return ArrayModel(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
 
 
@@ -143,7 +143,7 @@ def belief(
     """
     readings = truth.readings(pose[None])[0]
     variance = noise.variance(readings)
-    found = search(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
+    found = find_minima(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
     best, gain = found.poses[0], float(found.gains[0])
     covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
     # What the trace does not know of the readings moves the belief as noise of the readings would.

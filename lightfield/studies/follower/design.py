@@ -167,7 +167,7 @@ class JudgedArray:
         return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 
-def judged(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
+def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
     """An array at the poses of a task."""
     covariances = setting.covariances(setting.whitened(elements))
     squares = np.einsum("pkk->pk", covariances)[:, : len(setting.names)].mean(axis=0)
@@ -204,7 +204,7 @@ def setting_of(
     )
 
 
-def compare(
+def compare_arrays(
     scene: Scene,
     others: Mapping[str, Scene],
     space: Space | None = None,
@@ -232,12 +232,12 @@ def compare(
     widest = max(arrays.values(), key=lambda elements: elements.reach_m)
     setting = setting_of(scene, space, widest, task, photons=photons, seed=seed)
     found = sorted(
-        (judged(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
+        (judged_array(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
     )
     return Arrays(scene, found, task, bool(photons))
 
 
-def candidates(x: Array, y: Array, tilts_deg: Array) -> Elements:
+def candidate_arrays(x: Array, y: Array, tilts_deg: Array) -> Elements:
     """All places with all tilts: normals (tan tx, tan ty, -1), normalised."""
     px, py, tx, ty = (
         v.ravel() for v in np.meshgrid(x, y, *(2 * [np.tan(np.radians(tilts_deg))]), indexing="ij")
@@ -247,7 +247,7 @@ def candidates(x: Array, y: Array, tilts_deg: Array) -> Elements:
     return Elements(place, normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
-def optimise(
+def optimise_array(
     scene: Scene,
     elements: int,
     box_m: float,
@@ -285,7 +285,10 @@ def optimise(
     reach = max((corner, own), key=lambda one: one.reach_m)
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
     best = designed(setting, elements, box_m, tilt_max_deg, spacing_m, seed)
-    arrays = [judged("the best found", best, setting), judged(scene.name or "this array", own, setting)]
+    arrays = [
+        judged_array("the best found", best, setting),
+        judged_array(scene.name or "this array", own, setting),
+    ]
     return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
 
 
@@ -295,7 +298,7 @@ def designed(
     """The best array that exchanges and ever closer candidates find."""
     half, tilts = 0.5 * box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
     side = np.linspace(-half, half, SIDE)
-    everything = candidates(side, side, tilts)
+    everything = candidate_arrays(side, side, tilts)
     whitened, rng = setting.whitened(everything), np.random.default_rng(seed)
     found = [
         _exchange(setting, everything, whitened, _begin(everything, elements, spacing_m, rng), spacing_m)

@@ -22,7 +22,7 @@ from lightfield.studies.follower.information import Bound, bound_pair, nuisances
 from lightfield.studies.follower.light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.rivals import RivalPose, others
-from lightfield.studies.follower.search import Minima, box_of, search, starts_in
+from lightfield.studies.follower.search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.
@@ -166,7 +166,7 @@ class Estimator:
 
     def fit(self, readings: Array, starts: Array) -> Minima:
         """Minima from the starts; see `search`."""
-        return search(
+        return find_minima(
             self.model,
             readings,
             self.noise.variance(readings),

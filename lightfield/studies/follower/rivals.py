@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.light import ArrayModel
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import Minima, search, starts_in
+from lightfield.studies.follower.search import Minima, find_minima, starts_in
 
 #: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).
 NEAR_SIGMA = 5.0
@@ -58,7 +58,9 @@ def rivals(
     """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
     readings = model.readings(pose[None])[0]
     begin = starts_in(box, names, starts, seed)
-    found = search(model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box)
+    found = find_minima(
+        model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box
+    )
     return others(found, pose)
 
 

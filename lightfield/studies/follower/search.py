@@ -64,7 +64,7 @@ def starts_in(box: tuple[Array, Array], names: Sequence[str], count: int, seed: 
     return np.where(sought, np.random.default_rng(seed).uniform(low, high, (count, len(POSE))), 0.0)
 
 
-def search(
+def find_minima(
     model: ArrayModel,
     readings: Array,
     variance: Array,

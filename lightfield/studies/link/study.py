@@ -38,7 +38,13 @@ from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
-from lightfield.studies.link.bandwidth import LIGHT_M_PER_S, PATH_NODES, WATER_INDEX, along, bandwidth_of
+from lightfield.studies.link.bandwidth import (
+    LIGHT_M_PER_S,
+    PATH_NODES,
+    WATER_INDEX,
+    bandwidth_of,
+    between_nodes,
+)
 from lightfield.studies.working_range.reaches import Reach, docking_reach
 
 #: Charge of the electron, C (exact in the SI).
@@ -256,7 +262,7 @@ def _along(
         ln = PchipInterpolator(nodes, np.log(np.maximum(late.diffuse, 1e-300) / near))
         ratio = np.exp(ln(fine))
         error = np.exp(np.interp(fine, nodes, np.log(np.maximum(late.relative_error, 1e-6))))
-        bandwidth, spread = along(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
+        bandwidth, spread = between_nodes(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
         eye = np.interp(fine, nodes, late.eye)
     intensity = water.lamp.power_w / solid_angle_sr(water.lamp)
     scale = intensity * receiver.area_mm2 * 1e-6

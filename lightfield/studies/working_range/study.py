@@ -26,7 +26,7 @@ from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.light_at import LightAt, light_at
 from lightfield.studies.working_range.field import RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
-from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, sigmas
+from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, pose_sigmas
 
 #: The paper's rule.
 PAPER_SHARE = 0.20
@@ -160,7 +160,7 @@ def working_range(
             "half_radius_m": ("z_m", half[0], {"units": "m", "long_name": "radius of half intensity"}),
             "half_radius_stderr_m": ("z_m", half_error, {"units": "m"}),
             "half_radius_formula_m": ("z_m", half[1], {"units": "m"}),
-            **sigmas(known, at, z),
+            **pose_sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
         attrs={"reference_m": first, "noise": noise},

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.report.follower.page import write_comparison, write_survey
+from lightfield.report.follower.page import write_arrays, write_survey
 from lightfield.report.follower.pose_page import write_poses
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import compare, optimise
+from lightfield.studies.follower.design import compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
@@ -35,13 +35,13 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
 
 def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
-    html = write_comparison(compare(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
+    html = write_arrays(compare_arrays(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
         encoding="utf-8"
     )
     assert "9 elements (good) know the pose" in html
-    found = optimise(good, 6, 0.3, photons=0)
+    found = optimise_array(good, 6, 0.3, photons=0)
     assert found.arrays[0].name == "the best found"
-    assert "Elements of the best found" in write_comparison(found, tmp_path / "o.html").read_text(
+    assert "Elements of the best found" in write_arrays(found, tmp_path / "o.html").read_text(
         encoding="utf-8"
     )
 

@@ -24,7 +24,7 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import search
+from lightfield.studies.follower.search import find_minima
 
 SCENE = Scene.from_dict(
     {
@@ -49,7 +49,7 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     variance = NOISE.variance(readings)
     draws = np.array(
         [
-            search(
+            find_minima(
                 formula,
                 readings + np.sqrt(variance) * rng.standard_normal(25),
                 variance,

@@ -58,7 +58,7 @@ class Document:
 
     def block(self, *words: str) -> MarkedLines | None:
         """The first block whose title holds all these words."""
-        return next((b for b in self.blocks if all(word in labels.plain(b.title) for word in words)), None)
+        return next((b for b in self.blocks if all(word in labels.folded(b.title) for word in words)), None)
 
     @property
     def numbers(self) -> MarkedLines | None:
@@ -95,9 +95,9 @@ def take_apart(content: text.Text, where: str) -> Document:
 
 def _ends(words: str, blocks: Sequence[MarkedLines]) -> bool:
     """Does this marker end a block? By its word where that is known; else if a block is open."""
-    if _BEGINS.match(labels.plain(words)):
+    if _BEGINS.match(labels.folded(words)):
         return False
-    if _ENDS.match(labels.plain(words)):
+    if _ENDS.match(labels.folded(words)):
         return True
     return bool(blocks) and not blocks[-1].closed and bool(blocks[-1].lines)
 
@@ -220,7 +220,7 @@ def spectrum(
 
 def _check_axis(wavelength: Array, block: MarkedLines, header: dict[str, str], problems: Problems) -> None:
     axis = labels.lookup(header, "axis")
-    if axis and re.search(r"pixel|raman|shift|wavenumber|energ", labels.plain(axis[1])):
+    if axis and re.search(r"pixel|raman|shift|wavenumber|energ", labels.folded(axis[1])):
         problems.add(
             "the x axis is not wavelength", found=f"{axis[0]}: {axis[1]}", remedy="export wavelengths in nm"
         )
