@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.explorer.experiment import PERCENT, Experiment
 from lightfield.explorer.fits import Fits, Fitted, Goodness
 from lightfield.explorer.state import State
@@ -45,7 +46,7 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
         "floor_percent": fits.floor_percent,
         "assumed": _assumed(e),
         "warnings": [str(w) for w in r.warnings],
-        "untestable": dict(e.untestable),
+        "untestable": {name: in_words(why) for name, why in e.untestable.items()},
     }
 
 

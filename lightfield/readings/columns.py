@@ -88,23 +88,3 @@ class ErrorBudget:
         """Terms that a diagnosis has to assume."""
         terms = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent")
         return tuple(name for name in terms if getattr(self, name) is None)
-
-
-@dataclass(frozen=True)
-class LoadWarning:
-    """Something that is allowed and will limit what the readings can tell.
-
-    Parameters
-    ----------
-    code : str
-        Stable name, for programs.
-    sentence, remedy : str
-        What is the matter; what would help.
-    """
-
-    code: str
-    sentence: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.sentence} ({self.remedy})"

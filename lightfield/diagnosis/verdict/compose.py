@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield import __version__
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
@@ -43,9 +44,6 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-#: Why an effect cannot be told from what the base model moves.
-ABSORBED = "absorbed by gain, beam width and absorption with these readings"
-
 
 @dataclass(frozen=True)
 class Found:
@@ -68,7 +66,7 @@ class Found:
     prepared: Prepared
     finding: Finding
     steps: list[Step]
-    untestable: dict[str, str]
+    untestable: Untestable
     trust: Trust
     lamp: Sequence[Judged] = ()
     seed: int = 0
@@ -253,12 +251,13 @@ def _set_aside(found: Found) -> list[SetAside]:
     return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
 
 
-def _untestable(found: Found) -> dict[str, str]:
+def _untestable(found: Found) -> dict[str, tuple[Hindrance, ...]]:
     """What these readings cannot show, with reasons."""
     scores = found.finding.levels[0].adequacy.scores
     testable = {s.template.candidate.name for s in scores if s.testable}
     others = (s.template.candidate.name for s in scores if not s.testable)
-    return found.untestable | {name: ABSORBED for name in others if name not in testable}
+    absorbed = (Hindrance(Hinders.ABSORBED),)
+    return {**found.untestable, **{name: absorbed for name in others if name not in testable}}
 
 
 def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
@@ -334,7 +333,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         found=found_effects(found.forward, finding, of_best),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
-        untestable=untestable,
+        hindrances={name: list(why) for name, why in untestable.items()},
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=left,

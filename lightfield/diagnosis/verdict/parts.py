@@ -5,9 +5,10 @@ from __future__ import annotations
 from enum import Enum
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
 
 from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 
 Kind = Literal["none", "identified", "ambiguous", "unexplained"]
 
@@ -168,12 +169,17 @@ class StatedEffect(Record):
     )
     sigma_from_stated: float | None = None
     sigma_to_remove: float | None = None
-    reason: str | None = Field(None, description="why it was held")
+    held_by: list[Hindrance] = Field(default_factory=list, description="why it was held")
     if_free: dict[str, Estimate] = Field(
         default_factory=dict,
         description="held while the rest was fitted: values of that rest which are another, or much less "
         "sure, with this effect free",
     )
+
+    @computed_field(description="`held_by` in words")  # type: ignore[prop-decorator]
+    @property
+    def reason(self) -> str | None:
+        return in_words(self.held_by) or None
 
 
 class PlaceToRead(Record):

@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
-from lightfield.readings.columns import ErrorBudget, LoadWarning
+from lightfield.readings.columns import ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
@@ -20,6 +20,7 @@ from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
 from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import Readings
 from lightfield.readings.units import is_absolute
@@ -209,12 +210,7 @@ def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
         return list(shots), None
     start = min(when for when, _ in known)
     timed = [replace(s, time_s=(m[0] - start).total_seconds()) for s, m in zip(shots, known, strict=True)]
-    note = LoadWarning(
-        "time_from_header",
-        f"times are taken from the dates in the files, from {start.isoformat(' ')}",
-        "give time_s in the index if the instrument's clock was wrong",
-    )
-    return timed, note
+    return timed, LoadWarning(Remarks.TIME_FROM_HEADER, {"start": start.isoformat(" ")})
 
 
 def _in_order(shots: Sequence[Shot]) -> list[Shot]:

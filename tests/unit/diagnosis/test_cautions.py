@@ -8,7 +8,7 @@ from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
 from lightfield.diagnosis.verdict.parts import PlaceToRead
-from lightfield.readings.columns import LoadWarning
+from lightfield.readings.load_warning import LoadWarning, Remarks
 
 NUMBERS = {
     Warns.SCATTER_MORE: {"times": 1.73},
@@ -26,8 +26,12 @@ NUMBERS = {
 @pytest.mark.parametrize("warns", Warns)
 def test_every_caution_says_its_numbers_and_reads_back(warns: Warns) -> None:
     if warns is Warns.TABLE:
-        told = Caution.of_table(LoadWarning("no_time", "not all readings have a time", "give time_s"))
-        assert (told.about, told.sentence) == ("no_time", "not all readings have a time (give time_s)")
+        told = Caution.of_table(LoadWarning(Remarks.NO_TIME))
+        assert told.about == "no_time"
+        assert told.sentence == (
+            "not all readings have a time: lamp drift cannot be tested (give time_s, seconds since the first "
+            "reading)"
+        )
     else:
         told = Caution(warns=warns, about="lamp.hwhm_deg", values=NUMBERS.get(warns, {}))
         for number in told.values.values():

@@ -10,6 +10,7 @@ import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.formula.field import direct_field
@@ -80,6 +81,6 @@ def test_an_effect_is_found_beside_the_colour() -> None:
 
 def test_plan_says_what_unknown_colour_hides() -> None:
     table, scene = coloured({"absorption_per_m": 0.1}, {})
-    assert "free at every wavelength" in plan(table, scene).untestable["cdom"]
+    assert "free at every wavelength" in in_words(plan(table, scene).untestable["cdom"])
     known = scene.with_values({"water.base": "pure"})
     assert plan(table, known).limits["cdom"].reachable

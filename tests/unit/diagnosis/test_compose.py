@@ -15,6 +15,7 @@ from lightfield.diagnosis.adequacy.robust import Serial
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
@@ -29,6 +30,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
 
 TOLERANCE = 0.003
+UNTESTABLE = {"cdom": (Hindrance(Hinders.FEW_WAVELENGTHS),)}
 
 
 class Case:
@@ -77,7 +79,7 @@ class Case:
         left_out[list(aside)] = True
         trust = Trust(0.5, np.where(left_out, -9.0, 0.0), left_out, doubt)
         return verdict_of(
-            Found(self.forward, self.table, self.prepared, finding, steps, {"cdom": "one band"}, trust), False
+            Found(self.forward, self.table, self.prepared, finding, steps, UNTESTABLE, trust), False
         )
 
 
@@ -97,7 +99,7 @@ def test_nothing_is_missing(case: Case) -> None:
     assert set(verdict.detection_limits) == {"beam_tilt", "beam_offset", "background"}
     assert f"background above {verdict.detection_limits['background'].value:.2g}" in verdict.support[0]
     assert [rung.label for rung in verdict.ladder] == ["base"]
-    assert verdict.untestable == {"cdom": "one band"}
+    assert verdict.untestable == {"cdom": "needs readings at three wavelengths or more"}
     read_back(verdict)
 
 
