@@ -131,7 +131,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
         Rung(
             label=s.label,
             effects=[c.name for c in s.explanation],
-            error_percent=s.error_percent,
+            error_percent=None if np.isnan(s.error_percent) else s.error_percent,
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
             parameters=values(s),

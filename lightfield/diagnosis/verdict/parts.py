@@ -138,7 +138,9 @@ class Rung(Record):
 
     label: str
     effects: list[str]
-    error_percent: float
+    error_percent: float | None = Field(
+        description="rms of reading less model over model; null: the model is dark where readings are bright"
+    )
     chi2_per_dof: float
     held_out_percent: float | None
     parameters: dict[str, Estimate]

@@ -68,7 +68,8 @@ def as_text(verdict: Verdict) -> str:
         for rung in verdict.ladder:
             held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
             part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
-            numbers = f"{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
+            error = "-" if rung.error_percent is None else f"{rung.error_percent:.2f}"
+            numbers = f"{error:>9}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"

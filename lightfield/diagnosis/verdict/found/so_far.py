@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isnan
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -62,7 +63,7 @@ class SoFar:
 
     def _line(self, best: BestSoFar) -> str:
         names = " + ".join(c.name for c in best.explanation) or "no effect"
-        return f"{self.sets} sets of effects tried; best so far: {best.error_percent:.3g} % with {names}"
+        return f"{self.sets} sets of effects tried; best so far: {_percent(best.error_percent)} with {names}"
 
     def as_text(self) -> str:
         """The best set in full, several lines; "" where nothing was fitted yet."""
@@ -70,13 +71,17 @@ class SoFar:
             return ""
         best = self.best
         names = join([c.name for c in best.explanation]) or "no effect"
-        base = "" if self._base_percent is None else f" (without any {self._base_percent:.3g} %)"
+        base = "" if self._base_percent is None else f" (without any {_percent(self._base_percent)})"
         lines = [
             f"Stopped after {self.sets} sets of effects. What fits best so far was not tested, and other "
             "effects may do as well:",
-            f"  error {best.error_percent:.3g} % with {names}{base}",
+            f"  error {_percent(best.error_percent)} with {names}{base}",
         ]
         return "\n".join([*lines, *(f"  {_effect(c, best)}" for c in best.explanation)])
+
+
+def _percent(error: float) -> str:
+    return "in no per cent (a dark model)" if isnan(error) else f"{error:.3g} %"
 
 
 def _effect(candidate: Candidate, best: BestSoFar) -> str:
