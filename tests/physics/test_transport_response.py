@@ -79,7 +79,7 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
         longest_excess_m=2 * coarse.longest_excess_m,
         path_nodes=16 * coarse.path_nodes,
     )
-    counts, _ = trace(setup.surfaces, setup.turn, setup.emission, setup.planes, fine, setup.water, 200_000, 3)
+    counts, _ = trace(replace(setup, histories=fine), 200_000, 3)
     by_path = counts.reshape(len(fine.channels), fine.path_nodes, -1)
     nodes = coarse.excess_m
     shares = np.array([np.interp(fine.excess_m, nodes, row) for row in np.eye(len(nodes))])

@@ -41,12 +41,7 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
         for first in range(0, each, LARGEST_LAUNCH):
             launch = min(LARGEST_LAUNCH, each - first)
             counts, _ = trace(
-                setup.surfaces,
-                setup.turn,
-                setup.emission,
-                setup.planes,
-                setup.histories,
-                setup.water,
+                setup,
                 launch,
                 seed * 1009 + batch,
                 first=first,

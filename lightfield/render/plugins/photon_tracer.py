@@ -14,7 +14,7 @@ from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
-from lightfield.render.tracer.walk import ReferenceWater, counted, trace
+from lightfield.render.tracer.walk import ReferenceWater, TransportProblem, counted, trace
 
 BATCHES = 8
 LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
@@ -74,6 +74,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         planes = Planes(grid, sensors[0].receiver, position, lamp.lamp.apparent_distance_m)
         surfaces = Shapes(scene) if scene.shapes() else OpenWater(planes)
         turn = by_plugin(medium.phase_function())
+        problem = TransportProblem(surfaces, turn, lamp.emission, planes, histories, water)
         photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES
         maps = []
         for batch in range(BATCHES):
@@ -81,12 +82,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
             for first in range(0, photons, LARGEST_LAUNCH):
                 launch = min(LARGEST_LAUNCH, photons - first)
                 counts, _ = trace(
-                    surfaces,
-                    turn,
-                    lamp.emission,
-                    planes,
-                    histories,
-                    water,
+                    problem,
                     launch,
                     seed * 1009 + batch,
                     first=first,

@@ -65,12 +65,7 @@ def trace_until(
     while True:
         for batch in range(batches):
             counts, book = trace(
-                setup.surfaces,
-                setup.turn,
-                setup.emission,
-                setup.planes,
-                setup.histories,
-                setup.water,
+                setup,
                 launch,
                 settings.seed * 1009 + batch,
                 first=first,
@@ -186,12 +181,7 @@ def trace_by_direction(
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
-            setup.surfaces,
-            setup.turn,
-            setup.emission,
-            setup.planes,
-            setup.histories,
-            setup.water,
+            setup,
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=symmetric,

@@ -17,9 +17,9 @@ from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
-from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein, with_molecules
-from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces, beckmann
-from lightfield.render.tracer.walk import ReferenceWater
+from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
+from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
+from lightfield.render.tracer.walk import ReferenceWater, TransportProblem
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.phase import of_scene
@@ -38,16 +38,10 @@ FEWER_HITS, MANY_CELLS = (0, 1, 3, 9, 34), 1000
 
 
 @dataclass(frozen=True)
-class Setup:
-    """Everything a trace needs."""
+class Setup(TransportProblem):
+    """Everything a trace needs, and what its tally becomes a response with."""
 
     mitsuba_scene: Any
-    surfaces: Surfaces
-    turn: Turn
-    emission: Emission
-    planes: Planes
-    histories: Histories
-    water: ReferenceWater
     reference: Reference
     grid: Grid
     straight_m: np.ndarray
@@ -167,13 +161,13 @@ def assembled(
     if reference.molecular_share:
         turn = with_molecules(turn, reference.molecular_share)
     return Setup(
-        loaded,
         met,
         turn,
         emission,
         planes,
         histories,
         reference_water,
+        loaded,
         reference,
         grid,
         straight,

@@ -52,13 +52,33 @@ class ReferenceWater:
     Parameters
     ----------
     absorption_per_m, scattering_per_m : float, m^-1
-    layers : ReferenceWater of a scene
+    layers : Water of a scene
         Its gradients, slab and curve are added to the absorption.
     """
 
     absorption_per_m: float
     scattering_per_m: float
     layers: Water = field(default_factory=Water)
+
+
+@dataclass(frozen=True)
+class TransportProblem:
+    """What a trace solves.
+
+    Parameters
+    ----------
+    surfaces, turn
+        What light meets, and how a scattering turns it.
+    emission, planes, histories, water
+        Lamp, detectors, cells of the tally, reference water.
+    """
+
+    surfaces: Surfaces
+    turn: Turn
+    emission: Emission
+    planes: Planes
+    histories: Histories
+    water: ReferenceWater
 
 
 class AbsorptionCurve:
@@ -194,12 +214,7 @@ def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
 @_as_raised
 @dr.syntax
 def trace(
-    surfaces: Surfaces,
-    turn: Turn,
-    emission: Emission,
-    planes: Planes,
-    histories: Histories,
-    water: ReferenceWater,
+    problem: TransportProblem,
     photons: int,
     seed: int,
     first: int = 0,
@@ -210,10 +225,7 @@ def trace(
 
     Parameters
     ----------
-    surfaces, turn
-        What light meets, and how a scattering turns it.
-    emission, planes, histories, water
-        Lamp, detectors, cells of the tally, reference water.
+    problem : TransportProblem
     photons : int
         Number of photons of the batch.
     seed : int
@@ -232,6 +244,8 @@ def trace(
     bookkeeping : Bookkeeping
         Per photon.
     """
+    surfaces, turn, emission = problem.surfaces, problem.turn, problem.emission
+    planes, histories, water = problem.planes, problem.histories, problem.water
     each, lanes = _launch(photons)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
     # A literal would be written out anew for every launch, and copied to be read.
