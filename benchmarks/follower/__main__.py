@@ -23,7 +23,13 @@ from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.field import TracedField
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.follower.design import ArraySetting, judged_array, optimise_array, task_poses
+from lightfield.studies.follower.design import (
+    ArraySetting,
+    Mounting,
+    judged_array,
+    optimise_array,
+    task_poses,
+)
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of
@@ -111,7 +117,7 @@ def design(scene: Scene, space: Space, photons: float) -> tuple[float, float, st
     light = light_of(scene, space, elements, photons=photons)
     light.reading(np.array([[0, 0, 6.5]]), np.array([[0, 0, -1.0]]))  # the trace, from the cache or made now
     started = time.process_time()
-    best = optimise_array(scene, 8, 0.4, space=space, photons=photons).arrays[0]
+    best = optimise_array(scene, 8, Mounting(0.4), space=space, photons=photons).arrays[0]
     spent = time.process_time() - started
     setting = ArraySetting(
         light, task_poses(space), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)

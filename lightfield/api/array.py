@@ -232,6 +232,6 @@ def optimise(
     known = filled(scene, medium)
     where = space_and_photons(known, half_width, max_photons, trace)
     found = design.optimise_array(
-        known, elements, box, tilt_max_deg=tilt_max, spacing_m=spacing, task=task, **where, seed=seed
+        known, elements, design.Mounting(box, tilt_max, spacing), task=task, **where, seed=seed
     )
     return Arrays(found)

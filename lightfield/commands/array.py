@@ -98,7 +98,7 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _optimise(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.studies.follower.design import optimise_array
+    from lightfield.studies.follower.design import Mounting, optimise_array
 
     for name, value, low, high in (
         ("--elements", args.elements, 2, 200),
@@ -114,9 +114,7 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
         found = optimise_array(
             scene,
             args.elements,
-            args.box,
-            tilt_max_deg=args.tilt_max,
-            spacing_m=args.spacing,
+            Mounting(args.box, args.tilt_max, args.spacing),
             task=args.task,
             space=space_of(scene, args),
             photons=photons_of(args),

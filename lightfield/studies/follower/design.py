@@ -247,13 +247,30 @@ def candidate_arrays(x: Array, y: Array, tilts_deg: Array) -> Elements:
     return Elements(place, normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
+@dataclass(frozen=True)
+class Mounting:
+    """Where elements may be put.
+
+    Parameters
+    ----------
+    box_m : float, m
+        Side of the square that they lie in.
+    tilt_max_deg : float
+        In x and in y.
+    spacing_m : float, m
+        Smallest distance of two elements; 0: they may stand at one place.
+    """
+
+    box_m: float
+    tilt_max_deg: float = 40.0
+    spacing_m: float = 0.025
+
+
 def optimise_array(
     scene: Scene,
     elements: int,
-    box_m: float,
+    room: Mounting,
     *,
-    tilt_max_deg: float = 40.0,
-    spacing_m: float = 0.025,
     task: Task = "formation",
     space: Space | None = None,
     photons: float = 1e7,
@@ -266,12 +283,7 @@ def optimise_array(
     scene : Scene
         Its light, noise and array, which the best is compared with.
     elements : int
-    box_m : float, m
-        Side of the square that the elements lie in.
-    tilt_max_deg : float
-        In x and in y.
-    spacing_m : float, m
-        Smallest distance of two elements; 0: they may stand at one place.
+    room : Mounting
 
     Raises
     ------
@@ -279,12 +291,12 @@ def optimise_array(
         So many elements do not fit.
     """
     space = Space.of_scene(scene) if space is None else space
-    half = 0.5 * box_m
+    half = 0.5 * room.box_m
     corner = Elements(np.array([[half, half, 0.0]]), np.array([[0.0, 0.0, -1.0]]))
     own = elements_of(array_of(scene))
     reach = max((corner, own), key=lambda one: one.reach_m)
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
-    best = designed(setting, elements, box_m, tilt_max_deg, spacing_m, seed)
+    best = designed(setting, elements, room, seed)
     arrays = [
         judged_array("the best found", best, setting),
         judged_array(scene.name or "this array", own, setting),
@@ -292,11 +304,10 @@ def optimise_array(
     return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
 
 
-def designed(
-    setting: ArraySetting, elements: int, box_m: float, tilt_max_deg: float, spacing_m: float, seed: int = 0
-) -> Elements:
+def designed(setting: ArraySetting, elements: int, room: Mounting, seed: int = 0) -> Elements:
     """The best array that exchanges and ever closer candidates find."""
-    half, tilts = 0.5 * box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
+    tilt_max_deg, spacing_m = room.tilt_max_deg, room.spacing_m
+    half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
     side = np.linspace(-half, half, SIDE)
     everything = candidate_arrays(side, side, tilts)
     whitened, rng = setting.whitened(everything), np.random.default_rng(seed)

@@ -9,7 +9,7 @@ import numpy as np
 from lightfield.report.follower.page import write_arrays, write_survey
 from lightfield.report.follower.pose_page import write_poses
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import compare_arrays, optimise_array
+from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
@@ -39,7 +39,7 @@ def test_a_comparison_names_the_best(tmp_path: Path) -> None:
         encoding="utf-8"
     )
     assert "9 elements (good) know the pose" in html
-    found = optimise_array(good, 6, 0.3, photons=0)
+    found = optimise_array(good, 6, Mounting(0.3), photons=0)
     assert found.arrays[0].name == "the best found"
     assert "Elements of the best found" in write_arrays(found, tmp_path / "o.html").read_text(
         encoding="utf-8"

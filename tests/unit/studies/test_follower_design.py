@@ -9,6 +9,7 @@ from lightfield.errors import SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import (
     ArraySetting,
+    Mounting,
     candidate_arrays,
     compare_arrays,
     designed,
@@ -59,7 +60,7 @@ def test_the_criterion_is_the_mean_of_bounds() -> None:
 
 def test_eight_elements_well_placed_beat_twenty_five() -> None:
     """And they keep their distance, their box and their tilts."""
-    best = designed(SETTING, 8, 0.4, 40.0, 0.025)
+    best = designed(SETTING, 8, Mounting(0.4, 40.0, 0.025))
     assert best.spacing_m >= 0.025 - 1e-9
     assert np.abs(best.place_m).max() <= 0.2 + 1e-12 and np.abs(best.tilts_deg).max() <= 40 + 1e-9
     hemisphere = judged_array("", on_sphere(grid((5, 5), 0.26), 0.19), SETTING).criterion
@@ -77,7 +78,7 @@ def test_eight_elements_well_placed_beat_twenty_five() -> None:
 
 def test_more_than_fit_are_refused() -> None:
     with pytest.raises(SceneError, match="do not fit"):
-        designed(SETTING, 20, 0.05, 0.0, 0.025)
+        designed(SETTING, 20, Mounting(0.05, 0.0, 0.025))
 
 
 def test_arrays_of_scenes_are_sorted() -> None:
