@@ -119,7 +119,7 @@ def _read_files(
             continue
         chosen = _chosen(entry, spectra, problems)
         for number, spectrum in enumerate(chosen, 1):
-            named = entry if len(chosen) == 1 else replace(entry, file=f"{entry.file}[{number}]")
+            named = entry if len(chosen) == 1 else replace(entry, number=number)
             wet = _immersed(spectrum) if entry.medium == "water" else spectrum
             shots.append(Shot(named, wet, spectrum.integration_time_s, entry.time_s))
     return shots
@@ -165,7 +165,7 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
             and abs(stated - header) > reduction.SAME_EXPOSURE * header
         ):
             problems.add(
-                f"{shot.entry.file}: the index and the file state different exposures",
+                f"{shot.entry.called}: the index and the file state different exposures",
                 place=shot.entry.line,
                 found=f"{stated:g} s and {header:g} s",
                 remedy="remove integration_time_s from this line",
@@ -176,7 +176,7 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
                 (note for note in shot.spectrum.notes if "exposure" in note), "the exposure is not known"
             )
             problems.add(
-                f"{shot.entry.file}: {told}",
+                f"{shot.entry.called}: {told}",
                 place=shot.entry.line,
                 rule="counts are divided by it",
                 remedy="give integration_time_s in the index",
@@ -192,7 +192,7 @@ def _check_one_instrument(shots: Sequence[Shot], problems: Problems) -> None:
         name = shot.spectrum.spectrometer
         if first is not None and name and name != first.spectrum.spectrometer:
             problems.add(
-                f"{shot.entry.file}: another spectrometer than in line {first.entry.line}",
+                f"{shot.entry.called}: another spectrometer than in line {first.entry.line}",
                 place=shot.entry.line,
                 found=name,
                 rule=f"{first.spectrum.spectrometer!r} throughout, as the numbers are not calibrated",
@@ -233,7 +233,7 @@ def _reduce(
     counts = unit == "counts"
     mask, top = saturation.saturated_pixels(shot.spectrum, level)
     if top is not None:
-        flat[shot.entry.file] = top
+        flat[shot.entry.called] = top
     try:
         values = reduction.signal(shot, unit)
         own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
@@ -248,12 +248,12 @@ def _reduce(
                 error = 0.0 if np.isnan(spread) else spread
             scale = shot.exposure_s if counts else 1.0
             near = (wavelength >= low) & (wavelength <= high)
-            names = tuple(d.entry.file for d in chosen) or (("own column",) if own and counts else ())
+            names = tuple(d.entry.called for d in chosen) or (("own column",) if own and counts else ())
             points[k, b] = BandValue(
                 shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names
             )
     except ValueError as error_:
-        problems.add(f"{shot.entry.file}: {error_}", place=shot.entry.line)
+        problems.add(f"{shot.entry.called}: {error_}", place=shot.entry.line)
 
 
 def _table(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -37,7 +36,7 @@ def metadata_of(
     What all files share stands once, under [instrument.common]; the rest under the file's name.
     """
     shots = [*sequence, *darks]
-    headers = {_file(shot): dict(shot.spectrum.header) for shot in shots}
+    headers = {shot.entry.file: dict(shot.spectrum.header) for shot in shots}
     common = _common(list(headers.values()))
     about: dict[str, Any] = {"unit_in_files": unit, "notes": [str(note) for note in notes]}
     if saturation_level is not None:
@@ -56,11 +55,6 @@ def metadata_of(
     }
 
 
-def _file(shot: Shot) -> str:
-    """The file of a shot; one of many spectra has its number behind it."""
-    return re.sub(r"\[\d+\]$", "", shot.entry.file)
-
-
 def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:
     if len(headers) < 2:
         return {}
@@ -75,7 +69,7 @@ def doubts_of_files(
     found = []
     shots = [*sequence, *darks]
     if unit == "counts":
-        bare = tuple(s.entry.file for s in sequence if not darks and not reduction.has_dark(s.spectrum))
+        bare = tuple(s.entry.called for s in sequence if not darks and not reduction.has_dark(s.spectrum))
         if bare:
             found.append(LoadWarning(Remarks.NO_DARK, {"files": bare}))
         if any(
@@ -106,7 +100,7 @@ def doubts_of_files(
     odd: dict[str, list[str]] = {}
     for shot in shots:
         for note in shot.spectrum.notes:
-            odd.setdefault(note, []).append(shot.entry.file)
+            odd.setdefault(note, []).append(shot.entry.called)
     found += [
         LoadWarning(Remarks.ODD_FILE, {"note": note, "files": tuple(files)}) for note, files in odd.items()
     ]

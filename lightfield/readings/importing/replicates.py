@@ -71,7 +71,7 @@ def _row(points: Sequence[BandValue]) -> dict[str, Any]:
         "time_s": time_s,
         "integration_time_s": shots[0].exposure_s,
         "saturated": any(p.saturated for p in points),
-        "file": " + ".join(shot.entry.file for shot in shots),
+        "file": " + ".join(shot.entry.called for shot in shots),
         "n_spectra": str(len(points)),
         "dark": " + ".join(dict.fromkeys(name for p in points for name in p.darks)),
         "nonlinearity_corrected": provenance.one_word(s.spectrum.nonlinearity_corrected for s in shots),
