@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jsonable
 from lightfield.errors import UsageError
 from lightfield.scene.own.effect import Name, Stage
 
@@ -184,18 +184,3 @@ def unpack(message: bytes) -> tuple[dict[str, object], dict[str, Array]]:
         arrays[name] = np.frombuffer(message, "<f4", count, at).reshape(shape).astype(float)
         at += 4 * count
     return head, arrays
-
-
-def jsonable(value: object) -> object:
-    """The same as JSON may hold it: what is no number is null."""
-    if isinstance(value, dict):
-        return {str(key): jsonable(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [jsonable(inner) for inner in value]
-    if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return bool(value) if isinstance(value, np.bool_) else value

@@ -13,19 +13,6 @@ ROLES = ("signal", "reference")
 REQUIRED = ("z_m", "value")
 #: Required of a layout: a reading table whose values do not exist yet.
 LAYOUT = ("z_m",)
-NUMBER_COLUMNS = (
-    "x_m",
-    "y_m",
-    "z_m",
-    "wavelength_nm",
-    "value",
-    "stderr",
-    "time_s",
-    "integration_time_s",
-    "repeat",
-    "visit",
-    "saturated",
-)
 TEXT_COLUMNS = ("medium", "role")
 # Order in which a table is written.
 COLUMNS = (
@@ -43,6 +30,7 @@ COLUMNS = (
     "visit",
     "saturated",
 )
+NUMBER_COLUMNS = tuple(name for name in COLUMNS if name not in TEXT_COLUMNS)
 # Entries of the head that lightfield uses: text, and the terms of the error budget.
 WORDS = ("quantity", "scale", "units")
 TERMS = (

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from lightfield import __version__
+from lightfield.arrays import jsonable
 from lightfield.errors import LightfieldError
 from lightfield.explorer.described import state_data
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.places import SIDE
-from lightfield.explorer.protocol import jsonable
 from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.explorer.saved.light import fixed_light, moving_light, ranges_at_stop, why_fixed
 from lightfield.explorer.session import Session

@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
-from lightfield.readings.columns import ErrorBudget
+from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
@@ -266,21 +266,9 @@ def _table(
     metadata: dict[str, Any],
     notes: Sequence[LoadWarning],
 ) -> Readings:
-    numbers = (
-        "x_m",
-        "y_m",
-        "z_m",
-        "value",
-        "stderr",
-        "time_s",
-        "integration_time_s",
-        "repeat",
-        "visit",
-        "saturated",
-    )
     absolute = units.is_absolute(unit)
     return Readings.from_arrays(
-        **{name: [row[name] for row in rows] for name in (*numbers, "medium", "role")},
+        **{name: [row[name] for row in rows] for name in COLUMNS if name != "wavelength_nm"},
         wavelength_nm=[sum(bands[row["band"]]) / 2 for row in rows],
         extra={name: [row[name] for row in rows] for name in provenance.COLUMNS},
         budget=budget,

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import gaussian_filter
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
 from lightfield.formula.field import direct_field
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
@@ -158,7 +158,7 @@ class PlaneComparison:
                 f"{name}_ellipticity": spot.ellipticity,
             }
         errors = {f"render_{name}_stderr": error for name, error in self.render_spot.stderr.items()}
-        return {name: float(v) if np.isfinite(v) else None for name, v in (numbers | errors).items()}
+        return {name: finite(v) for name, v in (numbers | errors).items()}
 
 
 @dataclass(frozen=True)

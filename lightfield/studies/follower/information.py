@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.scene import Scene
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.light import LAMP_TILTS, ArrayModel
@@ -104,14 +104,14 @@ class Bound:
         }
 
     def as_data(self) -> dict[str, Any]:
-        shown = {name: _finite(v) for name, v in _printed(self.sigma).items()}
+        shown = {name: finite(v) for name, v in _printed(self.sigma).items()}
         return {
             "pose": dict(zip(_with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
             "sigma": shown,
-            "sigma_relative_error_of_trace": {name: _finite(v) for name, v in self.doubt.items()},
+            "sigma_relative_error_of_trace": {name: finite(v) for name, v in self.doubt.items()},
             "nuisances": self.nuisances,
-            "correlation_x_yaw": _finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
-            "criteria": {name: _finite(value) for name, value in self.criteria.items()},
+            "correlation_x_yaw": finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
+            "criteria": {name: finite(value) for name, value in self.criteria.items()},
             "brightest": float(self.readings.max()),
         }
 
@@ -123,10 +123,6 @@ class Bound:
             for name, value in self.sigma.items()
         )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _with_units(names: Sequence[str]) -> list[str]:

@@ -165,7 +165,7 @@ class Estimator:
         return poses
 
     def fit(self, readings: Array, starts: Array) -> Minima:
-        """Minima from the starts; see `search`."""
+        """Minima from the starts, best first; see `find_minima`."""
         return find_minima(
             self.model,
             readings,
@@ -174,7 +174,7 @@ class Estimator:
             starts,
             gain_sigma=self.nuisances.get("gain", 0.0),
             box=box_of(self.space),
-        )
+        ).best_first()
 
     def estimate(
         self, readings: Array, last: Array | None = None, *, more_starts: int = 0, seed: int = 0

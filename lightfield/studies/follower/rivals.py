@@ -60,7 +60,7 @@ def rivals(
     begin = starts_in(box, names, starts, seed)
     found = find_minima(
         model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box
-    )
+    ).best_first()
     return others(found, pose)
 
 

@@ -34,7 +34,7 @@ MOST_TURNED = 0.6
 
 @dataclass(frozen=True)
 class Minima:
-    """Minima, one per start, best first.
+    """Minima, one per start.
 
     Parameters
     ----------
@@ -46,6 +46,11 @@ class Minima:
     poses: Array
     gains: Array
     chi2: Array
+
+    def best_first(self) -> Minima:
+        """The same in the order of their chi2."""
+        order = np.argsort(self.chi2, kind="stable")
+        return Minima(self.poses[order], self.gains[order], self.chi2[order])
 
 
 def box_of(space: Space) -> tuple[Array, Array]:
@@ -75,11 +80,11 @@ def find_minima(
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Minima:
-    """Poses that explain readings, from every start, best first.
+    """Poses that explain readings, from every start, in their order.
 
     Parameters
     ----------
-    readings, variance : array, shape (n_elements,)
+    readings, variance : array, shape (n_elements,), or of every start, (s, n_elements)
     names : sequence of str
         Coordinates that are sought.
     starts : array, shape (s, 6), m and rad
@@ -88,25 +93,6 @@ def find_minima(
     box : (low, high), optional
         Poses, shape (6,), to stay between.
     """
-    found = descend(
-        model, readings, variance, names, starts, gain_sigma=gain_sigma, box=box, most_steps=most_steps
-    )
-    order = np.argsort(found.chi2, kind="stable")
-    return Minima(found.poses[order], found.gains[order], found.chi2[order])
-
-
-def descend(
-    model: ArrayModel,
-    readings: Array,
-    variance: Array,
-    names: Sequence[str],
-    starts: Array,
-    *,
-    gain_sigma: float = 0.0,
-    box: tuple[Array, Array] | None = None,
-    most_steps: int = MOST_STEPS,
-) -> Minima:
-    """As `search`, in the order of the starts; readings and variances may be of each, (s, n_elements)."""
     at = [POSE.index(name) for name in names]
     wide = len(starts), len(model.elements)
     readings, weight = (np.broadcast_to(v, wide) for v in (readings, 1 / np.sqrt(variance)))

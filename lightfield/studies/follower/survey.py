@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.follower.elements import Elements, elements_of
@@ -74,7 +75,7 @@ class Survey:
             "docking_met": self.reaches,
             "map": {
                 **{name: self.space[name].values.tolist() for name in ("x_m", "z_m")},
-                **{str(name): _listed(values.values) for name, values in self.space.data_vars.items()},
+                **{str(name): jsonable(values.values) for name, values in self.space.data_vars.items()},
             },
         }
 
@@ -95,11 +96,6 @@ class Survey:
         else:
             lines.append("no other pose looks alike")
         return "\n".join(lines)
-
-
-def _listed(values: np.ndarray) -> list[list[float | None]]:
-    """JSON has no infinity: null, where nothing is known."""
-    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
 
 
 def array_of(scene: Scene) -> DetectorArray:

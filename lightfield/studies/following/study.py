@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.errors import SceneError
 from lightfield.progress import step, tell
 from lightfield.scene import Follower, Scene
@@ -119,10 +119,10 @@ class Followed:
                 name: {
                     "unit": METRICS[name][0],
                     "meaning": METRICS[name][1],
-                    "mean": _number(one.mean),
-                    "scatter_between_runs": _number(one.scatter),
-                    "standard_error": _number(one.error),
-                    "by_run": [_number(v) for v in self.runs[name]],
+                    "mean": finite(one.mean),
+                    "scatter_between_runs": finite(one.scatter),
+                    "standard_error": finite(one.error),
+                    "by_run": [finite(v) for v in self.runs[name]],
                 }
                 for name, one in self.spreads.items()
             },
@@ -313,9 +313,5 @@ def _pm(one: OverRuns) -> str:
     return f"{one.mean:.{digits}f} +- {one.scatter:.{digits}f}"
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _listed(values: Array) -> list[list[float | None]]:
-    return [[_number(round(float(v), 6)) for v in row] for row in values]
+    return [[finite(round(float(v), 6)) for v in row] for row in values]
