@@ -163,7 +163,7 @@ def ladder(fits: Fits, state: State) -> list[dict[str, object]]:
         if fitted is None and e.has_data:
             continue
         score = fitted.score if fitted and e.has_data else unfitted(fits, effects, state.values)
-        name = state.effects[k - 1].partition(":")[0].replace("_", " ") if k else "beam, 1/r², K"
+        name = effects_in_words(state.effects[k - 1 : k]) if k else "beam, 1/r², K"
         out.append(
             {
                 "at": k,

@@ -241,7 +241,7 @@ class Session:
         elif do == "rung":
             effects = self.now.effects[:at]
             fitted = self._fitted(effects).values if self.experiment.has_data else {}
-            rung = effects[-1].partition(":")[0].replace("_", " ") if effects else "base"
+            rung = effects_in_words(effects[-1:]) or "base"
             self.history.add(State(effects, {**self.now.values, **fitted}, f"rung {rung}"))
         else:
             self.accept(at)

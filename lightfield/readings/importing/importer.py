@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import Mask
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
 from lightfield.readings.columns import COLUMNS, ErrorBudget
@@ -85,7 +86,15 @@ def import_index(
     points: dict[tuple[int, int], BandValue] = {}
     flat: dict[str, float] = {}
     for k, shot in enumerate(sequence):
-        _reduce(k, shot, darks, unit, bands_nm, saturation_level, points, flat, problems)
+        saturated, top = saturation.saturated_pixels(shot.spectrum, saturation_level)
+        if top is not None:
+            flat[shot.entry.called] = top
+        try:
+            found = _in_bands(shot, darks, unit, bands_nm, saturated)
+        except ValueError as error:
+            problems.add(f"{shot.entry.called}: {error}", place=shot.entry.line)
+        else:
+            points |= {(k, b): one for b, one in enumerate(found)}
     problems.raise_any("not a usable index")
     notes += provenance.doubts_of_files(sequence, darks, unit, flat)
     rows = joined_rows(sequence, points, len(bands_nm))
@@ -219,41 +228,25 @@ def _in_order(shots: Sequence[Shot]) -> list[Shot]:
     return list(shots)
 
 
-def _reduce(
-    k: int,
-    shot: Shot,
-    darks: Sequence[Shot],
-    unit: str,
-    bands: Bands,
-    level: float | None,
-    points: dict[tuple[int, int], BandValue],
-    flat: dict[str, float],
-    problems: Problems,
-) -> None:
+def _in_bands(shot: Shot, darks: Sequence[Shot], unit: str, bands: Bands, saturated: Mask) -> list[BandValue]:
+    """What a spectrum gives in every band; a ValueError says why it gives nothing."""
     counts = unit == "counts"
-    mask, top = saturation.saturated_pixels(shot.spectrum, level)
-    if top is not None:
-        flat[shot.entry.called] = top
-    try:
-        values = reduction.signal(shot, unit)
-        own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
-        chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
-        wavelength = shot.spectrum.wavelength_nm
-        for b, (low, high) in enumerate(bands):
-            value = reduction.band_of(shot.spectrum, values, low, high)
-            dark, error = 0.0, 0.0
-            if chosen:
-                means = [reduction.band_of(d.spectrum, d.spectrum.raw, low, high) for d in chosen]
-                dark, spread = reduction.mean_and_error(means)
-                error = 0.0 if np.isnan(spread) else spread
-            scale = shot.exposure_s if counts else 1.0
-            near = (wavelength >= low) & (wavelength <= high)
-            names = tuple(d.entry.called for d in chosen) or (("own column",) if own and counts else ())
-            points[k, b] = BandValue(
-                shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names
-            )
-    except ValueError as error_:
-        problems.add(f"{shot.entry.called}: {error_}", place=shot.entry.line)
+    values = reduction.signal(shot, unit)
+    own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
+    chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
+    names = tuple(d.entry.called for d in chosen) or (("own column",) if own and counts else ())
+    wavelength, scale = shot.spectrum.wavelength_nm, shot.exposure_s if counts else 1.0
+    out = []
+    for low, high in bands:
+        value = reduction.band_of(shot.spectrum, values, low, high)
+        dark, error = 0.0, 0.0
+        if chosen:
+            means = [reduction.band_of(d.spectrum, d.spectrum.raw, low, high) for d in chosen]
+            dark, spread = reduction.mean_and_error(means)
+            error = 0.0 if np.isnan(spread) else spread
+        near = (wavelength >= low) & (wavelength <= high)
+        out.append(BandValue(shot, (value - dark) / scale, error / scale, bool(saturated[near].any()), names))
+    return out
 
 
 def _table(
