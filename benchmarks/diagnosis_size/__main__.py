@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
@@ -123,7 +123,7 @@ def table_of(
 
         light += response_for(believed, x, y, z).light(truth, [None])[0]
     rng = np.random.default_rng(0)
-    return measure(truth, table, Light(light), Instrument(NOISE), rng)[0], believed
+    return measure(truth, table, LightAtReadings(light), Instrument(NOISE), rng)[0], believed
 
 
 def clocked(work: Callable[[], Any]) -> tuple[Any, float]:

@@ -23,12 +23,18 @@ from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.field import TracedField
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.follower.design import Setting, judged, optimise, task_poses
+from lightfield.studies.follower.design import (
+    ArraySetting,
+    Mounting,
+    judged_array,
+    optimise_array,
+    task_poses,
+)
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of
-from lightfield.studies.follower.light import Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.tracking import Tracker
@@ -65,7 +71,7 @@ def least(work: Callable[[], object], times: int) -> float:
     return min(found)
 
 
-def prediction(model: Model, light: TracedField, pose: np.ndarray) -> tuple[float, float, str]:
+def prediction(model: ArrayModel, light: TracedField, pose: np.ndarray) -> tuple[float, float, str]:
     """Readings of all elements at one pose; the peer evaluates the same splines one by one with SciPy."""
     mean = light._mean
 
@@ -111,9 +117,11 @@ def design(scene: Scene, space: Space, photons: float) -> tuple[float, float, st
     light = light_of(scene, space, elements, photons=photons)
     light.reading(np.array([[0, 0, 6.5]]), np.array([[0, 0, -1.0]]))  # the trace, from the cache or made now
     started = time.process_time()
-    best = optimise(scene, 8, 0.4, space=space, photons=photons).arrays[0]
+    best = optimise_array(scene, 8, Mounting(0.4), space=space, photons=photons).arrays[0]
     spent = time.process_time() - started
-    setting = Setting(light, task_poses(space), pose_names(scene), Noise.of_scene(scene), nuisances_of(scene))
+    setting = ArraySetting(
+        light, task_poses(space), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)
+    )
     rng, found, tried = np.random.default_rng(0), np.inf, 0
     started = time.process_time()
     while time.process_time() - started < spent:
@@ -122,7 +130,7 @@ def design(scene: Scene, space: Space, photons: float) -> tuple[float, float, st
         tilt = np.tan(np.radians(rng.uniform(-40.0, 40.0, (8, 2))))
         normal = np.column_stack([tilt, -np.ones(8)])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        found = min(found, judged("random", Elements(place, normal), setting).criterion)
+        found = min(found, judged_array("random", Elements(place, normal), setting).criterion)
         tried += 1
     note = (
         f"In the same time {tried} arrays drawn at random come to A = {found:.3g}, "
@@ -143,7 +151,7 @@ def loop(scene: Scene, photons: float) -> tuple[float, float, str]:
         seconds[runs] = time.process_time() - started
     tracker = Tracker(Estimator.of_scene(scene, light, Space.of_scene(scene)))
     started, count = time.process_time(), 100
-    model = Model(light, elements)
+    model = ArrayModel(light, elements)
     for k in range(count):
         tracker.update(model.readings(track.pose[-1, :1])[0], 0.1 * k)
     peer = (time.process_time() - started) / count * len(track.time_s)
@@ -166,7 +174,7 @@ def main() -> int:
     rows, notes = [], []
     for what, asked, unit, factor, peer, (mine, theirs, note) in (
         ("prediction of 25 readings", 0.2, "ms", 1e3, "`scipy.ndimage.map_coordinates`",
-         prediction(Model(light, elements), light, pose)),
+         prediction(ArrayModel(light, elements), light, pose)),
         ("pose of one reading, with its errors", 10, "ms", 1e3, "`scipy.optimize.least_squares`, pose alone",
          estimate(estimator, pose)),
         ("120 s of closed loop at 10 Hz", 20, "s", 1.0, "estimates by the on-line tracker alone",

@@ -21,7 +21,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
 from lightfield.experiments import unknowns
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import has_diffuse_light
 
@@ -111,7 +111,9 @@ def _run(trial: Trial, folder: Path) -> Row:
     if truth.unknown:
         factor, drawn = unknowns.draw(truth.unknown, layout_of(table), rng)
     instrument = Instrument(trial.noise, **NOISE_KINDS[trial.noise_kind])
-    readings, clean = measure(scene, table, Light(light[:n], light_error[:n]), instrument, rng, factor)
+    readings, clean = measure(
+        scene, table, LightAtReadings(light[:n], light_error[:n]), instrument, rng, factor
+    )
     readings = instrument.stated(readings)
     tracing = Tracing(bench.name, trial.sequence)
     found, times = timed(readings, believed, tracing)

@@ -20,7 +20,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.experiments import unknowns
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.readings import Readings
 
 #: Correlation of successive errors; factor on the stated errors.
@@ -54,7 +54,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     if truth.unknown:
         factor, _ = unknowns.draw(truth.unknown, layout_of(table), rng)
     value, error = light_of(truth, folder)
-    light, n = Light(value[: len(table)], error[: len(table)]), len(table)
+    light, n = LightAtReadings(value[: len(table)], error[: len(table)]), len(table)
     scene = scene_of(truth)
     readings, clean = measure(scene, table, light, instrument, rng, factor)
     readings = _misstated(instrument.stated(readings), instrument.sigma(clean), trial.errors, rng)

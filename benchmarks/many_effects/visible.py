@@ -14,6 +14,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT, problem_of
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
@@ -71,7 +72,8 @@ class _Fits:
         diffuse = response_for if any(effect.diffuse for effect in table) else None
         exact = replace(readings, value=clean, stderr=sigma)
         forward = SceneForward(scene, exact, diffuse)
-        self.problem: Problem = problem_of(forward, exact, table, None if diffuse else "none is hidden")[0]
+        untraced = None if diffuse else Hindrance(Hinders.NOT_TRACED)
+        self.problem: Problem = problem_of(forward, exact, table, untraced)[0]
         # Beside a lamp that nobody knows: what its curve could do instead is not visible.
         self._beside = [c for c in self.problem.curves if c.name == "beam_profile"][-1:]
         visit = layout_of(readings).visit

@@ -17,12 +17,12 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.commands.sweep import as_text, progress_bar
+from lightfield.commands.sweep import as_text, cases_bar
 from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.regime import LEVELS, reach, regime_of, regime_plan, rows
+from lightfield.studies.regime import LEVELS, depth_within, regime_of, regime_plan, rows
 from lightfield.sweep.plan import SweepSettings
 from lightfield.sweep.runner import run_sweep
 
@@ -79,7 +79,7 @@ def main() -> None:
     plan = regime_plan(Scene.from_dict({"name": "regime map"}), settings)
     with tempfile.TemporaryDirectory() as scratch:
         store = args.store or Path(scratch) / "regime.zarr"
-        with progress_bar(plan) as report:
+        with cases_bar(plan) as report:
             done = run_sweep(plan, store, workers=args.workers, report=report)
         print(as_text(plan, done, store))
         data = regime_of(xr.open_zarr(store)).load()
@@ -124,8 +124,8 @@ def meaning(data: xr.Dataset) -> str:
     def percent(receiver: str, z_m: float) -> float:
         return float(100 * np.interp(np.log(c * z_m), np.log(depth), error(receiver, COASTAL_ALBEDO)))
 
-    wide, narrow = (reach(depth, error(receiver, COASTAL_ALBEDO), 0.1) for receiver in (WIDE, NARROW))
-    clean_wide, clean = (reach(depth, error(receiver, 0.2), 0.1) for receiver in (WIDE, NARROW))
+    wide, narrow = (depth_within(depth, error(receiver, COASTAL_ALBEDO), 0.1) for receiver in (WIDE, NARROW))
+    clean_wide, clean = (depth_within(depth, error(receiver, 0.2), 0.1) for receiver in (WIDE, NARROW))
     text = MEANING.format(
         wide=wide, wide_m=wide / c, narrow=narrow, narrow_m=narrow / c, c=c, near=4.5 * c, far=8.5 * c,
         wide_near=percent(WIDE, 4.5), wide_far=percent(WIDE, 8.5), narrow_near=percent(NARROW, 4.5),

@@ -84,7 +84,7 @@ class Survey(ToldByDetails[survey.Survey]):
         return write_survey(self.details, path)
 
 
-class Arrays(ToldByDetails[design.Comparison]):
+class Arrays(ToldByDetails[design.Arrays]):
     """Arrays side by side, best first."""
 
     @property
@@ -118,9 +118,9 @@ class Arrays(ToldByDetails[design.Comparison]):
         return pd.DataFrame(rows)
 
     def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.page import write_comparison
+        from lightfield.report.follower.page import write_arrays
 
-        return write_comparison(self.details, path)
+        return write_arrays(self.details, path)
 
 
 @checked
@@ -190,7 +190,7 @@ def compare(
         raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
     others = {name: scene_of(other) for name, other in with_.items()}
     where = space_and_photons(known, half_width, max_photons, trace)
-    return Arrays(design.compare(known, others, task=task, **where, seed=seed))
+    return Arrays(design.compare_arrays(known, others, task=task, **where, seed=seed))
 
 
 @checked
@@ -231,7 +231,7 @@ def optimise(
     """
     known = filled(scene, medium)
     where = space_and_photons(known, half_width, max_photons, trace)
-    found = design.optimise(
-        known, elements, box, tilt_max_deg=tilt_max, spacing_m=spacing, task=task, **where, seed=seed
+    found = design.optimise_array(
+        known, elements, design.Mounting(box, tilt_max, spacing), task=task, **where, seed=seed
     )
     return Arrays(found)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.given import AnyPath, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.readings import Readings
@@ -89,6 +89,9 @@ def attenuation(
     tables = [readings] if isinstance(readings, Readings | str | PathLike) else list(readings)
     scenes = [scene] if isinstance(scene, Scene | str | PathLike) else list(scene)
     found = attenuating.attenuation(
-        [readings_of(table) for table in tables], [scene_of(one) for one in scenes], light_of(trace), air
+        [readings_of(table) for table in tables],
+        [scene_of(one) for one in scenes],
+        diffuse_source(trace),
+        air,
     )
     return Attenuation(found)

@@ -113,11 +113,11 @@ def band(
     UsageError, SceneError
         Numbers that make no sense; water, lamp or detector that are not known at these wavelengths.
     """
+    noise = bands.CountNoise(electrons, read_noise, mismatch)
     return Band(
         bands.best_band(
-            scene_of(scene), trace, distances_m=distances, width_nm=width, low_nm=between[0],
+            scene_of(scene), trace, noise, distances_m=distances, width_nm=width, low_nm=between[0],
             high_nm=between[1], response=None if response is None else fspath(response),
-            electrons=electrons, read_noise=read_noise, mismatch=mismatch,
             rel_error=rel_error, max_photons=max_photons, seed=seed,
         )
     )  # fmt: skip

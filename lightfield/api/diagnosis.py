@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, checked, light_of, named, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, named, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
@@ -293,7 +293,7 @@ def plan(
     known = scene_of(scene, effects_file)
     table = readings_of(layout, known, layout=True)
     if effects is not None:
-        return Together(together(table, known, named(effects), size, light_of(trace)))
+        return Together(together(table, known, named(effects), size, diffuse_source(trace)))
     if size:
         raise UsageError("a size of no effect", where="size", rule="together with effects")
-    return Plan(planning.plan(table, known, light_of(trace)))
+    return Plan(planning.plan(table, known, diffuse_source(trace)))

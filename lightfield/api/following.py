@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from lightfield.api.array import PHOTONS
 from lightfield.api.given import AnyPath, checked, named, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
+from lightfield.arrays import finite
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.following import study
@@ -55,7 +54,7 @@ class Following(ToldByDetails[study.Following]):
                 "believes": one.mission.believes,
                 "run": run,
                 "metric": name,
-                "value": float(value) if np.isfinite(value) else None,
+                "value": finite(value),
                 "unit": study.METRICS[name][0],
             }
             for one in self.details.cases

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import wraps
+from functools import cache, partial, wraps
 from numbers import Integral, Real
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -35,7 +36,6 @@ _RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "box": ("above 0 m", lambda value: value > 0),
     "tilt_max": ("0 to 90 degrees", lambda value: 0 <= value <= 90),
 }
-_WORDS = {"Medium": ("water", "air"), "design.Task": ("formation", "docking")}
 
 
 def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -47,17 +47,12 @@ def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
         Names the argument, what was given and what is taken.
     """
     signature = inspect.signature(function)
-    kinds = {name: str(one.annotation) for name, one in signature.parameters.items()}
+    kinds = cache(partial(get_type_hints, function))  # not before it is called: imports stay quick
 
     @wraps(function)
     def call(*args: _P.args, **given: _P.kwargs) -> _R:
         for name, value in signature.bind(*args, **given).arguments.items():
-            rule = (
-                None
-                if value is None and kinds[name].endswith("| None")
-                else _broken(name, kinds[name], value)
-            )
-            if rule is not None:
+            if (rule := _broken(name, kinds()[name], value)) is not None:
                 shown = value if len(str(value)) < _SHOWN else type(value).__name__
                 raise UsageError("not what this argument takes", where=name, found=shown, rule=rule)
         return function(*args, **given)
@@ -69,39 +64,55 @@ def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
 _SHOWN = 60
 
 
-def _broken(name: str, annotation: str, value: object) -> str | None:
+def _broken(name: str, annotation: object, value: object) -> str | None:
     """The rule that a value breaks; None where it breaks none that is known here."""
-    kind = annotation.removesuffix(" | None")
-    if kind in ("float", "int"):
-        if not _is_number(value, Integral if kind == "int" else Real):
-            return "a whole number" if kind == "int" else "a number"
+    kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    if value is None and NoneType in kinds:
+        return None
+    kinds = tuple(kind for kind in kinds if kind is not NoneType)
+    if PathLike[str] in kinds:
+        return _broken_path(kinds, value)
+    if Sequence[str] in kinds:
+        fine = isinstance(value, str) or (_is_list(value) and all(isinstance(v, str) for v in _listed(value)))
+        return None if fine else "a name, or a list of names"
+    if len(kinds) > 1:
+        return None
+    (kind,) = kinds
+    origin, inside = get_origin(kind), get_args(kind)
+    if kind in (float, int):
+        if not _is_number(value, Integral if kind is int else Real):
+            return "a whole number" if kind is int else "a number"
         words, holds = _RANGES.get(name, ("", lambda value: True))
         return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen
-    if kind in _WORDS:
-        return None if value in _WORDS[kind] else " or ".join(map(repr, _WORDS[kind]))
-    if kind.startswith("Mapping"):
+    if origin is Literal:
+        return None if value in inside else " or ".join(map(repr, inside))
+    if origin is Mapping:
         return None if isinstance(value, Mapping) else "names with what belongs to each: {name: ...}"
-    if kind == "Sequence[float]":
+    return _broken_list(inside[0], value) if origin is Sequence else None
+
+
+def _broken_list(inside: object, value: object) -> str | None:
+    if inside is float:
         numbers = _listed(value)
         return None if numbers and all(_is_number(v, Real) for v in numbers) else "a list of numbers"
-    if kind == "Sequence[tuple[float, float]]":
+    if get_origin(inside) is tuple:
         pairs = [_listed(pair) for pair in _listed(value)]
         fine = all(len(pair) == 2 and all(_is_number(v, Real) for v in pair) for pair in pairs)
         return None if fine and not isinstance(value, str) else "a list of pairs, such as [(500, 550)]"
-    if kind == "str | Sequence[str]":
-        fine = isinstance(value, str) or (_is_list(value) and all(isinstance(v, str) for v in _listed(value)))
-        return None if fine else "a name, or a list of names"
-    if kind.startswith("Sequence["):
-        return None if _is_list(value) else "a list"
-    if "AnyPath" in kind and not isinstance(value, (str, PathLike)):
-        if "Readings" in kind:
-            fine, rule = isinstance(value, Readings), "readings as `load` gives them, or the path of a file"
-        elif "Scene" in kind:
-            fine, rule = isinstance(value, Scene), "a Scene, or the path of its file"
-        else:
-            fine, rule = False, "the path of a file"
-        return None if fine else rule
-    return None
+    return None if _is_list(value) else "a list"
+
+
+def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
+    """Of a file, or of what is in it."""
+    if isinstance(value, (str, PathLike)):
+        return None
+    for kind, rule in (
+        (Readings, "readings as `load` gives them, or the path of a file"),
+        (Scene, "a Scene, or the path of its file"),
+    ):
+        if kind in kinds:
+            return None if isinstance(value, kind) else rule
+    return "the path of a file"
 
 
 def _is_number(value: object, kind: type) -> bool:
@@ -230,7 +241,7 @@ def import_(
     )
 
 
-def light_of(trace: bool) -> DiffuseSource | None:
+def diffuse_source(trace: bool) -> DiffuseSource | None:
     """Where scattered and reflected light comes from: the renderer, or nowhere."""
     if not trace:
         return None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, light_of, readings_of, scene_of
+from lightfield.api.given import AnyPath, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.readings import Readings
@@ -116,7 +116,7 @@ def range(
     known = with_array(scene_of(scene), array, array_side, array_radius)
     table = None if readings is None else readings_of(readings, known)
     found = ranging.working_range(
-        known, light_of(trace), table, share=share, noise=noise, snr=snr, to_m=to,
+        known, diffuse_source(trace), table, share=share, noise=noise, snr=snr, to_m=to,
         photons=max_photons,
     )  # fmt: skip
     return Range(found)

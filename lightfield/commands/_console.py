@@ -11,7 +11,7 @@ from rich.segment import Segment
 from lightfield.commands._terminal import printable
 
 
-class _Plain(Console):
+class PlainConsole(Console):
     """Prints what the terminal obeys in text as `printable` does."""
 
     def render(self, *args: Any, **options: Any) -> Iterator[Segment]:
@@ -21,4 +21,4 @@ class _Plain(Console):
 
 def console(*, stderr: bool = False) -> Console:
     """A console for tables and progress, whose text is printable and taken as it stands."""
-    return _Plain(stderr=stderr, markup=False)
+    return PlainConsole(stderr=stderr, markup=False)

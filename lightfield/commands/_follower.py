@@ -33,7 +33,7 @@ def add_space(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--no-trace")
 
 
-def scene_of(args: argparse.Namespace) -> Scene:
+def scene_asked(args: argparse.Namespace) -> Scene:
     """The scene, without its water where that is asked for."""
     scene = Scene.load(args.scene)
     return in_air(scene) if args.medium == "air" else scene

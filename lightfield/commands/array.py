@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_of, space_of
+from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_asked, space_of
 from lightfield.commands._json import write_json
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -14,7 +14,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_file
 
 if TYPE_CHECKING:
-    from lightfield.studies.follower.design import Comparison
+    from lightfield.studies.follower.design import Arrays
 
 #: Name of the array that `optimise` finds.
 BEST = "the best found"
@@ -27,29 +27,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "show", help="what the array can know of its pose, here and over the formation space"
     )
     _common(show)
-    compare = tasks.add_parser("compare", help="arrays of several scenes in the light of the first")
-    _common(compare)
-    compare.add_argument(
+    beside = tasks.add_parser("compare", help="arrays of several scenes in the light of the first")
+    _common(beside)
+    beside.add_argument(
         "--with", dest="others", type=Path, action="append", required=True, metavar="SCENE",
         help="scene whose array to compare with; may be repeated",
     )  # fmt: skip
-    _task(compare)
-    optimise = tasks.add_parser("optimise", help="the best places and tilts of so many elements")
-    _common(optimise)
-    optimise.add_argument("--elements", type=int, default=8, metavar="N", help="how many (default 8)")
-    optimise.add_argument(
+    _task(beside)
+    best = tasks.add_parser("optimise", help="the best places and tilts of so many elements")
+    _common(best)
+    best.add_argument("--elements", type=int, default=8, metavar="N", help="how many (default 8)")
+    best.add_argument(
         "--box", type=float, default=0.4, metavar="M", help="side of the square they lie in (default 0.4 m)"
     )
-    optimise.add_argument(
+    best.add_argument(
         "--tilt-max", type=float, default=40.0, metavar="DEG", help="largest tilt in x and in y (default 40)"
     )
-    optimise.add_argument(
+    best.add_argument(
         "--spacing", type=float, default=0.025, metavar="M", help="least distance of two (default 0.025 m)"
     )
-    optimise.add_argument(
-        "--table", type=Path, metavar="OUT.csv", help="write the best as a table of elements"
-    )
-    _task(optimise)
+    best.add_argument("--table", type=Path, metavar="OUT.csv", help="write the best as a table of elements")
+    _task(best)
 
 
 def _task(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +66,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = scene_of(args)
+    scene = scene_asked(args)
     outputs_of(args, args.scene, *getattr(args, "others", ()))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)
@@ -90,17 +88,17 @@ def _show(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _compare(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.studies.follower.design import compare
+    from lightfield.studies.follower.design import compare_arrays
 
     others = {str(path): Scene.load(path) for path in args.others}
     space = space_of(scene, args)
     with progress_of("array"):
-        found = compare(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
+        found = compare_arrays(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
     return _compared(found, args)
 
 
 def _optimise(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.studies.follower.design import optimise
+    from lightfield.studies.follower.design import Mounting, optimise_array
 
     for name, value, low, high in (
         ("--elements", args.elements, 2, 200),
@@ -113,12 +111,10 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     if args.table:
         output_file(args.table, args.scene, *(file for file in (args.json, args.report) if file))
     with progress_of("array"):
-        found = optimise(
+        found = optimise_array(
             scene,
             args.elements,
-            args.box,
-            tilt_max_deg=args.tilt_max,
-            spacing_m=args.spacing,
+            Mounting(args.box, args.tilt_max, args.spacing),
             task=args.task,
             space=space_of(scene, args),
             photons=photons_of(args),
@@ -131,12 +127,12 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     return _compared(found, args)
 
 
-def _compared(found: Comparison, args: argparse.Namespace) -> int:
+def _compared(found: Arrays, args: argparse.Namespace) -> int:
     print(found.as_text())
     if args.json:
         write_json(found.as_data(), args.json)
     if args.report:
-        from lightfield.report.follower.page import write_comparison
+        from lightfield.report.follower.page import write_arrays
 
-        print(f"report: {write_comparison(found, args.report).resolve()}")
+        print(f"report: {write_arrays(found, args.report).resolve()}")
     return 0

@@ -54,13 +54,13 @@ def run(args: argparse.Namespace) -> int:
     outputs = [file for file in (args.json, args.report) if file]
     for k, file in enumerate(outputs):
         output_file(file, *inputs, *outputs[:k])
-    from lightfield.studies.band import as_data, as_text, best_band
+    from lightfield.studies.band import CountNoise, as_data, as_text, best_band
 
+    noise = CountNoise(args.electrons, args.read_noise, args.mismatch)
     with progress_of("band"):
         found = best_band(
-            scene, not args.no_trace, distances_m=distances, width_nm=args.width, low_nm=between[0],
+            scene, not args.no_trace, noise, distances_m=distances, width_nm=args.width, low_nm=between[0],
             high_nm=between[1], response=None if args.response is None else str(args.response),
-            electrons=args.electrons, read_noise=args.read_noise, mismatch=args.mismatch,
             **(DEFAULTS | given(args)),
         )  # fmt: skip
     print(as_text(found))

@@ -12,7 +12,15 @@ from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import read_netcdf, write_exr_planes
 from lightfield.storage.files import locked_folder
-from lightfield.sweep.results import as_rendering, axes_of, case_values, choose, decoded, label, open_store
+from lightfield.sweep.results import (
+    as_rendering,
+    axes_of,
+    case_label,
+    case_values,
+    chosen_cases,
+    decoded,
+    open_store,
+)
 
 MOST = 64
 
@@ -58,7 +66,7 @@ def _maps(args: argparse.Namespace) -> int:
 
 
 def _chosen(args: argparse.Namespace) -> int:
-    data = choose(open_store(args.store), args.case or [])
+    data = chosen_cases(open_store(args.store), args.case or [])
     axes = axes_of(data)
     shape = tuple(data.sizes[name] for name in axes)
     count = int(np.prod(shape))
@@ -73,7 +81,7 @@ def _export(data: xr.Dataset, axes: list[str], shape: tuple[int, ...], folder: P
     missing, count = 0, int(np.prod(shape))
     for at in np.ndindex(*shape):
         steps = dict(zip(axes, map(int, at), strict=True))
-        name = label(case_values(data, steps))
+        name = case_label(case_values(data, steps))
         if int(data.status.isel(steps)) != 1 and count > 1:
             missing += 1
             print(f"{name}: {str(data.message.isel(steps).values) or 'not computed yet'}")

@@ -110,9 +110,9 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         )  # fmt: skip
     output_folder(args.output.parent)
     axes = [parse_axis(text, "--vary") for text in args.vary]
-    from lightfield.commands.sweep import progress_bar
+    from lightfield.commands.sweep import cases_bar
 
-    with progress_bar("follow") as report:
+    with cases_bar("follow") as report:
         plan, done = run_follow_sweep(
             scene, axes, args.output, runs=args.runs, seed=args.seed or 0, photons=photons_of(args),
             workers=args.workers or 0, report=report,

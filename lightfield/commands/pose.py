@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_of, space_of
+from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_asked, space_of
 from lightfield.commands._json import write_json
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = scene_of(args)
+    scene = scene_asked(args)
     return _estimate(scene, args) if args.task_name == "estimate" else _bias(scene, args)
 
 

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
-    from lightfield.commands.sweep import as_text, progress_bar
+    from lightfield.commands.sweep import as_text, cases_bar
     from lightfield.maps.dataset import write_netcdf
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
@@ -56,7 +56,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     settings = SweepSettings(**DEFAULTS | given(args), maps=False)
     plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
-    with progress_bar("regime") as report:
+    with cases_bar("regime") as report:
         done = run_sweep(plan, store, workers=args.workers or 0, report=report)
     print(as_text(plan, done, store))
     dataset = regime.regime_of(open_store(store))

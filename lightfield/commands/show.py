@@ -13,7 +13,7 @@ from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.studies.following.metrics import METRICS
 from lightfield.sweep.estimate import size
-from lightfield.sweep.results import axes_of, choose, decoded, open_store
+from lightfield.sweep.results import axes_of, chosen_cases, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
 
 
@@ -46,7 +46,7 @@ def _show(args: argparse.Namespace) -> int:
             raise
         return _runs(open_store(args.store, QUANTITY), args)
     print(as_text(data, args.store))
-    data = choose(data, args.case or [])
+    data = chosen_cases(data, args.case or [])
     if not (data.status == 1).any():
         raise OutputError(
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
@@ -72,7 +72,7 @@ def _runs(data: xr.Dataset, args: argparse.Namespace) -> int:
     from lightfield.report.style import save_png
 
     print(as_text(data, args.store))
-    chosen = choose(data, args.case or [])
+    chosen = chosen_cases(data, args.case or [])
     found = [name for name in METRICS if name in chosen and np.isfinite(chosen[name].values).any()]
     if not found:
         raise OutputError(

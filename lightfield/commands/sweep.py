@@ -22,7 +22,7 @@ from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import size
-from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.zarrfile import size_on_disk
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
             rule=f"about {size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
         )  # fmt: skip
-    with progress_bar() as report:
+    with cases_bar() as report:
         done = run_sweep(
             plan,
             args.output,
@@ -144,7 +144,7 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
     return SweepSettings(**chosen)
 
 
-def as_text(plan: Plan, done: SweepProgress, path: Path) -> str:
+def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
     lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
     if done.failed:
@@ -174,7 +174,7 @@ def as_text(plan: Plan, done: SweepProgress, path: Path) -> str:
 
 
 @contextmanager
-def progress_bar(name: str = "sweep") -> Iterator[Report]:
+def cases_bar(name: str = "sweep") -> Iterator[Report]:
     """Cases done, photons per second and time left on standard error; else a line now and then."""
     output = console(stderr=True)
     if not output.is_terminal:

@@ -132,14 +132,15 @@ class Diagnosis:
             update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
         )
         update: dict[str, object] = {"ladder": [*verdict.ladder[:-1], last]}
-        both, n = np.hypot(last.error_percent, stderr), int(counted.sum())
-        chance = _CHANCE_SIGMA * last.error_percent * stderr / (np.sqrt(n) * both**2)
+        fitted = np.nan if last.error_percent is None else last.error_percent
+        both, n = np.hypot(fitted, stderr), int(counted.sum())
+        chance = _CHANCE_SIGMA * fitted * stderr / (np.sqrt(n) * both**2)
         if fresh > (CONFIRMED + chance) * both:
             doubt = Doubt(
                 reason=DoubtReason.NOT_CONFIRMED, named=verdict.effects,
-                fitted_percent=last.error_percent, rendered_percent=fresh,
+                fitted_percent=fitted, rendered_percent=fresh,
             )  # fmt: skip
-            told = {"fitted_percent": last.error_percent, "rendered_percent": fresh}
+            told = {"fitted_percent": fitted, "rendered_percent": fresh}
             update["cautions"] = [*verdict.cautions, Caution(warns=Warns.NOT_CONFIRMED, values=told)]
             if verdict.verdict != "unexplained":
                 update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}

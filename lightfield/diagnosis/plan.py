@@ -6,7 +6,7 @@ Everything is linear about the scene: an effect is its template, the base model 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable, in_words
 from lightfield.diagnosis.search.following import can_follow, following, scattering
 from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.search.rivals import (
@@ -48,7 +49,6 @@ from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-_ABSORBED = "absorbed by gain, beam width and absorption in this layout"
 #: Readings that would part two effects by less than so many times more than now are not worth advice.
 _WORTHWHILE = 1.5
 #: Of the trace of scattered light.
@@ -80,7 +80,7 @@ class LayoutPlan:
     """
 
     limits: dict[str, Limit]
-    untestable: dict[str, str]
+    untestable: Untestable
     isolability: Isolability
     helpful: list[Helpful]
     units: dict[str, str]
@@ -148,9 +148,9 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     seen = {s.template.candidate.name for s in adequacy.scores if s.testable}
     for score in adequacy.scores:
         if score.template.candidate.name not in seen:
-            untestable[score.template.candidate.name] = _ABSORBED
+            untestable[score.template.candidate.name] = (Hindrance(Hinders.ABSORBED_IN_LAYOUT),)
     by_gain = power_limits(problem, base, budget.calibration)
-    untestable = {name: reason for name, reason in untestable.items() if name not in by_gain}
+    untestable = {name: why for name, why in untestable.items() if name not in by_gain}
     limits = detection_limits(adequacy, 1.0) | by_gain
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
     helpful = _helpful(forward, problem, base, adequacy, found)
@@ -276,8 +276,8 @@ def as_text(made: LayoutPlan) -> str:
         size = f"{limit.value:.3g}{_unit(made, limit.path)}"
         size = size if limit.reachable else f"not even its largest plausible size ({size})"
         lines.append(f"  {name:<20} {limit.path:<32} {size}")
-    for name, reason in made.untestable.items():
-        lines.append(f"  {name:<20} not testable: {reason}")
+    for name, why in made.untestable.items():
+        lines.append(f"  {name:<20} not testable: {in_words(why)}")
     iso = made.isolability
     lines += [
         "",
@@ -323,7 +323,8 @@ def as_data(made: LayoutPlan) -> dict[str, Any]:
             }
             for name, limit in made.limits.items()
         },
-        "untestable": made.untestable,
+        "untestable": {name: in_words(why) for name, why in made.untestable.items()},
+        "hindrances": {name: [asdict(one) for one in why] for name, why in made.untestable.items()},
         "effects": list(iso.names),
         "sizes": [float(s) for s in iso.sizes],
         "delta_sigma": [float(d) for d in iso.delta],

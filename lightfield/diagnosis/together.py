@@ -21,6 +21,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise, Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.pool.evidence import (
     GAP,
     NAMED_GAP,
@@ -131,7 +132,7 @@ def _plainly(columns: Array) -> Array:
     return columns
 
 
-def _chosen(problem: Problem, untestable: Mapping[str, str], names: Sequence[str]) -> Explanation:
+def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> Explanation:
     out: list[Candidate] = []
     for name in names:
         effect, form = effects.get_form(name)
@@ -145,7 +146,7 @@ def _chosen(problem: Problem, untestable: Mapping[str, str], names: Sequence[str
         if not mine:
             raise UsageError(
                 "this effect cannot act here",
-                found=f"{name}: {untestable.get(effect.name, 'not in this scene')}",
+                found=f"{name}: {in_words(untestable.get(effect.name, ())) or 'not in this scene'}",
                 remedy="change the layout or scene",
             )  # fmt: skip
         one = next((c for c in mine if c.form.name == form.name), mine[0])

@@ -13,6 +13,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.errors import OutputError, UsageError
 from lightfield.experiments import unknowns
 from lightfield.experiments.curves import draw_curve, field_to_hide
@@ -219,7 +220,7 @@ def draw_effect(
     if effect.name in untestable:
         raise UsageError(
             "this effect cannot act here",
-            found=f"{name}: {untestable[effect.name]}",
+            found=f"{name}: {in_words(untestable[effect.name])}",
             remedy="change the layout or scene",
         )
     size = float(np.exp(rng.uniform(*np.log(STRENGTH)))) if strength is None else strength

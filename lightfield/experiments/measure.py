@@ -61,7 +61,7 @@ class Instrument:
 
 
 @dataclass(frozen=True)
-class Light:
+class LightAtReadings:
     """Light at the readings for unit on-axis intensity, and its Monte Carlo error, shape (n,)."""
 
     value: Array
@@ -75,7 +75,7 @@ class Light:
 
 def rendered(
     truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = PHOTONS
-) -> Light:
+) -> LightAtReadings:
     """The full render at the places of a table, with an error that is small beside the noise."""
     light, stderr = rendered_light(
         truth,
@@ -85,13 +85,13 @@ def rendered(
         max_photons=max_photons,
         symmetry=True,
     )
-    return Light(light, stderr)
+    return LightAtReadings(light, stderr)
 
 
 def measure(
     truth: Scene,
     table: Readings,
-    light: Light,
+    light: LightAtReadings,
     instrument: Instrument,
     rng: np.random.Generator,
     factor: Array | float = 1.0,
@@ -105,7 +105,7 @@ def measure(
     ----------
     table : Readings
         Positions and times.
-    light : Light
+    light : LightAtReadings
         That of the scene at these places.
     factor : array, shape (n,)
         Unknown influences on the light.

@@ -164,7 +164,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         tomli_w.dumps({"name": name}).rstrip(),
         "",
         "[lamp]",
-        f"spectrum = {spectrum(given['lamp'])}",
+        f"spectrum = {spectrum_toml(given['lamp'])}",
         f"hwhm_deg = {number(given['beam'], 'beam')}    # half width at half maximum: a guess, it is fitted",
         f"power_w = {number(given['power'], 'power')}    # counts for absolute readings alone",
         "# radius_m = 0.02    # of the window, where it is large",
@@ -178,14 +178,14 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         "[detector]",
         f'quantity = "{given["quantity"]}"    # irradiance: a flat collector; radiance: a narrow tube',
         f"planes_m = [{', '.join(f'{z:g}' for z in planes)}]    # distances that are rendered",
-        f"bands_nm = [[{band(given)}]]    # wavelengths that are seen",
+        f"bands_nm = [[{band_toml(given)}]]    # wavelengths that are seen",
         '# response = { peak_nm = 525, fwhm_nm = 10 }    # a filter; or "silicon", or a table',
         "",
     ]
     text = "\n".join(lines)
     scene = Scene.from_toml(text, where="the new scene")
     places = _places(scene, planes, points)
-    return NewTank(scene, text, table(scene, places), table(scene, places, blank=True), len(places))
+    return NewTank(scene, text, table_text(scene, places), table_text(scene, places, blank=True), len(places))
 
 
 def sizes_told(scene: Scene) -> str:
@@ -231,7 +231,7 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
     ]
 
 
-def spectrum(answer: str) -> str:
+def spectrum_toml(answer: str) -> str:
     """The lamp's spectrum as TOML."""
     if "/" in answer:
         peak, _, width = answer.partition("/")
@@ -262,12 +262,12 @@ def water_lines(answer: str) -> list[str]:
     ]
 
 
-def band(given: Mapping[str, str]) -> str:
+def band_toml(given: Mapping[str, str]) -> str:
     """The detector's band as TOML: as answered, or all that an LED gives."""
     if given["band"]:
         ends = numbers(given["band"], "band", ":")
     elif _NAMED.get(given["lamp"], given["lamp"]) in LEDS or "/" in given["lamp"]:
-        text = f"[lamp]\nspectrum = {spectrum(given['lamp'])}"
+        text = f"[lamp]\nspectrum = {spectrum_toml(given['lamp'])}"
         peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
         ends = [
             5.0 * round(min(p.peak_nm - p.fwhm_nm for p in peaks) / 5.0),
@@ -303,7 +303,7 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
     return np.array([*(place for some in rows for place in some), again])
 
 
-def table(scene: Scene, places: Array, *, blank: bool = False) -> str:
+def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
     """Places to read as a table; `blank`: with empty cells for what is read, and how to fill them."""
     head = [
         f'# quantity = "{scene.detector.quantity}"',

@@ -15,7 +15,7 @@ from typing import Protocol, TypeVar
 from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError
-from lightfield.render.diffuse.source import Elsewhere
+from lightfield.render.diffuse.directed import Elsewhere
 
 Made = TypeVar("Made")
 #: Seconds that an ended process is waited for.

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.explorer.experiment import PERCENT, Experiment
-from lightfield.explorer.fits import Fits, Fitted, Score
+from lightfield.explorer.fits import Fits, Fitted, Goodness
 from lightfield.explorer.state import State
 from lightfield.fitting.parameter import GAIN, FitParameter
 
@@ -45,7 +46,7 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
         "floor_percent": fits.floor_percent,
         "assumed": _assumed(e),
         "warnings": [str(w) for w in r.warnings],
-        "untestable": dict(e.untestable),
+        "untestable": {name: in_words(why) for name, why in e.untestable.items()},
     }
 
 
@@ -140,12 +141,12 @@ def label_of(path: str) -> str:
     return f"{'own ' if part == 'effect' else ''}{rest}"
 
 
-def named(effects: Iterable[str]) -> str:
+def effects_in_words(effects: Iterable[str]) -> str:
     """Effects "effect:form" for people."""
     return " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
 
 
-def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Score:
+def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Goodness:
     """How well some effects do with values as they are."""
     e = fits.experiment
     paths = [p.path for p in e.problem.base]
@@ -162,7 +163,7 @@ def ladder(fits: Fits, state: State) -> list[dict[str, object]]:
         if fitted is None and e.has_data:
             continue
         score = fitted.score if fitted and e.has_data else unfitted(fits, effects, state.values)
-        name = state.effects[k - 1].partition(":")[0].replace("_", " ") if k else "beam, 1/r², K"
+        name = effects_in_words(state.effects[k - 1 : k]) if k else "beam, 1/r², K"
         out.append(
             {
                 "at": k,

@@ -21,10 +21,10 @@ from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, Stat
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings.table.write import dumps
 from lightfield.scene import Scene
-from lightfield.storage.inputs import MEGABYTE, Kind, read_bytes
+from lightfield.storage.inputs import MEGABYTE, FileKind, read_bytes
 
 #: A session: scene, readings and states.
-SESSION = Kind("session", 60 * MEGABYTE, UsageError)
+SESSION = FileKind("session", 60 * MEGABYTE, UsageError)
 FORMAT = "lightfield session 1"
 #: Digits of residuals: more than any instrument has.
 _DIGITS = ".9g"

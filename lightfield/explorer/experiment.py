@@ -15,6 +15,7 @@ from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.preparation import bench, prepare
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
@@ -72,7 +73,7 @@ class Experiment:
     whiten: Whitener
     phi: float
     sigma: Array
-    untestable: Mapping[str, str]
+    untestable: Untestable
     stated: Mapping[str, float]
     maps: tuple[SceneForward, ...]
     places: MapPlaces
@@ -247,7 +248,7 @@ def candidate_of(experiment: Experiment, key: str) -> Candidate:
         raise FitError(
             "this effect cannot be switched here",
             where=name[:60],
-            found=experiment.untestable.get(name, "no effect of that name"),
+            found=in_words(experiment.untestable.get(name, ())) or "no effect of that name",
             remedy="choose one of the list",
         )
     return experiment.candidates[key]

@@ -25,7 +25,7 @@ _LEFT = 1e-5
 
 
 @dataclass(frozen=True)
-class Score:
+class Goodness:
     """How well a model follows what it is held against.
 
     Parameters
@@ -60,7 +60,7 @@ class Fitted:
     effects: tuple[str, ...]
     values: Mapping[str, float]
     stderr: Mapping[str, float]
-    score: Score
+    score: Goodness
 
 
 class Fits:
@@ -151,12 +151,12 @@ class Fits:
             chosen.append(one)
         return tuple(chosen)
 
-    def score(self, prediction: Array, parameters: int) -> Score:
+    def score(self, prediction: Array, parameters: int) -> Goodness:
         """How well a prediction, shape (n,), with so many free parameters does."""
         e = self.experiment
         residual = e.whiten(e.problem.keep * (e.problem.value - prediction))
         dof = max(int(e.problem.keep.sum()) - parameters, 1)
-        return Score(percent(e.problem, prediction, self._bright), float(residual @ residual) * e.phi, dof)
+        return Goodness(percent(e.problem, prediction, self._bright), float(residual @ residual) * e.phi, dof)
 
     @property
     def counted(self) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol
 
+from lightfield.arrays import jsonable
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.beside import Aside, Job, Made, Worker
@@ -366,4 +367,4 @@ async def _awaited(found: Any) -> None:
 
 
 def _text(kind: str, **content: object) -> str:
-    return json.dumps(protocol.plain({"type": kind, **content}), allow_nan=False)
+    return json.dumps(jsonable({"type": kind, **content}), allow_nan=False)

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jsonable
 from lightfield.errors import UsageError
 from lightfield.scene.own.effect import Name, Stage
 
@@ -168,7 +168,7 @@ def request_id(message: str | bytes) -> int | None:
 def pack(head: Mapping[str, object], arrays: Mapping[str, Array]) -> bytes:
     """A binary answer."""
     listed = [[name, list(array.shape)] for name, array in arrays.items()]
-    text = json.dumps(plain({**head, "arrays": listed}), allow_nan=False).encode()
+    text = json.dumps(jsonable({**head, "arrays": listed}), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     body = b"".join(np.ascontiguousarray(array, "<f4").tobytes() for array in arrays.values())
     return struct.pack("<I", len(text)) + text + body
@@ -184,18 +184,3 @@ def unpack(message: bytes) -> tuple[dict[str, object], dict[str, Array]]:
         arrays[name] = np.frombuffer(message, "<f4", count, at).reshape(shape).astype(float)
         at += 4 * count
     return head, arrays
-
-
-def plain(value: object) -> object:
-    """The same as JSON may hold it: what is no number is null."""
-    if isinstance(value, dict):
-        return {str(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return bool(value) if isinstance(value, np.bool_) else value

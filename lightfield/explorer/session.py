@@ -10,7 +10,7 @@ from typing import Any
 from lightfield.errors import FitError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.beside import Tell, elsewhere, silent
-from lightfield.explorer.described import experiment_data, named, state_data, unfitted
+from lightfield.explorer.described import effects_in_words, experiment_data, state_data, unfitted
 from lightfield.explorer.dropped import dropped
 from lightfield.explorer.evaluation import Evaluation, Evaluator
 from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
@@ -95,9 +95,9 @@ class Session:
             self.maps_ready = True
         first = self._first()
         kept = [s for s in history.states if self._suits(s)] if history else []
-        named = {n: s for n, s in history.snapshots.items() if self._suits(s)} if history else {}
+        names_kept = {n: s for n, s in history.snapshots.items() if self._suits(s)} if history else {}
         at = min(history.at, len(kept) - 1) if history and kept else 0
-        self.history = History(kept or [first], at, named)
+        self.history = History(kept or [first], at, names_kept)
         self.plane = min(len(experiment.places.z_m) // 2, len(experiment.places.z_m) - 1)
 
     def _first(self) -> State:
@@ -232,7 +232,7 @@ class Session:
 
     def _fitted(self, effects: tuple[str, ...], near: Mapping[str, float] | None = None) -> Fitted:
         """A fit that says how far it is."""
-        stage = f"fitting {named(effects) or 'gain, width and absorption'}"
+        stage = f"fitting {effects_in_words(effects) or 'gain, width and absorption'}"
         return self.fits.of(effects, near, lambda part: self.say(stage, part))
 
     def _go(self, do: str, at: int) -> None:
@@ -241,7 +241,7 @@ class Session:
         elif do == "rung":
             effects = self.now.effects[:at]
             fitted = self._fitted(effects).values if self.experiment.has_data else {}
-            rung = effects[-1].partition(":")[0].replace("_", " ") if effects else "base"
+            rung = effects_in_words(effects[-1:]) or "base"
             self.history.add(State(effects, {**self.now.values, **fitted}, f"rung {rung}"))
         else:
             self.accept(at)
@@ -262,7 +262,9 @@ class Session:
         self._rungs(effects)
         self._fitted(effects)
         fitted = self._fitted(effects, {**self.now.values, **one["values"]})
-        self.history.add(State(effects, {**self.now.values, **fitted.values}, f"accepted: {named(effects)}"))
+        self.history.add(
+            State(effects, {**self.now.values, **fitted.values}, f"accepted: {effects_in_words(effects)}")
+        )
 
     def _add_own(self, own: protocol.Own) -> None:
         parameters = {

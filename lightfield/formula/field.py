@@ -37,6 +37,7 @@ __all__ = [
     "attenuation_per_m",
     "direct_field",
     "immersed",
+    "lamps_of_window",
     "optical_depth",
     "paper_model",
     "plane_gain",
@@ -47,7 +48,6 @@ __all__ = [
     "source",
     "spectra",
     "time_factor",
-    "window_points",
 ]  # fmt: skip
 
 # Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.
@@ -146,12 +146,12 @@ def direct_field(
     if lamp.radius_m == 0.0:
         return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
-    for point, share in window_points(lamp):
+    for point, share in lamps_of_window(lamp):
         total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total * on_path
 
 
-def window_points(lamp: Lamp) -> list[tuple[Lamp, float]]:
+def lamps_of_window(lamp: Lamp) -> list[tuple[Lamp, float]]:
     """The points that stand for the lamp's window, each as a lamp of its own, and the share of each."""
     if lamp.radius_m == 0.0:
         return [(lamp, 1.0)]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.field import source, window_points
+from lightfield.formula.field import lamps_of_window, source
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
 
@@ -38,7 +38,7 @@ def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None
     ahead = place[:, 2] > 0
     x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], 1.0)
     total = np.zeros_like(place)
-    for lamp, share in window_points(scene.lamp):
+    for lamp, share in lamps_of_window(scene.lamp):
         ray = rays(lamp, x, y, z)
         middle = 0.5 * sum(scene.detector.bands_nm[0])
         light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, wavelength_nm, middle))

@@ -13,19 +13,6 @@ ROLES = ("signal", "reference")
 REQUIRED = ("z_m", "value")
 #: Required of a layout: a reading table whose values do not exist yet.
 LAYOUT = ("z_m",)
-NUMBER_COLUMNS = (
-    "x_m",
-    "y_m",
-    "z_m",
-    "wavelength_nm",
-    "value",
-    "stderr",
-    "time_s",
-    "integration_time_s",
-    "repeat",
-    "visit",
-    "saturated",
-)
 TEXT_COLUMNS = ("medium", "role")
 # Order in which a table is written.
 COLUMNS = (
@@ -43,6 +30,7 @@ COLUMNS = (
     "visit",
     "saturated",
 )
+NUMBER_COLUMNS = tuple(name for name in COLUMNS if name not in TEXT_COLUMNS)
 # Entries of the head that lightfield uses: text, and the terms of the error budget.
 WORDS = ("quantity", "scale", "units")
 TERMS = (
@@ -88,23 +76,3 @@ class ErrorBudget:
         """Terms that a diagnosis has to assume."""
         terms = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent")
         return tuple(name for name in terms if getattr(self, name) is None)
-
-
-@dataclass(frozen=True)
-class LoadWarning:
-    """Something that is allowed and will limit what the readings can tell.
-
-    Parameters
-    ----------
-    code : str
-        Stable name, for programs.
-    sentence, remedy : str
-        What is the matter; what would help.
-    """
-
-    code: str
-    sentence: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.sentence} ({self.remedy})"

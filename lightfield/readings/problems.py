@@ -95,7 +95,7 @@ class Problems:
         parts = [problem.what]
         if places:
             plural = "s" if len(places) > 1 else ""
-            parts[0] = f"{self.noun}{plural} {ranges(places)}: {problem.what}"
+            parts[0] = f"{self.noun}{plural} {line_ranges(places)}: {problem.what}"
         if problem.found is not None:
             parts.append(f"{'first ' if len(places) > 1 else ''}found {problem.found}")
         if problem.rule:
@@ -105,7 +105,7 @@ class Problems:
         return "; ".join(parts)
 
 
-def ranges(places: Sequence[int]) -> str:
+def line_ranges(places: Sequence[int]) -> str:
     """Line numbers in few characters: 3-5, 9; beyond ten such entries, how many more there are."""
     out: list[str] = []
     ordered = sorted(set(places))

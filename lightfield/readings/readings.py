@@ -13,7 +13,8 @@ from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
-from lightfield.readings.columns import COLUMNS, DEFAULTS, TERMS, TEXT_COLUMNS, ErrorBudget, LoadWarning
+from lightfield.readings.columns import COLUMNS, DEFAULTS, TERMS, TEXT_COLUMNS, ErrorBudget
+from lightfield.readings.load_warning import LoadWarning
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.problems import shorten
-from lightfield.storage.inputs import Kind, read_bytes
+from lightfield.storage.inputs import FileKind, read_bytes
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|na|n/a|inf|infinity|null|none|-?1\.#\w+)", re.IGNORECASE)
@@ -44,7 +44,7 @@ class Text:
     ended: bool
 
 
-def read_text(path: str | Path, kind: Kind) -> Text:
+def read_text(path: str | Path, kind: FileKind) -> Text:
     """The lines of a text file: UTF-8, UTF-16 or Latin-1; ends of any kind.
 
     Raises

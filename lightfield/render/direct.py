@@ -48,14 +48,14 @@ def direct_at(
     import drjit as dr
     import mitsuba as mi
 
-    from lightfield.render.tracer.build import prepare
+    from lightfield.render.tracer.build import assembled
     from lightfield.render.tracer.walk import Absorption
 
     x, y, z = (np.asarray(v, float) for v in (x_m, y_m, z_m))
     scene = lit(scene)
-    setup = prepare(scene, positions_grid(x, y, z), reference_of(scene))
+    setup = assembled(scene, positions_grid(x, y, z), reference_of(scene))
     emission, lamp = setup.emission, scene.lamp
-    n, window = len(x), window_points(lamp.radius_m)
+    n, window = len(x), points_of_disc(lamp.radius_m)
     points = len(window[0])
     window_x, window_y = (np.repeat(v, n) for v in window)
     origin = mi.Point3f(
@@ -84,7 +84,7 @@ def direct_at(
     return np.asarray(found * factor(scene, ("path",), x, y, z, wavelength_nm))
 
 
-def window_points(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+def points_of_disc(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Points that stand for equal parts of a disc: centroid in its middle, the same spread in x and y."""
     if radius_m == 0:
         return np.zeros(1), np.zeros(1)

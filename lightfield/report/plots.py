@@ -48,7 +48,7 @@ def axes_for(ax: Axes | None) -> Axes:
 def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: float) -> Axes:
     """Error of every rung, and the noise."""
     ax = axes_for(ax)
-    error = np.array([rung.error_percent for rung in ladder])
+    error = np.array([rung.error_percent for rung in ladder], float)
     ax.axhline(noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {noise_floor_percent:.2g} %")
     ax.plot(range(len(error)), error, "o-", color=RENDER, label="error of the fit")
     for k, rung in enumerate(ladder):
@@ -56,8 +56,9 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
             ax.plot(
                 [k], [rung.rendered_error_percent], "*", color=FORMULA, markersize=12, label="rendered afresh"
             )
-        ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
-    least, most = min(error.min(), noise_floor_percent), max(error.max(), noise_floor_percent)
+        if np.isfinite(error[k]):
+            ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
+    least, most = np.nanmin([*error, noise_floor_percent]), np.nanmax([*error, noise_floor_percent])
     if least > 0 and most > _FAR_APART * least:
         ax.set_yscale("log")
         plain_log_axis(ax.yaxis)

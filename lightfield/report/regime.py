@@ -41,7 +41,7 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
             for j in range(len(albedos)):
                 for k in range(len(depths)):
-                    text = percent(error[j, k], whole=narrow) + ("?" if open_points[i, j, k] else "")
+                    text = percent_text(error[j, k], whole=narrow) + ("?" if open_points[i, j, k] else "")
                     axis.text(
                         k, j, text, ha="center", va="center", fontsize=6.5 if narrow else 9, color="#101418"
                     )
@@ -62,7 +62,7 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     return fig
 
 
-def percent(error: float, whole: bool = False) -> str:
+def percent_text(error: float, whole: bool = False) -> str:
     """Error in per cent, short enough for a cell; `whole`: for a narrow one."""
     if np.isnan(error):
         return "–"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
-from lightfield.report.regime import COLOURS, NAMES, percent
+from lightfield.report.regime import COLOURS, NAMES, percent_text
 from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label
 from lightfield.studies.compare.maps import SIGMAS
 from lightfield.studies.regime import LEVELS
@@ -107,7 +107,7 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
             for j, i in np.ndindex(*error.shape):
                 unsure = any(abs(abs(error[j, i]) - level) < noise[j, i] for level in LEVELS)
-                text = percent(float(error[j, i])) + ("?" if unsure else "")
+                text = percent_text(float(error[j, i])) + ("?" if unsure else "")
                 axis.text(i, j, text, ha="center", va="center", fontsize=8.5, color="#101418")
             axis.set_xticks(range(len(columns)), [_step_name(held, along, i) for i in columns])
             axis.set_yticks(range(len(lines)), [_step_name(held, up, j) for j in lines])

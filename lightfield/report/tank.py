@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from lightfield.diagnosis.verdict.parts import Spot
+from lightfield.diagnosis.verdict.parts import PlaceToRead
 from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label
 from lightfield.scene import Tank
 
@@ -21,7 +21,7 @@ def tank_figure(
     y_m: np.ndarray,
     z_m: np.ndarray,
     tank: Tank | None = None,
-    spots: Sequence[Spot] = (),
+    spots: Sequence[PlaceToRead] = (),
     hwhm_deg: float = 3.81,
     narrow: bool = False,
 ) -> Figure:
@@ -33,7 +33,7 @@ def tank_figure(
         Readings taken.
     tank : Tank, optional
         Without it the water has no walls.
-    spots : sequence of Spot
+    spots : sequence of PlaceToRead
         Readings to take: x_m, y_m, z_m, repeats.
     hwhm_deg : float
         Half width of the beam.
@@ -87,7 +87,7 @@ def _beam(axis: Axes, reach: float, hwhm_deg: float) -> Polygon:
     return beam
 
 
-def _spots(axis: Axes, spots: Sequence[Spot], name: str) -> None:
+def _spots(axis: Axes, spots: Sequence[PlaceToRead], name: str) -> None:
     if not spots:
         return
     z, across = [spot.z_m for spot in spots], [getattr(spot, name) for spot in spots]

@@ -23,7 +23,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.studies.follower.frames import UNKNOWN_VARIANCE, FramedPose, covariance_of, lamp_seen
-from lightfield.studies.follower.pose import Estimate, Estimator
+from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
 FRAME, NODE = "array_link", "lightfield_pose"
 #: Messages that wait at most.
@@ -33,19 +33,19 @@ OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 
 @dataclass(frozen=True)
-class Answer:
+class LampPose:
     """What one sample of the array says.
 
     Parameters
     ----------
-    estimate : Estimate
+    estimate : PoseEstimate
     lamp : FramedPose, optional
         The lamp in the array's own axes; None where the readings do not fit the light.
     covariance : array, shape (6, 6), optional
         In the order of geometry_msgs/PoseWithCovariance.
     """
 
-    estimate: Estimate
+    estimate: PoseEstimate
     lamp: FramedPose | None
     covariance: Array | None
 
@@ -70,7 +70,7 @@ class Bridge:
     gain: float = 1.0
     _last: Array | None = field(default=None, repr=False)
 
-    def update(self, readings: Array) -> Answer:
+    def update(self, readings: Array) -> LampPose:
         """One sample.
 
         Parameters
@@ -91,12 +91,12 @@ class Bridge:
         estimate = self.estimator.estimate(values / self.gain, self._last)
         self._last = estimate.pose if estimate.fits else None
         if not estimate.fits or estimate.total is None:
-            return Answer(estimate, None, None)
+            return LampPose(estimate, None, None)
         lamp, total = lamp_seen(estimate.pose), estimate.total
         spread = covariance_of(lamp_seen, estimate.pose, total.names, total.covariance)
         if "roll" not in total.names:  # nor is the turn of a round lamp about its own axis anything
             spread[3:, 3:] += UNKNOWN_VARIANCE * np.outer(lamp.rotation[:, 0], lamp.rotation[:, 0])
-        return Answer(estimate, lamp, spread)
+        return LampPose(estimate, lamp, spread)
 
 
 def ros() -> dict[str, ModuleType]:

@@ -20,7 +20,7 @@ PIECES = 5
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-class Spectrum(NamedTuple):
+class BandLight(NamedTuple):
     """Light that stands for bands: its mean over a band is the mean over the last axis.
 
     Parameters
@@ -61,17 +61,17 @@ def molecular_share(scene: Scene) -> float:
     return float(molecular_per_m(scene.water, at) / scattering_per_m(scene.water, at))
 
 
-def over_bands(scene: Scene) -> Spectrum:
+def over_bands(scene: Scene) -> BandLight:
     """The lamp's light in every band as it is read, see `over_band`."""
     shift = scene.detector.wavelength_shift_nm
     each = [
         over_band(scene.lamp, low + shift, high + shift, scene.detector)
         for low, high in scene.detector.bands_nm
     ]
-    return Spectrum(*(np.array(v) for v in zip(*each, strict=True)))
+    return BandLight(*(np.array(v) for v in zip(*each, strict=True)))
 
 
-def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None) -> Spectrum:
+def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None) -> BandLight:
     """The lamp's light in equal parts of a band, each where its power has its centre; shape (PIECES,).
 
     However narrow its lines are: a table is integrated piece by piece between its own wavelengths, exactly
@@ -100,10 +100,10 @@ def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | No
     part = np.clip(np.searchsorted(edges, middle) - 1, 0, PIECES - 1)
     total, moment = (np.bincount(part, v.sum(axis=1), PIECES) for v in (power, power * at))
     centre = np.divide(moment, total, out=0.5 * (edges[1:] + edges[:-1]), where=total > 0)
-    return Spectrum(centre, total / np.diff(edges))
+    return BandLight(centre, total / np.diff(edges))
 
 
-def at_wavelengths(lamp: Lamp, wavelength_nm: ArrayLike) -> Spectrum:
+def at_wavelengths(lamp: Lamp, wavelength_nm: ArrayLike) -> BandLight:
     """The lamp's light at single wavelengths, arrays of shape (n, 1)."""
     at = np.asarray(wavelength_nm, float)[:, None]
-    return Spectrum(at, axial_intensity(lamp, at))
+    return BandLight(at, axial_intensity(lamp, at))

@@ -10,7 +10,7 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
-from lightfield.scene.spectral.peaks import Peak, kind_of
+from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.scene.spectral.response import COLUMNS, response_at, response_knots_nm
 from lightfield.storage.tables import read_columns, readable
 
@@ -67,7 +67,7 @@ class Detector(Part):
             Annotated[Literal["silicon", "table"], Tag("a name")]
             | Annotated[Peak, Tag("one peak")]
             | Annotated[tuple[Peak, ...], Field(min_length=1), Tag("several peaks")],
-            Discriminator(kind_of),
+            Discriminator(way_written),
         ]
         | None
     ) = declare(

@@ -38,7 +38,7 @@ def plane_size_m(detector: Detector, tank: Tank | None) -> tuple[float, float]:
     return width, width if height is None else height
 
 
-def rows_of(detector: Detector, tank: Tank | None) -> int:
+def rows_of_cells(detector: Detector, tank: Tank | None) -> int:
     """Rows of cells on a plane: nearly square ones, or as many as columns where the height is not stated."""
     width, height = plane_size_m(detector, tank)
     return detector.pixels if detector.height_m is None else max(1, round(height * detector.pixels / width))

@@ -48,7 +48,7 @@ def absent_error(path: str, part: str) -> SceneError:
 _LISTED = 40
 
 
-def nearest(path: str, valid: Iterable[str]) -> str:
+def nearest_keys(path: str, valid: Iterable[str]) -> str:
     """Remedy for a key that does not exist: the nearest valid ones.
 
     Parameters
@@ -75,7 +75,7 @@ def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         prefix = "".join(f"{key}." for key in keys[:-1])
         valid = [prefix + name for name in owner.model_fields]
-        remedy = nearest(path, valid)
+        remedy = nearest_keys(path, valid)
         return f"{path}: unknown key; found {_short(value)}; rule: only known keys; remedy: {remedy}"
     rule, remedy = _rule(problem, owner, keys)
     found = "" if kind == "missing" else f"; found {_short(value)}"

@@ -32,7 +32,7 @@ from lightfield.scene.listed import (
     listed_value,
     with_listed,
 )
-from lightfield.scene.messages import ABSENT, absent_error, nearest, scene_error
+from lightfield.scene.messages import ABSENT, absent_error, nearest_keys, scene_error
 from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
 from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of, without_minus_zero
 from lightfield.scene.tank import Tank
@@ -382,7 +382,7 @@ class Scene(Part):
         if part in ABSENT and getattr(self, part) is None:
             return absent_error(path, part)
         known = [*self.parameters(), "lamp.profile", "water.base", "detector.quantity"]
-        return SceneError(f"{path}: no such parameter", remedy=nearest(path, known))
+        return SceneError(f"{path}: no such parameter", remedy=nearest_keys(path, known))
 
 
 def _dumped(value: Any) -> Any:

@@ -17,7 +17,7 @@ STANDARD_INPUT = ("-", "/dev/stdin")
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """What a file is to be.
 
     Parameters
@@ -35,18 +35,18 @@ class Kind:
     error: type[LightfieldError]
 
 
-SCENE = Kind("scene", MEGABYTE, SceneError)
-PLAN = Kind("sweep plan", 10 * MEGABYTE, UsageError)
-TABLE = Kind("table of a scene", 10 * MEGABYTE, SceneError)
-LUMINAIRE = Kind("luminaire file", 10 * MEGABYTE, SceneError)
-READINGS = Kind("reading table", 50 * MEGABYTE, MeasurementError)
-INDEX = Kind("index", 10 * MEGABYTE, MeasurementError)
-SPECTRUM = Kind("spectrometer file", 10 * MEGABYTE, MeasurementError)
-CALIBRATION = Kind("instrument calibration", MEGABYTE, MeasurementError)
-MAPS = Kind("rendering", 1 << 40, OutputError)  # read piece by piece: the memory is the limit
+SCENE = FileKind("scene", MEGABYTE, SceneError)
+PLAN = FileKind("sweep plan", 10 * MEGABYTE, UsageError)
+TABLE = FileKind("table of a scene", 10 * MEGABYTE, SceneError)
+LUMINAIRE = FileKind("luminaire file", 10 * MEGABYTE, SceneError)
+READINGS = FileKind("reading table", 50 * MEGABYTE, MeasurementError)
+INDEX = FileKind("index", 10 * MEGABYTE, MeasurementError)
+SPECTRUM = FileKind("spectrometer file", 10 * MEGABYTE, MeasurementError)
+CALIBRATION = FileKind("instrument calibration", MEGABYTE, MeasurementError)
+MAPS = FileKind("rendering", 1 << 40, OutputError)  # read piece by piece: the memory is the limit
 
 
-def read_bytes(path: str | os.PathLike[str], kind: Kind) -> bytes:
+def read_bytes(path: str | os.PathLike[str], kind: FileKind) -> bytes:
     """All bytes of a file; "-" and /dev/stdin are standard input.
 
     Raises
@@ -74,7 +74,7 @@ def read_bytes(path: str | os.PathLike[str], kind: Kind) -> bytes:
     return data
 
 
-def check_regular(path: str | os.PathLike[str], kind: Kind) -> None:
+def check_regular(path: str | os.PathLike[str], kind: FileKind) -> None:
     """Make sure that a library may open a file: a device or a pipe could keep it for ever.
 
     Raises
@@ -95,7 +95,7 @@ def _opened(where: str) -> BinaryIO:
     return open(where, "rb", opener=lambda name, flags: os.open(name, flags | getattr(os, "O_NONBLOCK", 0)))
 
 
-def _check_regular(file: BinaryIO, where: str, kind: Kind) -> None:
+def _check_regular(file: BinaryIO, where: str, kind: FileKind) -> None:
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         raise kind.error(
             f"cannot read the {kind.name}",
@@ -106,7 +106,7 @@ def _check_regular(file: BinaryIO, where: str, kind: Kind) -> None:
         )
 
 
-def _unreadable(where: str, kind: Kind, error: Exception) -> LightfieldError:
+def _unreadable(where: str, kind: FileKind, error: Exception) -> LightfieldError:
     return kind.error(
         f"cannot read the {kind.name}",
         where=where,
@@ -115,12 +115,12 @@ def _unreadable(where: str, kind: Kind, error: Exception) -> LightfieldError:
     )
 
 
-def content_digest(path: str, kind: Kind) -> str:
+def content_digest(path: str, kind: FileKind) -> str:
     """SHA-256 of a file, "sha256:" and hex; a file that has not changed since is not read again."""
     state = os.stat(path)
     return _digest(path, kind, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=64)
-def _digest(path: str, kind: Kind, _modified: int, _size: int) -> str:
+def _digest(path: str, kind: FileKind, _modified: int, _size: int) -> str:
     return "sha256:" + hashlib.sha256(read_bytes(path, kind)).hexdigest()

@@ -45,7 +45,7 @@ WRONG = 0.10
 
 
 @dataclass(frozen=True)
-class Best:
+class BestBand:
     """The best band at one distance by one criterion.
 
     Parameters
@@ -78,14 +78,14 @@ class Bands:
         Over (z_m, wavelength_nm): `attenuation`, `attenuation_stderr`, `signal` per nm over its largest.
     bands : xarray.Dataset
         Over (z_m, low_nm): `attenuation`, `signal`, `snr`, `information`, `range_error_m`.
-    best : tuple of Best
+    best : tuple of BestBand
     width_nm : float
     scene : Scene
     """
 
     spectrum: xr.Dataset
     bands: xr.Dataset
-    best: tuple[Best, ...]
+    best: tuple[BestBand, ...]
     width_nm: float
     scene: Scene
 
@@ -100,18 +100,51 @@ class Bands:
         return float(at[low]), float(at[high])
 
 
+@dataclass(frozen=True)
+class CountNoise:
+    """Noise of what a detector counts.
+
+    Parameters
+    ----------
+    electrons : float
+        That the brightest band gives at the nearest distance in one reading.
+    read_noise : float
+        Electrons.
+    mismatch : float
+        Relative standard deviation of gains.
+
+    Raises
+    ------
+    UsageError
+        Numbers that make no sense.
+    """
+
+    electrons: float = 1e6
+    read_noise: float = 100.0
+    mismatch: float = 0.008
+
+    def __post_init__(self) -> None:
+        known = np.array([self.electrons, self.read_noise, self.mismatch])
+        if not (np.isfinite(known).all() and known.min() >= 0 and self.electrons > 0):
+            raise UsageError(
+                "impossible noise", rule="electrons above 0, read noise and mismatch not below 0"
+            )
+
+    def signal_to_noise(self, count: Array) -> Array:
+        """Of so many electrons."""
+        return np.asarray(count / np.sqrt(count + self.read_noise**2 + (self.mismatch * count) ** 2))
+
+
 def best_band(
     scene: Scene,
     traced: bool = True,
+    noise: CountNoise | None = None,
     *,
     distances_m: Sequence[float] | None = None,
     width_nm: float = 50.0,
     low_nm: float = 400.0,
     high_nm: float = 700.0,
     response: str | None = None,
-    electrons: float = 1e6,
-    read_noise: float = 100.0,
-    mismatch: float = 0.008,
     **tracing: Any,
 ) -> Bands:
     """Compare all bands of a width.
@@ -122,18 +155,13 @@ def best_band(
         Lamp spectrum, water, receiver.
     traced : bool
         False: direct light alone, K = c.
+    noise : CountNoise, optional
     distances_m : sequence of float, optional, m
         Default: the scene's first and last plane.
     width_nm, low_nm, high_nm : float, nm
         Width of the bands, and where they may lie.
     response : str, optional
         CSV (wavelength_nm, response) of the detector; default: the scene's, or a typical silicon photodiode.
-    electrons : float
-        That the brightest band gives at the nearest distance in one reading.
-    read_noise : float
-        Electrons.
-    mismatch : float
-        Relative standard deviation of gains.
     **tracing
         Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
 
@@ -152,10 +180,6 @@ def best_band(
             "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
             rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
         )  # fmt: skip
-    if not (
-        electrons > 0 and read_noise >= 0 and mismatch >= 0 and np.isfinite(electrons + read_noise + mismatch)
-    ):
-        raise UsageError("impossible noise", rule="electrons above 0, read noise and mismatch not below 0")
     at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
     light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
     source = axial_intensity(scene.lamp, at) * _responsivity(response, scene.detector, at)
@@ -173,9 +197,7 @@ def best_band(
         coords={"z_m": z, "wavelength_nm": at},
     )
     lows = np.arange(low_nm, high_nm - width_nm + 0.5 * STEP_NM, STEP_NM)
-    bands = _bands(
-        spectrum, per_nm, np.append(lows, PAPER_BAND[0]), width_nm, electrons, read_noise, mismatch
-    )
+    bands = _bands(spectrum, per_nm, np.append(lows, PAPER_BAND[0]), width_nm, noise or CountNoise())
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
 
 
@@ -225,9 +247,7 @@ def _bands(
     per_nm: Array,
     lows: Array,
     width: float,
-    electrons: float,
-    read: float,
-    mismatch: float,
+    noise: CountNoise,
 ) -> xr.Dataset:
     """What every band gives at every distance; the last is the paper's."""
     at, z = spectrum.wavelength_nm.values, spectrum.z_m.values
@@ -242,8 +262,7 @@ def _bands(
         (weight * spectrum[name].values[:, None, :]).sum(axis=2) / total
         for name in ("attenuation", "attenuation_stderr")
     )
-    count = electrons * signal / signal[0].max()
-    snr = count / np.sqrt(count + read**2 + (mismatch * count) ** 2)
+    snr = noise.signal_to_noise(noise.electrons * signal / signal[0].max())
     slope = 2 / z[:, None] + K
     dims = ("z_m", "low_nm")
     return xr.Dataset(
@@ -259,7 +278,7 @@ def _bands(
     )
 
 
-def _best(bands: xr.Dataset, width: float) -> list[Best]:
+def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
     """The best of every criterion at every distance, the paper's band (the last) aside."""
     found = []
     for k, z in enumerate(bands.z_m.values):
@@ -275,7 +294,7 @@ def _best(bands: xr.Dataset, width: float) -> list[Best]:
             else:
                 stderr = share * abs(float(K[best] - K[-1])) * float(z * error[best] / K[best])
             low = float(row.low_nm.values[best])
-            found.append(Best(float(z), name, low, low + width, share, stderr))
+            found.append(BestBand(float(z), name, low, low + width, share, stderr))
     return found
 
 

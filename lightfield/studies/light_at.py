@@ -44,7 +44,7 @@ class LightAt:
         return np.asarray(self.modes / self.total[:, None])
 
 
-def response_at(
+def diffuse_response_at(
     trace: DiffuseSource, scene: Scene, places: tuple[Array, Array, Array], largest_b: float
 ) -> Any:
     """The response of the diffuse light at places, in water that scatters up to so much.
@@ -84,7 +84,7 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
     if trace is None:
         return LightAt(direct, np.zeros(len(z_m)), np.zeros((len(z_m), 1)))
     colours = [float(w) for w in at]
-    response = response_at(trace, scene, places, float(scattering_per_m(scene.water, at).max()))
+    response = diffuse_response_at(trace, scene, places, float(scattering_per_m(scene.water, at).max()))
     diffuse = share @ response.light(scene, colours)
     middle = np.full(len(z_m), len(colours) // 2)
     noise, smooth = response.errors(scene, colours, middle)

@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.scene import Scene
 from lightfield.studies.compare.maps import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
-from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 
 OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
 ALBEDOS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95)
@@ -32,7 +32,7 @@ RECEIVER = "receiver"
 
 
 @dataclass(frozen=True)
-class Point:
+class AxisPoint:
     """Render and formula on the axis, in any common unit."""
 
     render: float
@@ -40,11 +40,11 @@ class Point:
     formula: float
 
 
-# (optical depth c z, albedo b / c, name of the receiver) -> Point
-Evaluate = Callable[[float, float, str], Point]
+# (optical depth c z, albedo b / c, name of the receiver) -> AxisPoint
+Evaluate = Callable[[float, float, str], AxisPoint]
 
 
-def regime_plan(scene: Scene, settings: SweepSettings) -> Plan:
+def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
     """Optical thickness x single-scattering albedo x receiver, on the axis in unbounded water.
 
     Parameters
@@ -80,10 +80,10 @@ def regime_of(store: xr.Dataset) -> xr.Dataset:
         for name in (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
     ]
 
-    def point(depth: float, albedo: float, receiver: str) -> Point:
+    def point(depth: float, albedo: float, receiver: str) -> AxisPoint:
         at = (names.index(receiver), ALBEDOS.index(albedo), OPTICAL_DEPTHS.index(depth))
         mean, noise, wrong = (float(part[at]) for part in values)
-        return Point(mean, noise, mean * (1 + wrong))
+        return AxisPoint(mean, noise, mean * (1 + wrong))
 
     return regime_map(point)
 
@@ -99,7 +99,7 @@ def regime_map(
     Parameters
     ----------
     evaluate : callable
-        (optical depth, albedo, receiver) to a `Point`.
+        (optical depth, albedo, receiver) to a `AxisPoint`.
     optical_depths, albedos : sequence of float
         c z and b / c.
     receivers : sequence of str
@@ -132,7 +132,7 @@ def regime_map(
     )
 
 
-def reach(optical_depth: Array, error: Array, level: float) -> float:
+def depth_within(optical_depth: Array, error: Array, level: float) -> float:
     """Largest optical depth up to which the error stays within a level, interpolated between points.
 
     Parameters
@@ -193,7 +193,7 @@ def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> st
 
 
 def _reach_text(depth: Array, error: Array, level: float) -> str:
-    found = reach(depth, error, level)
+    found = depth_within(depth, error, level)
     if np.isinf(found):
         return f"> {depth[-1]:g}"
     return f"< {depth[0]:g}" if np.isnan(found) else f"{found:.2g}"

@@ -51,7 +51,7 @@ class Cases:
         """
         return apply(self.scene, self.values(number), validate)
 
-    def subset(self, axes: list[int]) -> Iterator[tuple[tuple[int, ...], Scene]]:
+    def subset(self, axes: Sequence[int]) -> Iterator[tuple[tuple[int, ...], Scene]]:
         """Scenes of all combinations of some axes, the others at their first step: (steps, scene)."""
         for steps in np.ndindex(*(self.axes[i].size for i in axes)):
             at = [0] * len(self.axes)

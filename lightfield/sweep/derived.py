@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
-from lightfield.formula.field import direct_field, optical_depth, rays, window_points
+from lightfield.formula.field import direct_field, lamps_of_window, optical_depth, rays
 from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
 from lightfield.render.response.grid import Grid
@@ -41,7 +41,7 @@ class Formula:
         try:
             sources = [
                 (point, share * _in_clear_water(scene.model_copy(update={"lamp": point}), grid))
-                for point, share in window_points(scene.lamp)
+                for point, share in lamps_of_window(scene.lamp)
             ]
         except LightfieldError:
             return None

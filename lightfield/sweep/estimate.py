@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 from lightfield.progress import duration
-from lightfield.sweep.plan import Plan, Trace
+from lightfield.sweep.plan import SweepPlan, Trace
 
 # Of one core of an ordinary machine; they serve the estimate alone.
 PHOTONS_PER_SECOND = 1.5e5
@@ -26,7 +26,7 @@ class Cost:
     memory_bytes: float
 
 
-def estimate(plan: Plan) -> Cost:
+def estimate(plan: SweepPlan) -> Cost:
     """Cost of a plan, photon budgets spent in full."""
     values = float(plan.cases.count) * plan.cells * plan.bands
     maps = 2 * BYTES_PER_VALUE * values if plan.settings.maps else 0.0
@@ -41,13 +41,13 @@ def estimate(plan: Plan) -> Cost:
     )
 
 
-def _tally_bytes(plan: Plan, trace: Trace) -> float:
+def _tally_bytes(plan: SweepPlan, trace: Trace) -> float:
     mean = trace.reference.scattering_per_m * float(plan.grids[0].z_m.max()) * 1.2
     channels = mean + 4 * sqrt(mean) + 2 + (18 if trace.reference.wall_albedo > 0 else 0)
     return min(BATCHES * 4.0 * plan.cells * PATH_NODES * channels, MOST_TALLY)
 
 
-def as_text(plan: Plan) -> str:
+def as_text(plan: SweepPlan) -> str:
     """The plan in a few lines for people."""
     cost, cases = estimate(plan), plan.cases
     axes = " x ".join(f"{axis.name} ({axis.size})" for axis in cases.axes)

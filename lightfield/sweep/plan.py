@@ -115,7 +115,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """Everything that is decided before the first photon.
 
     Parameters
@@ -157,7 +157,7 @@ class Plan:
         return len(self.cases.scene.detector.bands_nm)
 
 
-def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
+def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> SweepPlan:
     """Decide what is traced and what is evaluated.
 
     Parameters
@@ -184,7 +184,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
             found="detector.positions_m",
             remedy="give detector.planes_m instead; single positions: `lightfield render`, case by case",
         )
-    grid_axes = _axes_on(cases, Acts.PLACES | Acts.BOX)
+    grid_axes = tuple(_axes_on(cases, Acts.PLACES | Acts.BOX))
     grids = _grids(cases, grid_axes)
     if len({grid.shape for grid in grids}) > 1:
         raise UsageError(
@@ -201,10 +201,10 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> Plan:
     limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
     chunks = _chunks(cases.shape, list(transport), limit)
     blocks = _blocks(cases.shape, chunks, trace_of_case)
-    return Plan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, tuple(grid_axes))
+    return SweepPlan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, grid_axes)
 
 
-def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings, most: int) -> Plan:
+def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings, most: int) -> SweepPlan:
     """Up to `most` cases that share nothing: each is a block, and finds by itself what it needs of light.
 
     Raises
@@ -216,7 +216,7 @@ def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings
     if cases.count > most:
         raise UsageError("too many cases", found=cases.count, rule=f"at most {most}", remedy="coarser ranges")
     none, chunks = np.full(cases.count, -1), (1,) * len(cases.shape)
-    return Plan(cases, settings, chunks, (), _blocks(cases.shape, chunks, none), none, {}, [], ())
+    return SweepPlan(cases, settings, chunks, (), _blocks(cases.shape, chunks, none), none, {}, [], ())
 
 
 def _axes_on(cases: Cases, what: Acts) -> list[int]:
@@ -229,7 +229,7 @@ def _axes_on(cases: Cases, what: Acts) -> list[int]:
     ]
 
 
-def _grids(cases: Cases, axes: list[int]) -> list[Grid]:
+def _grids(cases: Cases, axes: Sequence[int]) -> list[Grid]:
     """Detector grid of every combination of the steps of some axes, alike ones made once."""
     known: dict[object, Grid] = {}
     found = []
@@ -288,8 +288,8 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
     # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
     for steps in np.ndindex(*(cases.axes[i].size for i in transport)):
         alike = numbers[_where(cases, transport, steps)].ravel()
-        if problem_of(cases, int(alike[0])):
-            problems |= {int(n): problem for n in alike if (problem := problem_of(cases, int(n)))}
+        if why_impossible(cases, int(alike[0])):
+            problems |= {int(n): problem for n in alike if (problem := why_impossible(cases, int(n)))}
     table = np.zeros((*cases.shape, 4))
     # Water and walls apart: where both vary, each has far fewer values than there are cases.
     water = Acts.ABSORPTION | Acts.SCATTERING | Acts.BASE | Acts.COLOUR | Acts.PLACES
@@ -323,7 +323,7 @@ def _coefficients(scene: Scene) -> tuple[float, float]:
     return float(a.min()), float(b.max())
 
 
-def problem_of(cases: Cases, number: int) -> str:
+def why_impossible(cases: Cases, number: int) -> str:
     """Why a case cannot be; empty when it can."""
     try:
         cases.build(number)

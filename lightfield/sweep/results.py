@@ -16,7 +16,7 @@ import xarray as xr
 from lightfield.errors import OutputError, UsageError
 from lightfield.maps.dataset import QUANTITIES
 from lightfield.scene import Scene
-from lightfield.scene.messages import nearest
+from lightfield.scene.messages import nearest_keys
 from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
@@ -143,7 +143,7 @@ def axes_of(data: xr.Dataset) -> list[str]:
     return list(json.loads(data.attrs["sweep_axes"]))
 
 
-def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
+def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
     """Keep the cases with given values: `path=value`, the nearest step where it is a number.
 
     Raises
@@ -158,7 +158,7 @@ def choose(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
             raise UsageError("not a case", where="case", found=text, rule="PATH=VALUE")
         if name not in data.dims:
             raise UsageError(
-                f"{name} is no dimension of this sweep", where="case", remedy=nearest(name, names)
+                f"{name} is no dimension of this sweep", where="case", remedy=nearest_keys(name, names)
             )
         data = data.isel({name: [step_of(data[name].values, name, value)]})
     return data
@@ -199,7 +199,7 @@ def case_values(data: xr.Dataset, steps: Mapping[str, int]) -> dict[str, Any]:
     return result
 
 
-def label(values: Mapping[str, Any]) -> str:
+def case_label(values: Mapping[str, Any]) -> str:
     """Short name of a case, usable as a folder."""
     parts = [f"{path}={v:g}" if isinstance(v, float) else f"{path}={v}" for path, v in values.items()]
     return "_".join(parts).replace("/", "-").replace(" ", "")
@@ -224,7 +224,7 @@ def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
     case = data.isel(dict(steps))
     if int(case.status) != 1:
         why = str(case.message.values) or "not computed yet"
-        raise OutputError(f"no map of {label(values)}", found=why, remedy="choose another case")
+        raise OutputError(f"no map of {case_label(values)}", found=why, remedy="choose another case")
     scene = apply(Scene.from_toml(data.attrs["scene_toml"]), values)
     quantity = scene.detector.quantity
     dims = ("wavelength_nm", "z_m", "y_m", "x_m")

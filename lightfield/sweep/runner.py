@@ -14,14 +14,14 @@ from lightfield.errors import LightfieldError, OutputError, RenderError
 from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
-from lightfield.sweep.plan import Block, Plan
-from lightfield.sweep.schema import Kind, attributes, coordinates, variables_of
+from lightfield.sweep.plan import Block, SweepPlan
+from lightfield.sweep.schema import SweepKind, attributes, coordinates, variables_of
 from lightfield.sweep.store import SweepStore
 from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target, topic_of
 
 Report = Callable[["SweepProgress"], None]
 #: Maps of light and what is derived from them.
-MAPS = Kind(variables_of, coordinates, attributes, map_target, do_block, {})
+MAPS = SweepKind(variables_of, coordinates, attributes, map_target, do_block, {})
 
 
 @dataclass
@@ -71,7 +71,7 @@ class SweepProgress:
     def seconds(self) -> float:
         return time.perf_counter() - self.started
 
-    def gain(self, plan: Plan) -> float:
+    def gain(self, plan: SweepPlan) -> float:
         """How many times less computing than a trace for every case; 0 while nothing was traced."""
         if not self.traced or not self.cases_done:
             return 0.0
@@ -80,10 +80,10 @@ class SweepProgress:
 
 
 def run_sweep(
-    plan: Plan,
+    plan: SweepPlan,
     path: Path,
     *,
-    kind: Kind = MAPS,
+    kind: SweepKind = MAPS,
     workers: int = 0,
     scheduler: str | None = None,
     memory_gb: float | None = None,
@@ -93,10 +93,10 @@ def run_sweep(
 
     Parameters
     ----------
-    plan : Plan
+    plan : SweepPlan
     path : Path
         The store. A finished one is left as it is; an unfinished or a damaged one is continued.
-    kind : Kind
+    kind : SweepKind
         What is computed of the cases.
     workers, scheduler, memory_gb
         See `cluster.connected`.
@@ -117,7 +117,7 @@ def run_sweep(
 
 
 def _run(
-    plan: Plan,
+    plan: SweepPlan,
     store: SweepStore,
     workers: int,
     scheduler: str | None,
@@ -152,7 +152,7 @@ class _Dispatch:
     """Submits what can be done next and notes what is done."""
 
     def __init__(
-        self, client: Any, plan: Plan, store: SweepStore, progress: SweepProgress, report: Report | None
+        self, client: Any, plan: SweepPlan, store: SweepStore, progress: SweepProgress, report: Report | None
     ) -> None:
         from distributed import as_completed
 

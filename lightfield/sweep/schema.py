@@ -15,7 +15,7 @@ from lightfield import __version__
 from lightfield.maps.dataset import QUANTITIES
 from lightfield.render.response.grid import Grid
 from lightfield.sweep.axes import COMPOUND, Axis
-from lightfield.sweep.plan import Plan
+from lightfield.sweep.plan import SweepPlan
 from lightfield.sweep.zarrfile import Variable
 
 STATUS = ("pending", "done", "failed")
@@ -24,7 +24,7 @@ AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance":
 
 
 @dataclass(frozen=True)
-class Kind:
+class SweepKind:
     """What a sweep keeps of its cases, and what a worker does with some of them.
 
     Parameters
@@ -39,15 +39,15 @@ class Kind:
         All else that the numbers depend on.
     """
 
-    variables: Callable[[Plan], dict[str, Variable]]
-    coordinates: Callable[[Plan], dict[str, np.ndarray]]
-    attributes: Callable[[Plan], dict[str, Any]]
-    target: Callable[[Plan, Path, dict[str, Variable]], Any]
+    variables: Callable[[SweepPlan], dict[str, Variable]]
+    coordinates: Callable[[SweepPlan], dict[str, np.ndarray]]
+    attributes: Callable[[SweepPlan], dict[str, Any]]
+    target: Callable[[SweepPlan, Path, dict[str, Variable]], Any]
     block: Callable[..., Any]
     told: dict[str, Any]
 
 
-def variables_of(plan: Plan) -> dict[str, Variable]:
+def variables_of(plan: SweepPlan) -> dict[str, Variable]:
     """Every variable of the store."""
     cases, grid, maps = plan.cases, plan.grids[0], map_dims(plan)
     dims, shape = tuple(axis.name for axis in cases.axes), cases.shape
@@ -90,7 +90,7 @@ def variables_of(plan: Plan) -> dict[str, Variable]:
     return variables | state_variables(plan)
 
 
-def axis_variables(plan: Plan) -> dict[str, Variable]:
+def axis_variables(plan: SweepPlan) -> dict[str, Variable]:
     """Coordinates along the axes."""
     variables: dict[str, Variable] = {}
     for axis in plan.cases.axes:
@@ -98,7 +98,7 @@ def axis_variables(plan: Plan) -> dict[str, Variable]:
     return variables
 
 
-def state_variables(plan: Plan) -> dict[str, Variable]:
+def state_variables(plan: SweepPlan) -> dict[str, Variable]:
     """The state of every case."""
     dims, shape = tuple(axis.name for axis in plan.cases.axes), plan.cases.shape
     variables: dict[str, Variable] = {}
@@ -139,7 +139,7 @@ def derived_variables(quantity: str, units: str, area_units: str) -> list[tuple[
     return [entry for pair in zip(told, errors, strict=True) for entry in pair]
 
 
-def quantity_of(plan: Plan) -> tuple[str, str, str, str]:
+def quantity_of(plan: SweepPlan) -> tuple[str, str, str, str]:
     """Name, unit and meaning of the maps, and unit of their integral over a plane."""
     varied = {q for axis in plan.cases.axes for q in axis.values.get("detector.quantity", ())}
     if not varied:
@@ -154,7 +154,7 @@ def quantity_of(plan: Plan) -> tuple[str, str, str, str]:
     return "reading", units, "light at the detector, in the unit of its quantity", area
 
 
-def map_dims(plan: Plan) -> tuple[str, str, str, str]:
+def map_dims(plan: SweepPlan) -> tuple[str, str, str, str]:
     """Dimensions of a map: coordinates where all cases share them, else plain counts."""
     first = plan.grids[0]
     same = [
@@ -169,7 +169,7 @@ def map_dims(plan: Plan) -> tuple[str, str, str, str]:
     return "band" if bands else "wavelength_nm", z, y, x
 
 
-def coordinates(plan: Plan) -> dict[str, np.ndarray]:
+def coordinates(plan: SweepPlan) -> dict[str, np.ndarray]:
     """Values of every coordinate."""
     cases, result = plan.cases, axis_coordinates(plan)
     names = dict(zip(("wavelength_nm", "z_m", "y_m", "x_m"), map_dims(plan), strict=True))
@@ -185,7 +185,7 @@ def coordinates(plan: Plan) -> dict[str, np.ndarray]:
     return result
 
 
-def axis_coordinates(plan: Plan) -> dict[str, np.ndarray]:
+def axis_coordinates(plan: SweepPlan) -> dict[str, np.ndarray]:
     """Values along the axes."""
     result: dict[str, np.ndarray] = {}
     for axis in plan.cases.axes:
@@ -196,7 +196,7 @@ def axis_coordinates(plan: Plan) -> dict[str, np.ndarray]:
     return result
 
 
-def attributes(plan: Plan) -> dict[str, Any]:
+def attributes(plan: SweepPlan) -> dict[str, Any]:
     """Global attributes: conventions, scene, plan, seed, software."""
     scene = plan.cases.scene
     return {
@@ -220,7 +220,7 @@ def attributes(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _axis_coordinates(plan: Plan, axis: Axis) -> dict[str, Variable]:
+def _axis_coordinates(plan: SweepPlan, axis: Axis) -> dict[str, Variable]:
     known = plan.cases.scene.parameters()
     result = {}
     for path, values in axis.values.items():
@@ -242,7 +242,7 @@ def _coordinate(values: tuple[Any, ...]) -> np.ndarray:
     return np.array([v if isinstance(v, str) else json.dumps(v) for v in values])
 
 
-def _grid_of(plan: Plan, number: int) -> Grid:
+def _grid_of(plan: SweepPlan, number: int) -> Grid:
     steps = np.unravel_index(number, plan.cases.shape)
     sizes = [plan.cases.axes[i].size for i in plan.grid_axes]
     return plan.grids[int(np.ravel_multi_index([int(steps[i]) for i in plan.grid_axes], sizes))]
@@ -257,6 +257,6 @@ def _places(grid: Grid, bands: Any) -> dict[str, np.ndarray]:
     }
 
 
-def axes_as_plain(plan: Plan) -> dict[str, dict[str, list[Any]]]:
+def axes_as_plain(plan: SweepPlan) -> dict[str, dict[str, list[Any]]]:
     """Values of every path of every axis."""
     return {axis.name: {path: list(v) for path, v in axis.values.items()} for axis in plan.cases.axes}

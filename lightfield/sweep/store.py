@@ -28,8 +28,8 @@ from lightfield.render.response.store import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile
-from lightfield.sweep.plan import Plan
-from lightfield.sweep.schema import MESSAGE, Kind, axes_as_plain
+from lightfield.sweep.plan import SweepPlan
+from lightfield.sweep.schema import MESSAGE, SweepKind, axes_as_plain
 
 FORMAT = 3  # of the store; raised whenever the same plan would give other numbers
 
@@ -40,8 +40,8 @@ class SweepStore:
     Parameters
     ----------
     path : Path
-    plan : Plan
-    kind : Kind
+    plan : SweepPlan
+    kind : SweepKind
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class SweepStore:
         Files that were found damaged when the store was taken up; they are written again.
     """
 
-    def __init__(self, path: Path, plan: Plan, kind: Kind) -> None:
+    def __init__(self, path: Path, plan: SweepPlan, kind: SweepKind) -> None:
         self.path, self.plan, self.kind = path, plan, kind
         self.variables = kind.variables(plan)
         self.inner = path / ".lightfield"
@@ -240,7 +240,7 @@ def trace_file(store: Path, number: int) -> Path:
     return store / ".lightfield" / "traces" / f"{number:06d}.npz"
 
 
-def fingerprint(plan: Plan, kind: Kind) -> dict[str, Any]:
+def fingerprint(plan: SweepPlan, kind: SweepKind) -> dict[str, Any]:
     """All that the numbers of a store depend on."""
     texts = [
         i

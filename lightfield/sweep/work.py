@@ -34,7 +34,7 @@ from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive
-from lightfield.sweep.plan import Block, Plan, SweepSettings, Trace
+from lightfield.sweep.plan import Block, SweepPlan, SweepSettings, Trace
 from lightfield.sweep.schema import derived_variables, quantity_of
 from lightfield.sweep.store import trace_file
 from lightfield.sweep.zarrfile import Variable
@@ -70,7 +70,7 @@ class BlockDone:
 
 
 @dataclass(frozen=True)
-class Target:
+class MapTarget:
     """Where and how blocks are written.
 
     Parameters
@@ -89,10 +89,10 @@ class Target:
     area_units: str
 
 
-def map_target(plan: Plan, path: Path, variables: dict[str, Variable]) -> Target:
+def map_target(plan: SweepPlan, path: Path, variables: dict[str, Variable]) -> MapTarget:
     """Where and how the blocks of a sweep of maps are written."""
     quantity, units, _, area_units = quantity_of(plan)
-    return Target(path, variables, quantity, units, area_units)
+    return MapTarget(path, variables, quantity, units, area_units)
 
 
 def do_trace(
@@ -159,7 +159,7 @@ def _to_whoever_waits(number: int, path: Path) -> Listener:
     return listener
 
 
-def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: Target) -> BlockDone:
+def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: MapTarget) -> BlockDone:
     """Evaluate the cases of a block and write its chunks; a case that cannot be evaluated is reported.
 
     Parameters
@@ -168,7 +168,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
     cases : Cases
     trace_of_case : sequence of int
         Trace of every case of the block; negative: none.
-    target : Target
+    target : MapTarget
     """
     with _busy, threadpool_limits(1, "blas"):  # more threads of BLAS would round differently
         started = time.perf_counter()
@@ -284,7 +284,7 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
     return scenes
 
 
-def _is_result(name: str, target: Target) -> bool:
+def _is_result(name: str, target: MapTarget) -> bool:
     derived = {entry[0] for entry in derived_variables(target.quantity, target.units, target.area_units)}
     return name in derived or name in (target.quantity, f"{target.quantity}_stderr")
 

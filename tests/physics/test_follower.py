@@ -13,12 +13,12 @@ import pytest
 from lightfield.render.flux.field import Region, TracedField, traced_field
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import CLEAR, EXACT, FITTED, RELATIVE, belief, believed
-from lightfield.studies.follower.design import Setting, judged, task_poses
+from lightfield.studies.follower.design import ArraySetting, judged_array, task_poses
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, with_doubt
-from lightfield.studies.follower.light import Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Space
+from lightfield.studies.follower.noise import SensorNoise
 
 pytestmark = pytest.mark.slow
 Z = (4.5, 6.5, 8.5)
@@ -34,7 +34,7 @@ SCENE = Scene.from_dict(
 )
 FLAT, SMALL = grid((5, 5), 0.6), grid((5, 5), 0.4)
 HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
-NOISE, SPACE = Noise(brightest=0.01), Space(0.4, 4.5, 8.5)
+NOISE, SPACE = SensorNoise(brightest=0.01), Space(0.4, 4.5, 8.5)
 #: Of the prototype's light, and standard deviations that a comparison may differ by.
 THEIRS, SIGMAS = 0.0025, 4
 #: Relative error of the slopes of the prototype's smooth surfaces: their 0.25 % over the width of an array.
@@ -73,7 +73,7 @@ BIAS = [
 @pytest.mark.parametrize(("calibration", "elements", "b", "expected"), BIAS)
 def test_bias_along_the_beam(field, calibration, elements, b, expected) -> None:
     light = water(field, b)
-    truth = Model(light, elements)
+    truth = ArrayModel(light, elements)
     formula, prior = believed(light, elements, calibration, SPACE)
     for z, value in zip(Z, expected, strict=True):
         pose = np.array([0, 0, z, 0, 0, 0.0])
@@ -105,12 +105,12 @@ def test_bias_sideways_and_of_yaw(field) -> None:
     turned = {FITTED: (1.0, 0.9, 0.9), EXACT: (1.4, 1.7, 1.6)}
     for k, (z, x) in enumerate(zip(Z, (-25, -41, -53), strict=True)):
         pose = np.array([0.3, 0.1, z, 0, 0, 0.0])
-        found = belief(Model(light, FLAT), formula, pose, "xyz", NOISE)
+        found = belief(ArrayModel(light, FLAT), formula, pose, "xyz", NOISE)
         theirs = THEIRS / 0.01 * np.sqrt(found.covariance[0, 0])
         assert abs(found.bias[0] - 1e-3 * x) < SIGMAS * np.hypot(found.trace_sigma[0], theirs) + 0.5e-3
         for calibration, yaw in turned.items():
             other, _ = believed(light, HEMISPHERE, calibration, SPACE)
-            found = belief(Model(light, HEMISPHERE), other, pose, POSE[:5], NOISE)
+            found = belief(ArrayModel(light, HEMISPHERE), other, pose, POSE[:5], NOISE)
             theirs = THEIRS / 0.01 * np.sqrt(found.covariance[3, 3])
             near = SIGMAS * np.hypot(found.trace_sigma[3], theirs) + np.radians(0.05)
             assert abs(found.bias[3] - np.radians(yaw[k])) < near
@@ -118,7 +118,7 @@ def test_bias_sideways_and_of_yaw(field) -> None:
 
 def test_bounds_of_a_hemisphere_in_turbid_water(field) -> None:
     """b = 0.15, noise 1 % of the brightest, within what the trace knows."""
-    model = Model(water(field, 0.15), HEMISPHERE)
+    model = ArrayModel(water(field, 0.15), HEMISPHERE)
     parts = model.leave_one_out()
     published = {"x": (9.2, 17.8, 30), "z": (5.9, 7.1, 8.3), "yaw": (1.0, 0.93, 0.95)}
     for k, z in enumerate(Z):
@@ -139,7 +139,7 @@ def test_bounds_of_a_hemisphere_in_turbid_water(field) -> None:
 
 def test_the_array_is_its_own_meter_of_turbidity(field) -> None:
     """Flat 0.6 m, b unknown: 0.011 1/m and 88 mm at 6.5 m; from five places 0.0055 1/m and 25 to 60 mm."""
-    model = Model(water(field, 0.15), FLAT)
+    model = ArrayModel(water(field, 0.15), FLAT)
     poses = np.array([[0.1 * k, 0, 4.5 + k, 0, 0, 0.0] for k in range(5)])
     middle = np.array([0, 0, 6.5, 0, 0, 0.0])
     one = bound(model, middle, ("x", "y", "z"), NOISE, {"scattering": UNKNOWN})
@@ -165,6 +165,6 @@ CRITERIA = {
 def test_criterion_of_known_arrays(field, name: str) -> None:
     """b = 0.05, gain to 5 %. A holds squares of slopes, and of flat arrays the noise of the trace."""
     elements, expected = CRITERIA[name]
-    setting = Setting(water(field, 0.05), task_poses(SPACE), POSE[:5], NOISE, {"gain": 0.05})
-    found = judged(name, elements, setting)
+    setting = ArraySetting(water(field, 0.05), task_poses(SPACE), POSE[:5], NOISE, {"gain": 0.05})
+    found = judged_array(name, elements, setting)
     assert found.criterion == pytest.approx(expected, rel=SIGMAS * np.hypot(found.doubt, 2 * SLOPES))

@@ -14,29 +14,29 @@ from scipy.stats import chi2
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import inverse_cdf_table, relative_intensity, sample
 from lightfield.scene.water.phase.function import PhaseFunction
-from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
-from lightfield.scene.water.phase.molecular import Molecular, WithMolecules
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase, TwoTermHenyeyGreensteinPhase
+from lightfield.scene.water.phase.molecular import Molecular, ParticlesAndMolecules
 from lightfield.scene.water.phase.of_scene import parse_phase
-from lightfield.scene.water.phase.tabulated import FournierForand, petzold
+from lightfield.scene.water.phase.tabulated import FournierForandPhase, petzold
 
 SAMPLES = 400_000
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 PHASES = {
-    "hg 0.924": HenyeyGreenstein(0.924),
-    "hg 0.99": HenyeyGreenstein(0.99),
-    "hg 0": HenyeyGreenstein(0.0),
-    "hg -0.6": HenyeyGreenstein(-0.6),
-    "two-term": TwoTermHenyeyGreenstein(0.9305, -0.502, 0.9967),
-    "two-term wide": TwoTermHenyeyGreenstein(0.6, -0.8, 0.5),
-    "fournier-forand": FournierForand(1.10, 3.5835),
-    "fournier-forand steep": FournierForand(1.05, 4.2),
+    "hg 0.924": HenyeyGreensteinPhase(0.924),
+    "hg 0.99": HenyeyGreensteinPhase(0.99),
+    "hg 0": HenyeyGreensteinPhase(0.0),
+    "hg -0.6": HenyeyGreensteinPhase(-0.6),
+    "two-term": TwoTermHenyeyGreensteinPhase(0.9305, -0.502, 0.9967),
+    "two-term wide": TwoTermHenyeyGreensteinPhase(0.6, -0.8, 0.5),
+    "fournier-forand": FournierForandPhase(1.10, 3.5835),
+    "fournier-forand steep": FournierForandPhase(1.05, 4.2),
     "petzold average": petzold("average"),
     "petzold clear": petzold("clear"),
     "petzold coastal": petzold("coastal"),
     "petzold harbor": petzold("harbor"),
     "molecules": Molecular(),
-    "hg and molecules": WithMolecules(HenyeyGreenstein(0.924), 0.2),
+    "hg and molecules": ParticlesAndMolecules(HenyeyGreensteinPhase(0.924), 0.2),
 }
 
 
@@ -117,7 +117,7 @@ def test_cosine_after_n_scatterings(g: float) -> None:
     rng, n = np.random.default_rng(5), 400_000
     along = np.ones(n)
     for order in range(1, 9):
-        cosine, turn = HenyeyGreenstein(g).sample(rng.random(n)), 2 * math.pi * rng.random(n)
+        cosine, turn = HenyeyGreensteinPhase(g).sample(rng.random(n)), 2 * math.pi * rng.random(n)
         along = along * cosine + np.sqrt((1 - along**2) * (1 - cosine**2)) * np.cos(turn)
         assert abs(along.mean() - g**order) < 4 * along.std() / math.sqrt(n)
 

@@ -14,7 +14,7 @@ from beams import aside, ies
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.formula.field import direct_field
-from lightfield.render.direct import window_points
+from lightfield.render.direct import points_of_disc
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene
 
@@ -167,6 +167,6 @@ def test_points_on_the_window_lean_to_no_side() -> None:
 
     A centroid 0.2 mm aside would pass for an offset of the lamp by as much.
     """
-    x, y = window_points(0.02)
+    x, y = points_of_disc(0.02)
     assert abs(x.mean()) < 1e-9 and abs(y.mean()) < 1e-9 and abs((x * y).mean()) < 1e-12
     np.testing.assert_allclose([(x * x).mean(), (y * y).mean()], 0.02**2 / 4, rtol=1e-9)

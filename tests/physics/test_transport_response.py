@@ -65,11 +65,11 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
     """
     use_backend()
     from lightfield.render.tracer.accumulate import response_from
-    from lightfield.render.tracer.build import prepare
+    from lightfield.render.tracer.build import assembled
     from lightfield.render.tracer.histories import Histories
     from lightfield.render.tracer.walk import counted, trace
 
-    setup = prepare(SCENE, scene_grid(SCENE), Reference(0.05, 0.2, 0.5))
+    setup = assembled(SCENE, scene_grid(SCENE), Reference(0.05, 0.2, 0.5))
     coarse = setup.histories
     fine = Histories(
         coarse.max_scatterings,
@@ -79,7 +79,7 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
         longest_excess_m=2 * coarse.longest_excess_m,
         path_nodes=16 * coarse.path_nodes,
     )
-    counts, _ = trace(setup.surfaces, setup.turn, setup.emission, setup.planes, fine, setup.water, 200_000, 3)
+    counts, _ = trace(replace(setup, histories=fine), 200_000, 3)
     by_path = counts.reshape(len(fine.channels), fine.path_nodes, -1)
     nodes = coarse.excess_m
     shares = np.array([np.interp(fine.excess_m, nodes, row) for row in np.eye(len(nodes))])

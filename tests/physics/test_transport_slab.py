@@ -22,7 +22,7 @@ from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Crossing
 from lightfield.render.tracer.scattering import henyey_greenstein
 from lightfield.render.tracer.surfaces import Shapes
-from lightfield.render.tracer.walk import Water, counted, trace
+from lightfield.render.tracer.walk import ReferenceWater, TransportProblem, counted, trace
 from lightfield.scene import Lamp
 
 BLACK = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}}
@@ -113,13 +113,13 @@ def trace_slab(
     )
     emission = Emission(Lamp(profile="pencil", tilt_x_deg=incidence_deg), cone_rad=0.1)
     histories = Histories(1, path_nodes=2, longest_excess_m=1.0)
-    water = Water(1 - omega, omega)
+    problem = TransportProblem(
+        Shapes(scene), henyey_greenstein(g), emission, planes, histories, ReferenceWater(1 - omega, omega)
+    )
     flux, books = [], []
     for batch in range(BATCHES):
         each = photons // BATCHES
-        counts, book = trace(
-            Shapes(scene), henyey_greenstein(g), emission, planes, histories, water, each, seed=77 + batch
-        )
+        counts, book = trace(problem, each, seed=77 + batch)
         counts = counts / counted(each)
         # Rows: scattered or not, then two nodes of the path.
         flux.append(counts.reshape(2, 2, -1, planes.rings).sum(axis=1).swapaxes(0, 1))
@@ -285,13 +285,11 @@ def test_where_a_pencil_beam_is_absorbed(a: float, b: float, g: float) -> None:
     )
     emission, histories = Emission(Lamp(profile="pencil"), cone_rad=0.1), Histories(0, path_nodes=2)
     surfaces, turn, planes = Shapes(scene), henyey_greenstein(g), AbsorptionMoments(a, b)
-    samples, water, each = [], Water(a, b), 10_240
+    problem = TransportProblem(surfaces, turn, emission, planes, histories, ReferenceWater(a, b))
+    samples, each = [], 10_240
     for batch in range(BATCHES):
         # In parts: four cells get all deposits, and single precision drops what adds little to a large sum.
-        parts = [
-            trace(surfaces, turn, emission, planes, histories, water, each, 500 + batch, first=first)[0]
-            for first in range(0, 8 * each, each)
-        ]
+        parts = [trace(problem, each, 500 + batch, first=first)[0] for first in range(0, 8 * each, each)]
         samples.append(np.sum(parts, axis=(0, 1), dtype=float) / 8 / counted(each))
     for moment, truth in zip(np.array(samples, float).T, exact.values(), strict=True):
         agrees(moment, truth, 0.01)

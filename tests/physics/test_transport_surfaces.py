@@ -95,15 +95,14 @@ def test_one_trace_is_one_walk() -> None:
     import drjit as dr
 
     from lightfield.render.response.grid import reference_of, scene_grid
-    from lightfield.render.tracer.build import prepare
+    from lightfield.render.tracer.build import assembled
     from lightfield.render.tracer.walk import trace
 
     scene = Scene.from_dict({"tank": TANK.model_dump(), "detector": {"planes_m": [3.0], "pixels": 9}})
     scene = scene.with_values({"tank.wall_albedo": 0.5, "water.scattering_per_m": 0.2})
-    setup = prepare(scene, scene_grid(scene), reference_of(scene))
-    parts = setup.surfaces, setup.turn, setup.emission, setup.planes, setup.histories, setup.water
+    setup = assembled(scene, scene_grid(scene), reference_of(scene))
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        trace(*parts, photons=6400, seed=1)
+        trace(setup, photons=6400, seed=1)
         walks = [k for k in dr.kernel_history([dr.KernelType.JIT]) if k["size"] == 100]
     assert len(walks) == 1, "100 lanes, one loop"

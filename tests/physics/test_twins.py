@@ -21,7 +21,7 @@ from lightfield.render.tracer.build import shapes
 from lightfield.render.tracer.emission import TABLE, Emission
 from lightfield.render.tracer.planes import OPEN_WATER_REACH, Planes
 from lightfield.render.tracer.walk import Absorption
-from lightfield.render.tracer.walk import Water as TracedWater
+from lightfield.render.tracer.walk import ReferenceWater as TracedWater
 from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
 from lightfield.scene.acts import Acts

@@ -21,8 +21,8 @@ from lightfield.scene.water.constituents import (
 )
 from lightfield.scene.water.library import columns_of, list_presets
 from lightfield.scene.water.molecular import molecular_scattering_per_m, refractive_index
-from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
-from lightfield.scene.water.phase.tabulated import FournierForand, TabulatedPhase, petzold
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase, TwoTermHenyeyGreensteinPhase
+from lightfield.scene.water.phase.tabulated import FournierForandPhase, TabulatedPhase, petzold
 
 NAMES = ("jerlov-II", "jerlov-measured-II")
 
@@ -214,7 +214,7 @@ def test_fournier_forand_moments(n: float, mu: float, backscatter: float) -> Non
 
     Mean cosine against quadrature of the density from 1e-7 rad; what lies below is forward to all digits.
     """
-    phase = FournierForand(n, mu)
+    phase = FournierForandPhase(n, mu)
     assert phase.backscatter_ratio() == pytest.approx(backscatter, rel=1e-3)
     log = np.linspace(math.log(1e-7), math.log(math.pi), 200_001)
     psi = np.exp(log)
@@ -227,7 +227,7 @@ def test_fournier_forand_moments(n: float, mu: float, backscatter: float) -> Non
 def test_fournier_forand_values(reference: Path) -> None:
     """Density and distribution against a table that was computed from the formula elsewhere."""
     known = table(reference / "reference" / "fournier_forand.csv")
-    phase, psi = FournierForand(1.1000, 3.5834), np.radians(known["angle_deg"])
+    phase, psi = FournierForandPhase(1.1000, 3.5834), np.radians(known["angle_deg"])
     np.testing.assert_allclose(phase.pdf(np.cos(psi)), known["ff_B0.0183_per_sr"], rtol=2e-3)
     np.testing.assert_allclose(phase.cdf(psi), known["cdf_B0.0183"], rtol=2e-3)
 
@@ -236,9 +236,9 @@ def test_henyey_greenstein_backscatter() -> None:
     """Closed form (1 - g)/(2 g) ((1 + g)/sqrt(1 + g^2) - 1): 0.0170 at g = 0.924, 0.5 for isotropic
     scattering.
     """
-    assert HenyeyGreenstein(0.924).backscatter_ratio() == pytest.approx(0.0170, abs=5e-5)
-    assert HenyeyGreenstein(0.0).backscatter_ratio() == pytest.approx(0.5)
-    both = TwoTermHenyeyGreenstein(0.9305, -0.502, 0.9967)
+    assert HenyeyGreensteinPhase(0.924).backscatter_ratio() == pytest.approx(0.0170, abs=5e-5)
+    assert HenyeyGreensteinPhase(0.0).backscatter_ratio() == pytest.approx(0.5)
+    both = TwoTermHenyeyGreensteinPhase(0.9305, -0.502, 0.9967)
     assert both.mean_cosine() == pytest.approx(0.9257, abs=1e-4)
     assert both.backscatter_ratio() == pytest.approx(0.0182, abs=1e-4)
 
@@ -248,7 +248,7 @@ def test_table_of_a_known_function() -> None:
     ratio.
     """
     angle = np.radians(np.concatenate([np.geomspace(0.01, 10, 400), np.arange(10.5, 180.1, 0.5)]))
-    exact = HenyeyGreenstein(0.9)
+    exact = HenyeyGreensteinPhase(0.9)
     again = TabulatedPhase(angle, 7.0 * exact.pdf(np.cos(angle)))
     assert again.integral == pytest.approx(7, rel=1e-4)
     assert again.mean_cosine() == pytest.approx(0.9, abs=1e-4)

@@ -8,8 +8,9 @@ import pytest
 from scipy.special import erf
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.problem.candidates import REASONS, Setting, candidates
+from lightfield.diagnosis.problem.candidates import UNMET, Setting, candidates
 from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.untestable import Hindrance
 from lightfield.errors import UsageError
 from lightfield.experiments.hide import Secret, hide
 from lightfield.experiments.measure import Instrument
@@ -208,5 +209,5 @@ def test_waves_are_not_tested_behind_a_collimator() -> None:
     lit = scene(0.0).with_values({"detector.quantity": "radiance"})
     x, y, z = (g.ravel() for g in np.meshgrid([0.0], [-0.3, 0.0, 0.3], [2.0, 3.0]))
     layout = layout_of(Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=np.ones(x.size)))
-    for one, reasons in ((lit, {"waves": REASONS["mirror"]}), (scene(0.0), {})):
+    for one, reasons in ((lit, {"waves": (Hindrance(UNMET["mirror"]),)}), (scene(0.0), {})):
         assert candidates(Setting(one, layout, 1.0, 50.0), [get("waves")], ())[1] == reasons

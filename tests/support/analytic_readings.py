@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.experiments.layouts import Order, scan
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -49,7 +49,7 @@ def readings(
     places = table.x_m, table.y_m, table.z_m
     light = direct_field(truth, *places, table.wavelength_nm, table.medium, table.time_s)
     more = 1.0 if factor is None else factor(table)
-    measured, _ = measure(truth, table, Light(light), Instrument(noise, **kinds), rng, more)
+    measured, _ = measure(truth, table, LightAtReadings(light), Instrument(noise, **kinds), rng, more)
     return measured, believed
 
 

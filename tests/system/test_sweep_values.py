@@ -21,7 +21,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import over_band
 from lightfield.studies.compare.maps import closed_form
 from lightfield.sweep.axes import parse_axis
-from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.runner import SweepProgress, run_sweep
 
 SCENE = Scene.from_toml(
@@ -46,7 +46,7 @@ RANGES = ("water.scattering_per_m=0,0.1,0.4", "tank.wall_albedo=0,0.5", "water.c
 
 def swept(
     folder: Path, ranges: tuple[str, ...], photons: float, scene: Scene = SCENE
-) -> tuple[Plan, SweepProgress]:
+) -> tuple[SweepPlan, SweepProgress]:
     plan = make_plan(
         scene, [parse_axis(text) for text in ranges], SweepSettings(max_photons=photons, rel_error=1e-3)
     )

@@ -77,6 +77,16 @@ def test_what_is_loaded_is_found_by_following_imports() -> None:
     assert not HEAVY & loaded("lightfield.scene") and "mitsuba" not in loaded("lightfield.render.maps")
 
 
+def test_a_class_name_means_one_thing() -> None:
+    """An answer of the api may have the name of what it holds; no other two rooms share one."""
+    homes: dict[str, list[str]] = {}
+    for module in MODULES:
+        for node in ast.parse(module.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and module.relative_to(PACKAGE).parts[0] != "api":
+                homes.setdefault(node.name, []).append(str(module.relative_to(PACKAGE)))
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+
+
 @cache
 def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
     """Modules that one imports on top, or inside functions; not those for the type checker alone.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, light_of, named, readings_of, scene_of
-from lightfield.api.light.maps import Maps, nearest, render
+from lightfield.api.given import AnyPath, diffuse_source, named, readings_of, scene_of
+from lightfield.api.light.maps import Maps, nearest_index, render
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
@@ -50,7 +50,7 @@ class Comparison(Result[comparing.Comparison]):
         from lightfield.report.plots import plot_formula_error
 
         known = np.array(self.details.wavelengths_nm)
-        wave = float(known[0 if wavelength_nm is None else nearest(known, wavelength_nm)])
+        wave = float(known[0 if wavelength_nm is None else nearest_index(known, wavelength_nm)])
         return plot_formula_error(ax, self.details.at(wave))
 
     def to_pandas(self) -> pd.DataFrame:
@@ -212,7 +212,7 @@ def compare(
         )
     if "seed" in asked:  # another than that of the response which the render is to check
         asked["seed"] += 1
-    known, light = scene_of(scene, effects_file), light_of(trace)
+    known, light = scene_of(scene, effects_file), diffuse_source(trace)
     report = fitting.fit_readings(
         readings_of(what, known), known, named(with_), solver=solver, tracing=asked,
         diffuse=None if light is None else partial(light, cache=cache),

@@ -87,11 +87,11 @@ class Maps(Result[xr.Dataset]):
         """
         from lightfield.report.plots import plot_map, plot_positions
 
-        wave = 0 if wavelength_nm is None else nearest(self.details.wavelength_nm.values, wavelength_nm)
+        wave = 0 if wavelength_nm is None else nearest_index(self.details.wavelength_nm.values, wavelength_nm)
         data = self.details.isel(wavelength_nm=wave)
         if "z_m" not in data.dims:
             return plot_positions(ax, data)
-        return plot_map(ax, data.isel(z_m=0 if z_m is None else nearest(data.z_m.values, z_m)))
+        return plot_map(ax, data.isel(z_m=0 if z_m is None else nearest_index(data.z_m.values, z_m)))
 
     def to_xarray(self) -> xr.Dataset:
         """The maps with coordinates, units, parts, errors and provenance."""
@@ -134,7 +134,7 @@ class Maps(Result[xr.Dataset]):
         return write_netcdf(self.details, Path(path))
 
 
-def nearest(values: np.ndarray, wanted: float) -> int:
+def nearest_index(values: np.ndarray, wanted: float) -> int:
     """Where in an array the value lies that is nearest to the wanted one."""
     return int(np.abs(values - wanted).argmin())
 

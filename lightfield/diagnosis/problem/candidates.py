@@ -11,6 +11,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import SAME, Layout
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.fitting.curves import field_of
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.light_source import has_diffuse_light
@@ -34,20 +35,21 @@ _FEWEST_FUNCTIONS = 2
 #: Opt. 36, 8710, doi:10.1364/AO.36.008710).
 _CLEAREST_PER_M = 0.02
 
-REASONS: Mapping[str, str] = {
-    "vary_x": "all readings have the same x",
-    "vary_y": "all readings have the same y",
-    "vary_z": "all readings are at one distance",
-    "off_axis": "all readings are on the axis",
-    "time": "the readings carry no times",
-    "tank": "the scene has no [tank]",
-    "mirror": "what this detector sees of the surface is traced, with waves as the scene states them",
-    "water": "no reading was taken in water",
-    "air_and_water": "needs readings in air and in water",
-    "spectral": "needs readings at three wavelengths or more",
-    "overlap": "no wavelength is twice another, or more",
-    "absolute": "the readings are on a relative scale",
-    "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
+#: What stands in the way where a condition of the table is not fulfilled.
+UNMET: Mapping[str, Hinders] = {
+    "vary_x": Hinders.ONE_X,
+    "vary_y": Hinders.ONE_Y,
+    "vary_z": Hinders.ONE_DISTANCE,
+    "off_axis": Hinders.ON_AXIS,
+    "time": Hinders.NO_TIMES,
+    "tank": Hinders.NO_TANK,
+    "mirror": Hinders.NARROW_VIEW,
+    "water": Hinders.NO_WATER,
+    "air_and_water": Hinders.NOT_BOTH_MEDIA,
+    "spectral": Hinders.FEW_WAVELENGTHS,
+    "overlap": Hinders.NO_OVERTONE,
+    "absolute": Hinders.RELATIVE,
+    "known_base": Hinders.ABSORPTION_FREE,
 }
 
 
@@ -251,29 +253,32 @@ def _shaped(forms: list[Candidate]) -> list[Candidate]:
 
 
 def candidates(
-    setting: Setting, effects: Iterable[Effect], base: Iterable[str], without_diffuse: str | None = None
-) -> tuple[tuple[Candidate, ...], dict[str, str]]:
-    """Testable forms of the effects, and the reason for each effect that cannot be tested.
+    setting: Setting,
+    effects: Iterable[Effect],
+    base: Iterable[str],
+    without_diffuse: Hindrance | None = None,
+) -> tuple[tuple[Candidate, ...], dict[str, tuple[Hindrance, ...]]]:
+    """Testable forms of the effects, and what stands in the way of each effect that cannot be tested.
 
     Parameters
     ----------
     base : iterable of str
         Paths that the base model frees already.
-    without_diffuse : str, optional
+    without_diffuse : Hindrance, optional
         Why scattered and reflected light cannot be predicted, when it cannot.
     """
     known = {**setting.scene.parameters(), **setting.curves}
     taken = set(base)
     found: list[Candidate] = []
-    untestable: dict[str, str] = {}
+    untestable: dict[str, tuple[Hindrance, ...]] = {}
     for effect in effects:
-        missing = [REASONS[need] for need in effect.needs if not setting.met(need)]
-        if effect.diffuse and without_diffuse:
+        missing = [Hindrance(UNMET[need]) for need in effect.needs if not setting.met(need)]
+        if effect.diffuse and without_diffuse is not None:
             missing.append(without_diffuse)
         if effect.direct_only and has_diffuse_light(setting.scene):
-            missing.append("the scene has diffuse light, whose direction of arrival is not known")
+            missing.append(Hindrance(Hinders.DIFFUSE))
         if missing:
-            untestable[effect.name] = "; ".join(missing)
+            untestable[effect.name] = tuple(missing)
             continue
         forms = [
             f for f in (_resolve(effect, form, setting, known) for form in effect.forms) if f is not None
@@ -281,11 +286,8 @@ def candidates(
         forms = _shaped([f for f in forms if not taken & {p.path for p in f.amplitudes}])
         if effect.is_free_form:
             forms = _different_curves(forms, setting.told)
-            if not forms:
-                untestable[effect.name] = "the readings are at too few different places or times"
-        if not forms and not effect.is_free_form:
-            untestable[effect.name] = (
-                "its parameters are free in the base model, or this scene has none of them"
-            )
+        if not forms:
+            none = Hinders.FEW_PLACES if effect.is_free_form else Hinders.FREE_ALREADY
+            untestable[effect.name] = (Hindrance(none),)
         found.extend(forms)
     return tuple(found), untestable

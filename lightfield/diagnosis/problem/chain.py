@@ -30,7 +30,7 @@ _ONE_BY_ONE = 8
 
 
 @dataclass(frozen=True)
-class Link:
+class ChainBlock:
     """One block of readings; C_ij = out_i carry_i-1 ... carry_j+1 into_j^T is its covariance with another.
 
     Parameters
@@ -75,10 +75,10 @@ class Link:
         return factor * state[source] if len(state) else np.zeros((len(source), state.shape[1]))
 
 
-def alone(covariance: Array) -> Link:
+def alone(covariance: Array) -> ChainBlock:
     """A chain of one block."""
     nothing = np.zeros((len(covariance), 0))
-    return Link(covariance, nothing, nothing, np.zeros(0, int), np.zeros(0))
+    return ChainBlock(covariance, nothing, nothing, np.zeros(0, int), np.zeros(0))
 
 
 class ChainFactor:
@@ -86,7 +86,7 @@ class ChainFactor:
 
     Parameters
     ----------
-    links : iterable of Link
+    links : iterable of ChainBlock
         In order.
     single : bool
         Keep what blocks have in common in single precision: half the memory, and half the time of a column,
@@ -98,9 +98,9 @@ class ChainFactor:
         The covariance is not positive definite.
     """
 
-    def __init__(self, links: Iterable[Link], single: bool = False) -> None:
+    def __init__(self, links: Iterable[ChainBlock], single: bool = False) -> None:
         self._kind = np.float32 if single else np.float64
-        self._links: list[tuple[Link, Array, Array, Array]] = []
+        self._links: list[tuple[ChainBlock, Array, Array, Array]] = []
         #: Logarithm of the determinant of the covariance.
         self.log_determinant = 0.0
         known = np.zeros((0, 0))  # covariance of the state before a block, as the readings so far tell it
@@ -132,7 +132,7 @@ class ChainFactor:
             state = self._carried(link, state) + gain @ out[rows].astype(self._kind, copy=False)
         return out
 
-    def _carried(self, link: Link, state: Array) -> Array:
+    def _carried(self, link: ChainBlock, state: Array) -> Array:
         return link.carry(state).astype(self._kind, copy=False)
 
     def coloured(self, columns: Array) -> Array:

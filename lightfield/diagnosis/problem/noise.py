@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.chain import ChainFactor, Link, alone, fewer, low_rank
+from lightfield.diagnosis.problem.chain import ChainBlock, ChainFactor, alone, fewer, low_rank
 from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
 
@@ -322,7 +322,7 @@ class Whitener:
             return
         n, size = noise.layout.size, block or BLOCK
         if n <= (block or FEW) or (block is None and self._is_one(size)):
-            links: Iterable[Link] = [alone(noise.covariance(rho, phi, tolerance))]
+            links: Iterable[ChainBlock] = [alone(noise.covariance(rho, phi, tolerance))]
         else:
             self._order = np.argsort(noise.layout.position, kind="stable")
             links = links_of(noise, rho, phi, tolerance, self._order, size)

@@ -94,7 +94,7 @@ def repeats_of(readings: Readings) -> Repeats | None:
     return None
 
 
-def plane_gain(repeats: Repeats, assumed: float) -> float:
+def plane_gain_error(repeats: Repeats, assumed: float) -> float:
     """Relative gain error of a visit beyond the stated errors of the readings.
 
     The variance at which the deviations, a straight line in time taken out where four visits allow it (a

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.chain import Link
+from lightfield.diagnosis.problem.chain import ChainBlock
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.problem.noise import Noise
@@ -19,7 +19,7 @@ Rows = NDArray[np.int_]
 
 def links_of(
     noise: Noise, rho: float, phi: float, tolerance: float, order: Rows, size: int
-) -> Iterator[Link]:
+) -> Iterator[ChainBlock]:
     """Blocks of readings that follow each other in the scan.
 
     The state between them holds smooth errors, of which nothing is forgotten; the own noise of the last
@@ -60,5 +60,5 @@ def links_of(
         into = columns(rows, end - place, after)
         if i == 0:
             out, source = out[:, :0], [-1] * len(source)
-        yield Link(noise.covariance(rho, phi, tolerance, rows), out, into, np.array(source, int), decay)
+        yield ChainBlock(noise.covariance(rho, phi, tolerance, rows), out, into, np.array(source, int), decay)
         before, begin = after, end

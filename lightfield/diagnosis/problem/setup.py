@@ -12,7 +12,8 @@ from lightfield.diagnosis.problem.candidates import Setting, candidates
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
 from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Budget, errors_stated
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
+from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import FitError
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, SceneForward
@@ -78,7 +79,7 @@ def budget_of(readings: Readings) -> Budget:
     gain, position, tolerance = stated.plane_gain_percent, stated.position_mm, stated.tolerance_percent
     repeats = repeats_of(readings) if gain is None else None
     if repeats is not None:
-        gain = 100 * plane_gain(repeats, PLANE_GAIN_PERCENT / 100)
+        gain = 100 * plane_gain_error(repeats, PLANE_GAIN_PERCENT / 100)
         assumed.append(Assumed(Term.PLANE_GAIN, gain, repeats.visits, repeats.reference))
     elif gain is None:
         assumed.append(Assumed(Term.PLANE_GAIN, PLANE_GAIN_PERCENT))
@@ -219,14 +220,14 @@ def _least_absorption(scene: Scene, layout: Layout) -> float:
 
 
 def problem_of(
-    forward: SceneForward, readings: Readings, effects: Iterable[Effect], without_diffuse: str | None
-) -> tuple[Problem, dict[str, str]]:
+    forward: SceneForward, readings: Readings, effects: Iterable[Effect], without_diffuse: Hindrance | None
+) -> tuple[Problem, dict[str, tuple[Hindrance, ...]]]:
     """The problem, and the effects that cannot be tested with reasons.
 
     Parameters
     ----------
     forward : SceneForward
-    without_diffuse : str, optional
+    without_diffuse : Hindrance, optional
         Why scattered and reflected light cannot be predicted.
 
     Raises
@@ -300,7 +301,7 @@ def _check_reach(
 
 def source_of(
     scene: Scene, diffuse: DiffuseSource | str | None, readings: Readings
-) -> tuple[DiffuseSource | None, str | None]:
+) -> tuple[DiffuseSource | None, Hindrance | None]:
     """What gives scattered and reflected light, or why nothing does.
 
     Parameters
@@ -316,7 +317,7 @@ def source_of(
         Light of the scene itself would have to be traced in too many cells.
     """
     if diffuse is None:
-        return None, "scattered and reflected light was not traced"
+        return None, Hindrance(Hinders.NOT_TRACED)
     if scene.water.scattering_per_m > 0 and any(scene.reflectances) and len(readings) > MOST_MURKY:
         raise FitError(
             "too many readings where the scene both scatters and reflects",
@@ -326,7 +327,7 @@ def source_of(
             remedy="diagnose every third reading, say, or average what was read at neighbouring places",
         )
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
-        return None, f"the scattered light of a lamp that is {scene.lamp.profile} cannot be followed"
+        return None, Hindrance(Hinders.LAMP, profile=scene.lamp.profile)
     if (cells := _cells(scene, readings)) > MOST_CELLS:
         if has_diffuse_light(scene):
             raise FitError(
@@ -336,10 +337,7 @@ def source_of(
                 rule=f"at most {MOST_CELLS}",
                 remedy="diagnose a part of the readings, or round z_m: every distance has cells of its own",
             )
-        return None, (
-            f"scattered and reflected light would have to be traced in {cells} cells around the readings, "
-            f"of at most {MOST_CELLS}"
-        )
+        return None, Hindrance(Hinders.MANY_CELLS, cells=cells, most=MOST_CELLS)
     if callable(diffuse):
         return diffuse, None
     return response_for, None

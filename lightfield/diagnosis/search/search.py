@@ -127,7 +127,7 @@ def _start(
     return np.concatenate(pieces)
 
 
-class Own(Protocol):
+class UnderOwnErrors(Protocol):
     """Judges explanations by diffuse light under the errors of their own response."""
 
     def promise(self, fit: Fit) -> float:
@@ -251,7 +251,7 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
     return out
 
 
-def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors) -> list[Tried]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
     lowest = min((fit for _, fit in fits), key=lambda f: f.chi2)
     diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0]) and not own.hopeless(f[1], lowest)]
@@ -269,7 +269,9 @@ def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) 
     return [Tried(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
 
 
-def search_singles(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+def search_singles(
+    problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors
+) -> list[Tried]:
     """Single effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), _SINGLES_TESTED, _TESTED) if fits else []
 
@@ -326,7 +328,9 @@ def fit_pairs(
     return finished
 
 
-def search_pairs(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: Own) -> list[Tried]:
+def search_pairs(
+    problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors
+) -> list[Tried]:
     """Pairs of effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
 

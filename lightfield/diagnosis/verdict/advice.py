@@ -35,7 +35,7 @@ _RIDGE, _RIDGE_ALONE = 1e-9, 1e-12
 
 
 @dataclass(frozen=True)
-class Places:
+class PossiblePlaces:
     """Possible readings, each an array of shape (n,)."""
 
     x_m: Array
@@ -48,13 +48,13 @@ class Places:
 class Advice:
     """Best places for extra readings, and the separation before and after, in sigma."""
 
-    places: Places
+    places: PossiblePlaces
     repeats: int
     now_sigma: float
     predicted_sigma: float
 
 
-def possible_places(problem: Problem, tank: Tank | None) -> Places:
+def possible_places(problem: Problem, tank: Tank | None) -> PossiblePlaces:
     """A grid over both sides of the axis, somewhat beyond the present layout, inside the tank if any.
 
     Where the lamp is too close to floor or top for that, the places that were read.
@@ -74,8 +74,8 @@ def possible_places(problem: Problem, tank: Tank | None) -> Places:
         inside &= (gy > floor + _FROM_FLOOR_M) & (gy < top - _FROM_FLOOR_M)
     if not inside.any():
         read = np.unique(np.stack([lay.x_m, lay.y_m, lay.z_m, lay.air], axis=1), axis=0)
-        return Places(*read[:: 1 + len(read) // len(gx)].T)
-    return Places(gx[inside], gy[inside], gz[inside], air[inside])
+        return PossiblePlaces(*read[:: 1 + len(read) // len(gx)].T)
+    return PossiblePlaces(gx[inside], gy[inside], gz[inside], air[inside])
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def error_of_mean(noise: Array, prediction: Array, own: Array) -> Array:
     return np.asarray(np.sqrt(noise**2 / REPEATS + (FLOOR * prediction) ** 2 + own**2))
 
 
-def best_places(ways: Sequence[Way], places: Places) -> Advice:
+def best_places(ways: Sequence[Way], places: PossiblePlaces) -> Advice:
     """Up to three spots, chosen one after the other, that best part two explanations whichever is true."""
     now = float(np.sqrt(min(way.now for way in ways)))
     chosen: list[int] = []
@@ -147,7 +147,7 @@ def best_places(ways: Sequence[Way], places: Places) -> Advice:
         chosen.append(int(worst.argmax()))
         ways = [way.taken(chosen[-1]) for way in ways]
     index = np.array(chosen)
-    spots = Places(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
+    spots = PossiblePlaces(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
     return Advice(spots, REPEATS, now, float(np.sqrt(min(way.now for way in ways))))
 
 
@@ -197,7 +197,7 @@ def where_next(
     one: Tried,
     two: Tried,
     phi: float,
-    places: Places,
+    places: PossiblePlaces,
     there: SceneForward,
     sigma: Callable[[Array], Array],
 ) -> Advice:

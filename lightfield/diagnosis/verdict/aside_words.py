@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
-from lightfield.diagnosis.verdict.parts import SetAside, Spot
+from lightfield.diagnosis.verdict.parts import PlaceToRead, SetAside
 
 #: Readings set aside that the sentence names one by one.
 _NAMED_ASIDE = 3
@@ -13,7 +13,7 @@ _NAMED_ASIDE = 3
 REPEATS = 3
 
 
-def place(one: SetAside | Spot, waves: bool = False) -> str:
+def place(one: SetAside | PlaceToRead, waves: bool = False) -> str:
     """Where a reading was taken, or is to be taken."""
     medium = "" if one.medium == "water" else f" in {one.medium}"
     wavelength = one.wavelength_nm if isinstance(one, SetAside) and waves else None

@@ -46,7 +46,7 @@ def _power(problem: Problem) -> Candidate | None:
     return next((c for c in problem.candidates if c.name == EFFECT), None)
 
 
-def sigmas(fit: Fit, scale: float, calibration: float) -> float:
+def sigmas_from_one(fit: Fit, scale: float, calibration: float) -> float:
     """How many standard errors, of calibration and fit together, the logarithm of a gain lies from 0.
 
     Parameters
@@ -96,7 +96,7 @@ def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) ->
         return prepared, finding
     phi = finding.level.phi
     explanations = finding.accepted or [Tried((), finding.level.base, finding.level.base.chi2 / phi)]
-    far = [sigmas(t.fit, t.adequacy.phi if t.adequacy else phi, calibration) for t in explanations]
+    far = [sigmas_from_one(t.fit, t.adequacy.phi if t.adequacy else phi, calibration) for t in explanations]
     agreeing = [k for k, z in enumerate(far) if abs(z) <= AGREES_SIGMA]
     if agreeing:
         if len(agreeing) == len(far):
@@ -174,7 +174,7 @@ def judged_power(prepared: Prepared, problem: Problem, finding: Finding) -> list
         value = best.fit.values[POWER]
         far = float(np.log(value / power.amplitudes[0].start)) * value / best.errors[POWER]
     else:
-        far = sigmas(best.fit, phi, calibration)
+        far = sigmas_from_one(best.fit, phi, calibration)
         known = replace(prepared, problem=replace(problem, keep=prepared.problem.keep))
         best = with_power(known, finding, best, power)
     return [Judged(power, best.fit, abs(far), None, None, found, best.errors)]

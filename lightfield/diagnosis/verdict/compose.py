@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield import __version__
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
@@ -30,10 +31,10 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
+    PlaceToRead,
     Reason,
     Rung,
     SetAside,
-    Spot,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.trust import Trust, standard_errors
@@ -42,9 +43,6 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-
-#: Why an effect cannot be told from what the base model moves.
-ABSORBED = "absorbed by gain, beam width and absorption with these readings"
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Found:
     prepared: Prepared
     finding: Finding
     steps: list[Step]
-    untestable: dict[str, str]
+    untestable: Untestable
     trust: Trust
     lamp: Sequence[Judged] = ()
     seed: int = 0
@@ -133,7 +131,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
         Rung(
             label=s.label,
             effects=[c.name for c in s.explanation],
-            error_percent=s.error_percent,
+            error_percent=None if np.isnan(s.error_percent) else s.error_percent,
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
             parameters=values(s),
@@ -220,7 +218,9 @@ def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
     curve = sigma_curve(found.prepared, level.bench.phi * level.phi)
     best = where_next(problem, found.finding.whiten, one, two, level.phi, places, there, curve)
     readings = [
-        Spot(x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats)
+        PlaceToRead(
+            x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats
+        )
         for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
     alike = best.predicted_sigma < SAME_CLASS_SIGMA
@@ -251,12 +251,13 @@ def _set_aside(found: Found) -> list[SetAside]:
     return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
 
 
-def _untestable(found: Found) -> dict[str, str]:
+def _untestable(found: Found) -> dict[str, tuple[Hindrance, ...]]:
     """What these readings cannot show, with reasons."""
     scores = found.finding.levels[0].adequacy.scores
     testable = {s.template.candidate.name for s in scores if s.testable}
     others = (s.template.candidate.name for s in scores if not s.testable)
-    return found.untestable | {name: ABSORBED for name in others if name not in testable}
+    absorbed = (Hindrance(Hinders.ABSORBED),)
+    return {**found.untestable, **{name: absorbed for name in others if name not in testable}}
 
 
 def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
@@ -332,7 +333,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         found=found_effects(found.forward, finding, of_best),
         nearest_rival=rival,
         detection_limits=_limits(finding, units),
-        untestable=untestable,
+        hindrances={name: list(why) for name, why in untestable.items()},
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=left,

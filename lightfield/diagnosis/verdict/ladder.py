@@ -57,11 +57,14 @@ def bright(problem: Problem) -> Array:
 
 
 def percent(problem: Problem, prediction: Array, which: Array) -> float:
-    """Rms of the residual over the model in per cent; NaN without readings."""
+    """Rms of the residual over the model in per cent; NaN without readings, or where the model is dark."""
     if not which.any():
         return float("nan")
     model = prediction[which]
-    return float(100 * np.sqrt(np.mean(((problem.value[which] - model) / model) ** 2)))
+    # Of no light, or of next to none, there is no part: what comes of it is no finite number.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        error = float(100 * np.sqrt(np.mean(((problem.value[which] - model) / model) ** 2)))
+    return error if np.isfinite(error) else float("nan")
 
 
 def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> float:
@@ -111,7 +114,7 @@ def _order(
     """The effects in the order in which each lowers the misfit most beside those before it.
 
     Of several effects, those first beside which the error in per cent falls too: where the model is nearly
-    dark, per cent of it can grow while chi-square falls.
+    dark, per cent of it can grow, or mean nothing, while chi-square falls.
     """
     known, order, fit = dict(zip(full.paths, full.u, strict=True)), list[Candidate](), base
     few, counted = len(explanation) <= _FEW, bright(problem)
@@ -125,7 +128,7 @@ def _order(
                 fits.append(problem.fit(part, whiten, [start, problem.default_start(base.u, part)]))
             else:
                 fits.append(_nearby(problem, part, whiten, start, full))
-        rise = [not few and percent(problem, f.prediction, counted) > error for f in fits]
+        rise = [not few and not percent(problem, f.prediction, counted) <= error for f in fits]
         first = min(range(len(fits)), key=lambda k: (rise[k], fits[k].chi2))
         order.append(left[first])
         fit = fits[first]

@@ -8,7 +8,7 @@ from enum import Enum
 from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.aside_words import REPEATS, place
-from lightfield.diagnosis.verdict.parts import Misfit, Part, SetAside, Spot
+from lightfield.diagnosis.verdict.parts import Misfit, PlaceToRead, Record, SetAside
 from lightfield.diagnosis.verdict.words import join, plain
 from lightfield.fitting import effects
 
@@ -23,14 +23,14 @@ class Asks(str, Enum):
     LOOK = "look what stands in the light"
 
 
-class NextMeasurement(Part):
+class NextMeasurement(Record):
     """What to measure next, and what it would decide."""
 
     asks: Asks
     between: list[list[str]] = Field(
         default_factory=list, description="the two explanations it would separate"
     )
-    readings: list[Spot] = Field(default_factory=list)
+    readings: list[PlaceToRead] = Field(default_factory=list)
     separation_now_sigma: float | None = None
     separation_predicted_sigma: float | None = None
 
@@ -40,12 +40,12 @@ class NextMeasurement(Part):
         return _WORDS[self.asks](self)
 
 
-def repeat(spot: Spot, misfit: Misfit | None) -> NextMeasurement:
+def repeat(spot: PlaceToRead, misfit: Misfit | None) -> NextMeasurement:
     """What to do about a misfit that nothing explains.
 
     Parameters
     ----------
-    spot : Spot
+    spot : PlaceToRead
         Where it is largest.
     """
     in_time = misfit is not None and misfit.coordinate == "time"
@@ -55,11 +55,11 @@ def repeat(spot: Spot, misfit: Misfit | None) -> NextMeasurement:
 def look(aside: Sequence[SetAside]) -> NextMeasurement:
     """What to do about readings set aside that are no slips, the farthest first."""
     one = aside[0]
-    spot = Spot(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
+    spot = PlaceToRead(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
     return NextMeasurement(asks=Asks.LOOK, readings=[spot])
 
 
-def _where(spot: Spot) -> str:
+def _where(spot: PlaceToRead) -> str:
     return f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
 
 

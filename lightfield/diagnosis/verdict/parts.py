@@ -5,14 +5,15 @@ from __future__ import annotations
 from enum import Enum
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
 
 from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 
 Kind = Literal["none", "identified", "ambiguous", "unexplained"]
 
 
-class Part(BaseModel):
+class Record(BaseModel):
     """Plain data that nothing changes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
@@ -41,7 +42,7 @@ class Reason(_Word):
     TOO_WIDE = "undetermined: error wider than the allowed range"
 
 
-class Estimate(Part):
+class Estimate(Record):
     """A fitted number."""
 
     value: float
@@ -50,7 +51,7 @@ class Estimate(Part):
     reason: Reason | None = Field(None, description="why there is no error")
 
 
-class AcceptedExplanation(Part):
+class AcceptedExplanation(Record):
     """A smallest set of effects beside which nothing is missing."""
 
     effects: list[str]
@@ -64,7 +65,7 @@ class AcceptedExplanation(Part):
     adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")
 
 
-class WaterAndBeam(Part):
+class WaterAndBeam(Record):
     """What a fit says of the water at the first wavelength, and of the beam."""
 
     absorption_per_m: float
@@ -73,7 +74,7 @@ class WaterAndBeam(Part):
     hwhm_deg: float
 
 
-class FoundEffect(Part):
+class FoundEffect(Record):
     """An effect of the best set, and how sure it is."""
 
     effect: str
@@ -108,7 +109,7 @@ class FoundEffect(Part):
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 
 
-class Unnamed(Part):
+class Unnamed(Record):
     """An effect that is too small to be named, and changes values by more than their stated errors."""
 
     effect: str
@@ -116,14 +117,14 @@ class Unnamed(Part):
     with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
 
 
-class NearestRival(Part):
+class NearestRival(Record):
     """The next explanation and its distance."""
 
     effects: list[str]
     separation_sigma: float
 
 
-class DetectionLimit(Part):
+class DetectionLimit(Record):
     """Smallest size that would have been seen with 95 % probability."""
 
     parameter: str
@@ -132,12 +133,14 @@ class DetectionLimit(Part):
     within_range: bool = Field(description="false: not even its largest plausible size would have been seen")
 
 
-class Rung(Part):
+class Rung(Record):
     """One step of the ladder from the base model to the explanation."""
 
     label: str
     effects: list[str]
-    error_percent: float
+    error_percent: float | None = Field(
+        description="rms of reading less model over model; null: the model is dark where readings are bright"
+    )
     chi2_per_dof: float
     held_out_percent: float | None
     parameters: dict[str, Estimate]
@@ -149,7 +152,7 @@ class Rung(Part):
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
 
 
-class StatedEffect(Part):
+class StatedEffect(Record):
     """An effect that the scene itself has, and what the readings say of it."""
 
     effect: str | None = Field(description="absent for what no effect of the table sets free")
@@ -168,15 +171,20 @@ class StatedEffect(Part):
     )
     sigma_from_stated: float | None = None
     sigma_to_remove: float | None = None
-    reason: str | None = Field(None, description="why it was held")
+    held_by: list[Hindrance] = Field(default_factory=list, description="why it was held")
     if_free: dict[str, Estimate] = Field(
         default_factory=dict,
         description="held while the rest was fitted: values of that rest which are another, or much less "
         "sure, with this effect free",
     )
 
+    @computed_field(description="`held_by` in words")  # type: ignore[prop-decorator]
+    @property
+    def reason(self) -> str | None:
+        return in_words(self.held_by) or None
 
-class Spot(Part):
+
+class PlaceToRead(Record):
     """Readings to take."""
 
     x_m: float
@@ -186,7 +194,7 @@ class Spot(Part):
     repeats: int
 
 
-class SetAside(Part):
+class SetAside(Record):
     """A reading that took no part in the fit."""
 
     row: int = Field(description="row of the table, from 0")
@@ -199,7 +207,7 @@ class SetAside(Part):
     off_sigma: float | None = Field(description="(reading - model) / standard error; none if saturated")
 
 
-class Misfit(Part):
+class Misfit(Record):
     """An unexplained misfit that depends on one coordinate alone."""
 
     coordinate: str
@@ -210,7 +218,7 @@ class Misfit(Part):
     like: str | None = Field(None, description="local unknown that describes it best, if one does")
 
 
-class LeftOver(Part):
+class LeftOver(Record):
     """A local unknown beside what is known: where and how large the rest is that nothing explains."""
 
     name: str
@@ -244,7 +252,7 @@ class DoubtReason(_Word):
     NOT_CONFIRMED = "a fresh render does not confirm the fit"
 
 
-class Doubt(Part):
+class Doubt(Record):
     """Why nothing is named or ruled out whatever was found."""
 
     reason: DoubtReason

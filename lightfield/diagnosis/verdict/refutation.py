@@ -19,6 +19,7 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.search import Tried
@@ -29,6 +30,8 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import GAIN
 from lightfield.scene import Scene
 
+#: Why what no test moved is held as stated.
+_NO_EFFECT, _NOT_ASKED = (Hindrance(Hinders.NO_EFFECT),), (Hindrance(Hinders.NOT_ASKED),)
 Judgement = Literal["supported", "undecided", "contradicted", "absent"]
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
@@ -122,7 +125,7 @@ def _without(problem: Problem, tried: Tried) -> Tried:
     return tried
 
 
-def judged_effects(prepared: Prepared, finding: Finding, untestable: Mapping[str, str]) -> list[Judged]:
+def judged_effects(prepared: Prepared, finding: Finding, untestable: Untestable) -> list[Judged]:
     """Every testable effect that the scene has, in the order of the table of effects.
 
     Parameters
@@ -214,7 +217,7 @@ def stated_effects(
     scene: Scene,
     judged: Iterable[Judged],
     free: Iterable[str],
-    untestable: Mapping[str, str],
+    untestable: Untestable,
     estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
 ) -> list[StatedEffect]:
     """Every effect that the scene has: first those that were tested, then what is held as stated.
@@ -250,13 +253,13 @@ def stated_effects(
         if parameter.neutral is None or parameter.value == parameter.neutral or path in tested:
             continue
         name = owner.get(path)
-        reason = "no effect of the table sets it free" if name is None else untestable.get(name)
+        why = _NO_EFFECT if name is None else untestable.get(name, _NOT_ASKED)
         out.append(
             StatedEffect(
                 effect=name,
                 judgement="held",
                 stated={path: float(parameter.value)},
-                reason=reason or "not among the effects that were considered",
+                held_by=list(why),
             )
         )
     return out

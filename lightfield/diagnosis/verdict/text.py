@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.found import rest
 from lightfield.diagnosis.verdict.found import words as found_words
@@ -67,7 +68,8 @@ def as_text(verdict: Verdict) -> str:
         for rung in verdict.ladder:
             held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
             part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
-            numbers = f"{rung.error_percent:>9.2f}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
+            error = "-" if rung.error_percent is None else f"{rung.error_percent:.2f}"
+            numbers = f"{error:>9}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
@@ -92,9 +94,10 @@ def as_text(verdict: Verdict) -> str:
     hidden = [name for name, each in verdict.detection_limits.items() if not each.within_range]
     if hidden and verdict.verdict == "none":
         lines.append(f"could not have been seen, not even at the largest plausible size: {', '.join(hidden)}")
-    for reason in dict.fromkeys(verdict.untestable.values()):
-        names = ", ".join(k for k, v in verdict.untestable.items() if v == reason)
-        lines.append(f"not testable here: {names} ({reason})")
+    alike: dict[tuple[Hindrance, ...], list[str]] = {}
+    for name, why in verdict.hindrances.items():
+        alike.setdefault(tuple(why), []).append(name)
+    lines += [f"not testable here: {', '.join(names)} ({in_words(why)})" for why, names in alike.items()]
     waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
     for one in verdict.set_aside[:_LISTED]:
         lines.append(f"set aside: {aside_words.place(one, waves)}: {aside_words.off(one)}")

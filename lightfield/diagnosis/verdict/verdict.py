@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import Field, computed_field
 
 from lightfield.diagnosis.problem.assumed import Assumed
+from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.diagnosis.verdict.cautions.caution import Caution
 from lightfield.diagnosis.verdict.next_measurement import NextMeasurement
 from lightfield.diagnosis.verdict.parts import (
@@ -18,7 +19,7 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
-    Part,
+    Record,
     Rung,
     SetAside,
     StatedEffect,
@@ -28,7 +29,7 @@ from lightfield.diagnosis.verdict.text import warnings_of, words_of
 from lightfield.diagnosis.verdict.words import doubt
 
 
-class Verdict(Part):
+class Verdict(Record):
     """Everything a diagnosis says: data, and the words that follow from it."""
 
     verdict: Kind
@@ -39,7 +40,9 @@ class Verdict(Part):
     )
     nearest_rival: NearestRival | None
     detection_limits: dict[str, DetectionLimit]
-    untestable: dict[str, str]
+    hindrances: dict[str, list[Hindrance]] = Field(
+        default_factory=dict, description="why effects cannot be tested, by name"
+    )
     unexplained_coordinate: str | None
     misfit: Misfit | None = Field(None, description="what is unexplained, and depends on one coordinate")
     left_over: list[LeftOver] = Field(
@@ -123,6 +126,11 @@ class Verdict(Part):
     @property
     def doubt(self) -> str | None:
         return None if self.reason_to_doubt is None else doubt(self.reason_to_doubt)
+
+    @computed_field(description="`hindrances` in words")  # type: ignore[prop-decorator]
+    @property
+    def untestable(self) -> dict[str, str]:
+        return {name: in_words(why) for name, why in self.hindrances.items()}
 
     @computed_field(description="`assumptions` in words")  # type: ignore[prop-decorator]
     @property

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 
-class Arrays:
+class PackedArrays:
     """Arrays of a page: their bytes one after the other, and where each lies; equal ones are kept once."""
 
     def __init__(self) -> None:

@@ -13,12 +13,12 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment
-from lightfield.explorer.saved.arrays import Arrays
+from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import GAIN
 from lightfield.formula.path import rays
-from lightfield.render.diffuse.portable import Histories, Portable, portable
+from lightfield.render.diffuse.portable import LightClass, Portable, portable
 from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import read_nm
@@ -53,7 +53,7 @@ def why_fixed(e: Experiment, scene: Scene) -> str | None:
     return "some readings are in air" if e.layout.air.any() else None
 
 
-def ranges(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def ranges_at_stop(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Ranges of what moves at a stop, by path."""
     out = {}
     for path, value in values.items():
@@ -68,7 +68,7 @@ def ranges(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     return out
 
 
-def fixed_light(forward: SceneForward, values: Mapping[str, float], arrays: Arrays) -> dict[str, Any]:
+def fixed_light(forward: SceneForward, values: Mapping[str, float], arrays: PackedArrays) -> dict[str, Any]:
     """Readings and formula as numbers."""
     light = forward.light
     direct = light.direct(light.scene_at(values, validate=False), forward.readings)
@@ -83,7 +83,7 @@ def moving_light(
     values: Mapping[str, float],
     gains: Sequence[str],
     moves: Ranges,
-    arrays: Arrays,
+    arrays: PackedArrays,
     most_per_m: float = 0.0,
 ) -> dict[str, Any]:
     """Light of a stop at some places, as arrays of the page.
@@ -179,7 +179,7 @@ def _most_per_m(one: Mapping[str, Any], values: Mapping[str, float], moves: Rang
     return float(one["absorption"] + one["scattering"] + more)
 
 
-def _diffuse(p: Portable, arrays: Arrays) -> dict[str, Any]:
+def _diffuse(p: Portable, arrays: PackedArrays) -> dict[str, Any]:
     near, terms = _rows(p.shift.terms.tocsr(), 6)
     reflected = p.reflections
     return {
@@ -226,7 +226,7 @@ def _rows(terms: Any, kinds: int) -> tuple[Array, Array]:
     return near, weights
 
 
-def _class(c: Histories, arrays: Arrays) -> dict[str, Any]:
+def _class(c: LightClass, arrays: PackedArrays) -> dict[str, Any]:
     return {
         "counts": c.counts,
         "excess": c.excess_m,
@@ -236,7 +236,7 @@ def _class(c: Histories, arrays: Arrays) -> dict[str, Any]:
     }
 
 
-def _sparse(p: Portable, arrays: Arrays) -> dict[str, Any]:
+def _sparse(p: Portable, arrays: PackedArrays) -> dict[str, Any]:
     s = p.smoother.tocsr()
     return {
         "starts": arrays.add(s.indptr, "u4"),

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from lightfield import __version__
+from lightfield.arrays import jsonable
 from lightfield.errors import LightfieldError
 from lightfield.explorer.described import state_data
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.places import SIDE
-from lightfield.explorer.protocol import plain
-from lightfield.explorer.saved.arrays import Arrays
-from lightfield.explorer.saved.light import fixed_light, moving_light, ranges, why_fixed
+from lightfield.explorer.saved.arrays import PackedArrays
+from lightfield.explorer.saved.light import fixed_light, moving_light, ranges_at_stop, why_fixed
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
@@ -46,7 +46,7 @@ Shown = tuple[SceneForward, Mapping[str, float], Sequence[str]]
 
 def page_html(session: Session) -> str:
     """The page."""
-    session_arrays, experiment = Arrays(), session.experiment
+    session_arrays, experiment = PackedArrays(), session.experiment
     every = range(len(experiment.maps))
     shown = every if len(every) <= MOST_MAPPED else [session.channel]
     some = [some_places(experiment, k) if k in shown else None for k in every]
@@ -68,7 +68,7 @@ def page_html(session: Session) -> str:
         "verdict": session.verdict,
     }
     data["arrays"] = session_arrays.text
-    return _filled(str(e["title"]), json.dumps(plain(data), allow_nan=False))
+    return _filled(str(e["title"]), json.dumps(jsonable(data), allow_nan=False))
 
 
 def _stops(session: Session) -> list[tuple[State, str]]:
@@ -92,7 +92,7 @@ def some_places(e: Experiment, channel: int = 0) -> SceneForward:
 
 
 def _stop(
-    session: Session, state: State, label: str, maps: Sequence[SceneForward | None], arrays: Arrays
+    session: Session, state: State, label: str, maps: Sequence[SceneForward | None], arrays: PackedArrays
 ) -> dict[str, Any]:
     """One stop: what is shown there, and what is needed to move from it."""
     e, values = session.experiment, session.evaluator.values(state)
@@ -117,7 +117,7 @@ def _stop(
             None if m is None else (m, {**values, GAIN: values[gain]}, (gain,))
             for m, gain in zip(maps, gains, strict=True)
         ]
-    why, moves = why_fixed(e, e.forward.scene_at(values, validate=False)), ranges(values)
+    why, moves = why_fixed(e, e.forward.scene_at(values, validate=False)), ranges_at_stop(values)
     if why is None:
         try:
             readings = moving_light(*first, moves, arrays)

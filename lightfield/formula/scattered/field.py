@@ -16,9 +16,9 @@ from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
-from lightfield.formula.scattered.multiple import Spread, multiple, reach
+from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.nodes import (
-    Table,
+    EmissionTable,
     half_width_rad,
     mean_cosine,
     near,
@@ -191,7 +191,7 @@ class ScatteredField:
         known = near(phase)
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
-        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(reach(lamp)))]
+        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(largest_kz(lamp)))]
         out = np.empty((len(a), len(self._log_z), len(angles)))
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
@@ -206,7 +206,7 @@ class ScatteredField:
 
     def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[TabledPaths]:
         """Paths of light that is scattered once, to all angles at every distance."""
-        angles, fine, table = _angles(most), Resolution.for_beam(width, most), Table.of(width)
+        angles, fine, table = _angles(most), Resolution.for_beam(width, most), EmissionTable.of(width)
 
         def to(z: float) -> SinglePaths:
             far = np.full(len(angles), z)

@@ -40,7 +40,7 @@ class Spread:
     phase : TracedPhase
     z_m, apparent_distance_m : float, m
     reach : float
-        Largest k times z + z_0, see `reach`.
+        Largest k times z + z_0, see `largest_kz`.
     """
 
     def __init__(self, phase: TracedPhase, z_m: float, apparent_distance_m: float, reach: float) -> None:
@@ -95,7 +95,7 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: float, b: float) -> 
     return np.asarray(_back(top, tangent.tobytes()) @ arrived / (2 * math.pi * spread.behind_m**2))
 
 
-def reach(lamp: Lamp) -> float:
+def largest_kz(lamp: Lamp) -> float:
     """Largest k times the distance of a plane that its light needs."""
     return _REACH / finest_rad(lamp)
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import radial_intensity
-from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase
 from lightfield.scene.water.phase.of_scene import phase_function
-from lightfield.scene.water.phase.spec import HenyeyGreenstein as HenyeyGreensteinSpec
-from lightfield.scene.water.phase.spec import TracedPhase, WithMolecules
+from lightfield.scene.water.phase.spec import HenyeyGreenstein, TracedPhase, WithMolecules
 
 HALF_PI = 0.5 * math.pi
 #: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
@@ -60,7 +59,7 @@ def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
     function, (s, weight) = phase_function(phase), interval(n, stretched=True)
     share = float(function.cdf(up_to_rad))
     u = share * s
-    if isinstance(function, HenyeyGreenstein):
+    if isinstance(function, HenyeyGreensteinPhase):
         angle = np.arccos(np.clip(function.sample(u), -1, 1))
     else:
         known, table = function.inverse_cdf_table()
@@ -73,9 +72,9 @@ def near(phase: TracedPhase) -> TracedPhase:
     if isinstance(phase, WithMolecules):
         share = min(_STEP_OF_SHARE ** round(math.log(phase.share) / math.log(_STEP_OF_SHARE)), 1.0)
         return phase.model_copy(update={"particles": near(phase.particles), "share": share})
-    if not isinstance(phase, HenyeyGreensteinSpec) or phase.g <= 0:
+    if not isinstance(phase, HenyeyGreenstein) or phase.g <= 0:
         return phase
-    return HenyeyGreensteinSpec(g=1 - _STEP_OF_G ** round(math.log(1 - phase.g) / math.log(_STEP_OF_G)))
+    return HenyeyGreenstein(g=1 - _STEP_OF_G ** round(math.log(1 - phase.g) / math.log(_STEP_OF_G)))
 
 
 @lru_cache(maxsize=64)
@@ -103,7 +102,7 @@ def intensity(lamp: Lamp, theta_squared: Array) -> Array:
     return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
 
 
-class Table(NamedTuple):
+class EmissionTable(NamedTuple):
     """Angles of emission at which a lamp is tabulated where its light is wanted at many others.
 
     Parameters
@@ -115,7 +114,7 @@ class Table(NamedTuple):
     theta: Array
 
     @classmethod
-    def of(cls, half_width_rad: float) -> Table:
+    def of(cls, half_width_rad: float) -> EmissionTable:
         """For beams of about this half width."""
         theta = np.linspace(0.0, HALF_PI, math.ceil(_PER_HALF_WIDTH * HALF_PI / half_width_rad) + 1)
         return cls(np.append(theta, theta[-1] + theta[1]))

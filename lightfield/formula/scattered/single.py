@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import Table, interval, turns
+from lightfield.formula.scattered.nodes import EmissionTable, interval, turns
 from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
@@ -78,7 +78,7 @@ class TabledPaths(NamedTuple):
 
     Parameters
     ----------
-    table : Table
+    table : EmissionTable
     onto : sparse array, shape (n_paths, n_table), m^-1
         Light on each path, or on those of one length together, from that in the table; in single precision,
         because there are hundreds of thousands of paths.
@@ -88,14 +88,14 @@ class TabledPaths(NamedTuple):
         As those of `SinglePaths`.
     """
 
-    table: Table
+    table: EmissionTable
     onto: csr_array
     shape: tuple[int, ...]
     water_m: Array
     share: Array
 
     @classmethod
-    def of(cls, table: Table, paths: SinglePaths) -> TabledPaths:
+    def of(cls, table: EmissionTable, paths: SinglePaths) -> TabledPaths:
         """Of these paths."""
         before, exact = table.between(paths.theta_squared.ravel())
         part = exact.astype(np.float32)

@@ -9,17 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import Mask
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
-from lightfield.readings.columns import ErrorBudget, LoadWarning
+from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.importing.replicates import Point, join
+from lightfield.readings.importing.replicates import BandValue, joined_rows
 from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
 from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import Readings
 from lightfield.readings.units import is_absolute
@@ -81,13 +83,21 @@ def import_index(
     notes: list[LoadWarning] = [] if time_note is None else [time_note]
     darks = [shot for shot in shots if shot.entry.role == "dark"]
     sequence = _in_order([shot for shot in shots if shot.entry.role in ("signal", "reference")])
-    points: dict[tuple[int, int], Point] = {}
+    points: dict[tuple[int, int], BandValue] = {}
     flat: dict[str, float] = {}
     for k, shot in enumerate(sequence):
-        _reduce(k, shot, darks, unit, bands_nm, saturation_level, points, flat, problems)
+        saturated, top = saturation.saturated_pixels(shot.spectrum, saturation_level)
+        if top is not None:
+            flat[shot.entry.called] = top
+        try:
+            found = _in_bands(shot, darks, unit, bands_nm, saturated)
+        except ValueError as error:
+            problems.add(f"{shot.entry.called}: {error}", place=shot.entry.line)
+        else:
+            points |= {(k, b): one for b, one in enumerate(found)}
     problems.raise_any("not a usable index")
-    notes += provenance.warnings_of(sequence, darks, unit, flat)
-    rows = join(sequence, points, len(bands_nm))
+    notes += provenance.doubts_of_files(sequence, darks, unit, flat)
+    rows = joined_rows(sequence, points, len(bands_nm))
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])
     notes += [single] if single else []
     metadata = provenance.metadata_of(sequence, darks, unit, bands_nm, saturation_level, notes)
@@ -118,7 +128,7 @@ def _read_files(
             continue
         chosen = _chosen(entry, spectra, problems)
         for number, spectrum in enumerate(chosen, 1):
-            named = entry if len(chosen) == 1 else replace(entry, file=f"{entry.file}[{number}]")
+            named = entry if len(chosen) == 1 else replace(entry, number=number)
             wet = _immersed(spectrum) if entry.medium == "water" else spectrum
             shots.append(Shot(named, wet, spectrum.integration_time_s, entry.time_s))
     return shots
@@ -164,7 +174,7 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
             and abs(stated - header) > reduction.SAME_EXPOSURE * header
         ):
             problems.add(
-                f"{shot.entry.file}: the index and the file state different exposures",
+                f"{shot.entry.called}: the index and the file state different exposures",
                 place=shot.entry.line,
                 found=f"{stated:g} s and {header:g} s",
                 remedy="remove integration_time_s from this line",
@@ -175,7 +185,7 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
                 (note for note in shot.spectrum.notes if "exposure" in note), "the exposure is not known"
             )
             problems.add(
-                f"{shot.entry.file}: {told}",
+                f"{shot.entry.called}: {told}",
                 place=shot.entry.line,
                 rule="counts are divided by it",
                 remedy="give integration_time_s in the index",
@@ -191,7 +201,7 @@ def _check_one_instrument(shots: Sequence[Shot], problems: Problems) -> None:
         name = shot.spectrum.spectrometer
         if first is not None and name and name != first.spectrum.spectrometer:
             problems.add(
-                f"{shot.entry.file}: another spectrometer than in line {first.entry.line}",
+                f"{shot.entry.called}: another spectrometer than in line {first.entry.line}",
                 place=shot.entry.line,
                 found=name,
                 rule=f"{first.spectrum.spectrometer!r} throughout, as the numbers are not calibrated",
@@ -209,12 +219,7 @@ def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
         return list(shots), None
     start = min(when for when, _ in known)
     timed = [replace(s, time_s=(m[0] - start).total_seconds()) for s, m in zip(shots, known, strict=True)]
-    note = LoadWarning(
-        "time_from_header",
-        f"times are taken from the dates in the files, from {start.isoformat(' ')}",
-        "give time_s in the index if the instrument's clock was wrong",
-    )
-    return timed, note
+    return timed, LoadWarning(Remarks.TIME_FROM_HEADER, {"start": start.isoformat(" ")})
 
 
 def _in_order(shots: Sequence[Shot]) -> list[Shot]:
@@ -223,39 +228,25 @@ def _in_order(shots: Sequence[Shot]) -> list[Shot]:
     return list(shots)
 
 
-def _reduce(
-    k: int,
-    shot: Shot,
-    darks: Sequence[Shot],
-    unit: str,
-    bands: Bands,
-    level: float | None,
-    points: dict[tuple[int, int], Point],
-    flat: dict[str, float],
-    problems: Problems,
-) -> None:
+def _in_bands(shot: Shot, darks: Sequence[Shot], unit: str, bands: Bands, saturated: Mask) -> list[BandValue]:
+    """What a spectrum gives in every band; a ValueError says why it gives nothing."""
     counts = unit == "counts"
-    mask, top = saturation.saturated_pixels(shot.spectrum, level)
-    if top is not None:
-        flat[shot.entry.file] = top
-    try:
-        values = reduction.signal(shot, unit)
-        own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
-        chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
-        wavelength = shot.spectrum.wavelength_nm
-        for b, (low, high) in enumerate(bands):
-            value = reduction.band_of(shot.spectrum, values, low, high)
-            dark, error = 0.0, 0.0
-            if chosen:
-                means = [reduction.band_of(d.spectrum, d.spectrum.raw, low, high) for d in chosen]
-                dark, spread = reduction.mean_and_error(means)
-                error = 0.0 if np.isnan(spread) else spread
-            scale = shot.exposure_s if counts else 1.0
-            near = (wavelength >= low) & (wavelength <= high)
-            names = tuple(d.entry.file for d in chosen) or (("own column",) if own and counts else ())
-            points[k, b] = Point(shot, (value - dark) / scale, error / scale, bool(mask[near].any()), names)
-    except ValueError as error_:
-        problems.add(f"{shot.entry.file}: {error_}", place=shot.entry.line)
+    values = reduction.signal(shot, unit)
+    own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
+    chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
+    names = tuple(d.entry.called for d in chosen) or (("own column",) if own and counts else ())
+    wavelength, scale = shot.spectrum.wavelength_nm, shot.exposure_s if counts else 1.0
+    out = []
+    for low, high in bands:
+        value = reduction.band_of(shot.spectrum, values, low, high)
+        dark, error = 0.0, 0.0
+        if chosen:
+            means = [reduction.band_of(d.spectrum, d.spectrum.raw, low, high) for d in chosen]
+            dark, spread = reduction.mean_and_error(means)
+            error = 0.0 if np.isnan(spread) else spread
+        near = (wavelength >= low) & (wavelength <= high)
+        out.append(BandValue(shot, (value - dark) / scale, error / scale, bool(saturated[near].any()), names))
+    return out
 
 
 def _table(
@@ -268,21 +259,9 @@ def _table(
     metadata: dict[str, Any],
     notes: Sequence[LoadWarning],
 ) -> Readings:
-    numbers = (
-        "x_m",
-        "y_m",
-        "z_m",
-        "value",
-        "stderr",
-        "time_s",
-        "integration_time_s",
-        "repeat",
-        "visit",
-        "saturated",
-    )
     absolute = units.is_absolute(unit)
     return Readings.from_arrays(
-        **{name: [row[name] for row in rows] for name in (*numbers, "medium", "role")},
+        **{name: [row[name] for row in rows] for name in COLUMNS if name != "wavelength_nm"},
         wavelength_nm=[sum(bands[row["band"]]) / 2 for row in rows],
         extra={name: [row[name] for row in rows] for name in provenance.COLUMNS},
         budget=budget,

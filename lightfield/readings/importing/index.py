@@ -33,6 +33,8 @@ class Entry:
         nan where not given; x and y are 0.
     spectrum : str
         Which one of the file's spectra, by its label; "" where it has one, or several of one label.
+    number : int
+        Of several spectra that are taken from one file, from 1; 0 of a single one.
     """
 
     line: int
@@ -46,6 +48,12 @@ class Entry:
     time_s: float
     integration_time_s: float
     spectrum: str = ""
+    number: int = 0
+
+    @property
+    def called(self) -> str:
+        """The file, and which of its spectra, as tables and messages have it."""
+        return f"{self.file}[{self.number}]" if self.number else self.file
 
 
 def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
@@ -106,9 +114,9 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             values["x_m"], values["y_m"] = (
                 0.0 if row.get(n, "") == "" else values[n] for n in ("x_m", "y_m")
             )
-            path = Path(where).parent / row["file"]
+            path, spectrum = Path(where).parent / row["file"], row.get("spectrum", "")
             entries.append(
-                Entry(line, row["file"], path, medium, role, **values, spectrum=row.get("spectrum", ""))
+                Entry(line, row["file"], path, medium, role, **values, spectrum=spectrum, number=0)
             )
     if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
         problems.add(

@@ -14,7 +14,7 @@ from lightfield.readings.columns import MEDIA
 from lightfield.readings.importing.index import ROLES, Entry
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.instruments import plain
-from lightfield.readings.instruments.columns import Table, check_axis, find_table
+from lightfield.readings.instruments.columns import NumberBlock, check_axis, find_table
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 from lightfield.readings.text import read_text
@@ -60,7 +60,7 @@ def read_places(
             "no table of numbers", where=where, rule="names of columns, and two rows or more below them",
             remedy="export it as CSV",
         )  # fmt: skip
-    at = {m: plain.place(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
+    at = {m: plain.column_named(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
     problems.raise_any("not a usable table")
     numbers = {m: _lengths(table, m, at[m], problems) for m in PLACES if m in at}
     spectra = _one_band(where, table, at["value"], bands_nm, problems) if "value" in at else None
@@ -93,7 +93,7 @@ def read_places(
     return shots
 
 
-def _lengths(table: Table, meaning: str, index: int, problems: Problems) -> Array:
+def _lengths(table: NumberBlock, meaning: str, index: int, problems: Problems) -> Array:
     """A column in m or s, by the unit in its name."""
     values = table.column(index, problems)
     name, factors = table.names[index], _FACTORS["s" if meaning.endswith("_s") else "m"]
@@ -108,7 +108,7 @@ def _lengths(table: Table, meaning: str, index: int, problems: Problems) -> Arra
 
 
 def _one_band(
-    where: str, table: Table, index: int, bands_nm: Sequence[tuple[float, float]], problems: Problems
+    where: str, table: NumberBlock, index: int, bands_nm: Sequence[tuple[float, float]], problems: Problems
 ) -> list[Spectrum]:
     if len(bands_nm) != 1:
         problems.add(
@@ -130,7 +130,7 @@ def _one_band(
     ]
 
 
-def _spectra(where: str, table: Table, problems: Problems) -> list[Spectrum]:
+def _spectra(where: str, table: NumberBlock, problems: Problems) -> list[Spectrum]:
     across = table.across()
     if not across:
         problems.add(

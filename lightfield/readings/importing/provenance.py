@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from lightfield.readings.columns import LoadWarning
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.problems import ranges
+from lightfield.readings.load_warning import LoadWarning, Remarks, Value
 
 # Columns of a table made by import beside those of every reading table.
 COLUMNS = ("file", "n_spectra", "dark", "nonlinearity_corrected", "electric_dark_corrected")
-SHOWN = 5
 
 
 def one_word(flags: Iterable[bool | None]) -> str:
@@ -39,7 +36,7 @@ def metadata_of(
     What all files share stands once, under [instrument.common]; the rest under the file's name.
     """
     shots = [*sequence, *darks]
-    headers = {_file(shot): dict(shot.spectrum.header) for shot in shots}
+    headers = {shot.entry.file: dict(shot.spectrum.header) for shot in shots}
     common = _common(list(headers.values()))
     about: dict[str, Any] = {"unit_in_files": unit, "notes": [str(note) for note in notes]}
     if saturation_level is not None:
@@ -58,11 +55,6 @@ def metadata_of(
     }
 
 
-def _file(shot: Shot) -> str:
-    """The file of a shot; one of many spectra has its number behind it."""
-    return re.sub(r"\[\d+\]$", "", shot.entry.file)
-
-
 def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:
     if len(headers) < 2:
         return {}
@@ -70,89 +62,57 @@ def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {label: text for label, text in first.items() if all(other.get(label) == text for other in others)}
 
 
-def warnings_of(
+def doubts_of_files(
     sequence: Sequence[Shot], darks: Sequence[Shot], unit: str, flat: Mapping[str, float]
 ) -> list[LoadWarning]:
     """What is doubtful about the files."""
     found = []
     shots = [*sequence, *darks]
     if unit == "counts":
-        bare = [s.entry.file for s in sequence if not darks and not reduction.has_dark(s.spectrum)]
+        bare = tuple(s.entry.called for s in sequence if not darks and not reduction.has_dark(s.spectrum))
         if bare:
-            found.append(LoadWarning(
-                "no_dark", f"no dark spectrum for {_list(bare)}: the dark signal is still in these readings",
-                "add files with the role dark, at the same exposure",
-            ))  # fmt: skip
+            found.append(LoadWarning(Remarks.NO_DARK, {"files": bare}))
         if any(
             s.spectrum.header.get("Dark Spectrum Present", "").lower() == "yes"
             and not reduction.has_dark(s.spectrum)
             and darks
             for s in sequence
         ):
-            found.append(LoadWarning(
-                "dark_in_program", "the program held a dark spectrum: it may have been subtracted already",
-                "make sure that the files hold raw counts (scope mode without dark subtraction)",
-            ))  # fmt: skip
+            found.append(LoadWarning(Remarks.DARK_IN_PROGRAM))
     if flat:
-        levels = ", ".join(f"{level:g}" for level in sorted(set(flat.values()))[:SHOWN])
-        found.append(LoadWarning(
-            "flat_top", f"saturation: a flat top at {levels} in {_list(sorted(flat))}: its bands are marked",
-            "shorten the exposure; state the full scale",
-        ))  # fmt: skip
+        levels = tuple(sorted(set(flat.values())))
+        found.append(LoadWarning(Remarks.FLAT_TOP, {"levels": levels, "files": tuple(sorted(flat))}))
     # A sensor of one band has a calibration of its maker's, and no correction of an array's pixels.
     arrays = [s.spectrum.nonlinearity_corrected for s in shots if s.spectrum.band_nm is None]
     linear = one_word(arrays)
     if arrays and linear != "yes":
-        said = {
-            "no": "is off",
-            "mixed": "is on in some files only",
-            "unknown": "is not mentioned in the files",
-        }[linear]
-        found.append(LoadWarning(
-            "nonlinearity", f"the non-linearity correction {said}: strong readings may be low",
-            "switch it on, or expect detector.saturation to be suspected",
-        ))  # fmt: skip
+        found.append(LoadWarning(Remarks.NONLINEARITY, {"corrected": linear}))
     for what, values in {
         "spectrometer": {s.spectrum.spectrometer or "unknown" for s in shots},
         "smoothing": {f"boxcar {s.spectrum.boxcar}" for s in shots},
         "electric dark correction": {one_word([s.spectrum.electric_dark_corrected]) for s in shots},
     }.items():
         if len(values) > 1:
-            found.append(LoadWarning(
-                "mixed_settings", f"the files differ in {what}: {_list(sorted(values))}",
-                "keep one setting throughout",
-            ))  # fmt: skip
-    if all(np.isfinite(s.exposure_s) for s in sequence) is False and unit != "counts":
-        found.append(
-            LoadWarning("no_exposure", "some files do not say their exposure", "give integration_time_s")
-        )
+            differ: dict[str, Value] = {"setting": what, "found": tuple(sorted(values))}
+            found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
+    if unit != "counts" and not all(np.isfinite(s.exposure_s) for s in sequence):
+        found.append(LoadWarning(Remarks.NO_EXPOSURE))
     odd: dict[str, list[str]] = {}
     for shot in shots:
         for note in shot.spectrum.notes:
-            odd.setdefault(note, []).append(shot.entry.file)
+            odd.setdefault(note, []).append(shot.entry.called)
     found += [
-        LoadWarning("odd_file", f"{note}: {_list(files)}", "look at the file") for note, files in odd.items()
+        LoadWarning(Remarks.ODD_FILE, {"note": note, "files": tuple(files)}) for note, files in odd.items()
     ]
     return found
 
 
 def single_spectra(n_spectra: Sequence[str], stderr: Sequence[float]) -> LoadWarning | None:
     """Says why readings have no standard error."""
-    single = [k + 1 for k, n in enumerate(n_spectra) if n == "1"]
-    equal = [
+    single = tuple(k + 1 for k, n in enumerate(n_spectra) if n == "1")
+    equal = tuple(
         k + 1 for k, (n, e) in enumerate(zip(n_spectra, stderr, strict=True)) if n != "1" and np.isnan(e)
-    ]
+    )
     if not single and not equal:
         return None
-    parts = [f"readings {ranges(single)} come from single spectra"] if single else []
-    parts += [f"readings {ranges(equal)} from identical ones"] if equal else []
-    return LoadWarning(
-        "single_spectra",
-        f"{' and '.join(parts)}: no standard error (the scatter of pixels does not show lamp and position)",
-        "take three spectra or more at each place",
-    )
-
-
-def _list(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:SHOWN])
-    return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
+    return LoadWarning(Remarks.SINGLE_SPECTRA, {"single": single, "equal": equal})

@@ -13,7 +13,7 @@ from lightfield.readings.importing.reduction import Shot
 
 
 @dataclass(frozen=True)
-class Point:
+class BandValue:
     """What one spectrum gives in one band, before replicates are joined."""
 
     shot: Shot
@@ -28,8 +28,8 @@ def _place(shot: Shot) -> tuple[object, ...]:
     return (entry.role, entry.medium, entry.x_m + 0.0, entry.y_m + 0.0, entry.z_m)
 
 
-def join(
-    sequence: Sequence[Shot], points: dict[tuple[int, int], Point], n_bands: int
+def joined_rows(
+    sequence: Sequence[Shot], points: dict[tuple[int, int], BandValue], n_bands: int
 ) -> list[dict[str, Any]]:
     """One row for each stay at a place, exposure and band; coming back later is another reading."""
     stays: list[list[int]] = []
@@ -57,7 +57,7 @@ def join(
     return rows
 
 
-def _row(points: Sequence[Point]) -> dict[str, Any]:
+def _row(points: Sequence[BandValue]) -> dict[str, Any]:
     shots = [p.shot for p in points]
     value, error = reduction.mean_and_error([p.value for p in points])
     entry = shots[0].entry
@@ -71,7 +71,7 @@ def _row(points: Sequence[Point]) -> dict[str, Any]:
         "time_s": time_s,
         "integration_time_s": shots[0].exposure_s,
         "saturated": any(p.saturated for p in points),
-        "file": " + ".join(shot.entry.file for shot in shots),
+        "file": " + ".join(shot.entry.called for shot in shots),
         "n_spectra": str(len(points)),
         "dark": " + ".join(dict.fromkeys(name for p in points for name in p.darks)),
         "nonlinearity_corrected": provenance.one_word(s.spectrum.nonlinearity_corrected for s in shots),

@@ -51,7 +51,7 @@ def read(document: Document) -> Spectrum:
     columns: dict[str, Array] = {}
     for k, name in enumerate(table.names):
         if k != axis:
-            words = labels.plain(name)
+            words = labels.folded(name)
             holds = next(
                 (meaning for start, meaning in _HOLDS.items() if words.startswith(start)), "processed"
             )
@@ -89,7 +89,7 @@ def read(document: Document) -> Spectrum:
 
 
 def _after(header: dict[str, str], pattern: str) -> tuple[str, str] | None:
-    found = next(((k, v) for k, v in header.items() if re.fullmatch(pattern, labels.plain(k))), None)
+    found = next(((k, v) for k, v in header.items() if re.fullmatch(pattern, labels.folded(k))), None)
     return found and (found[0], re.sub(r"^[->,;\s]*", "", found[1]))
 
 

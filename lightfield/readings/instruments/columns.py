@@ -36,7 +36,7 @@ LEAST_ACROSS = 3
 
 
 @dataclass(frozen=True)
-class Table:
+class NumberBlock:
     """A block of numbers.
 
     Parameters
@@ -89,7 +89,7 @@ class Table:
         }
 
 
-def find_table(lines: Sequence[str], problems: Problems, start: int = 0) -> Table | None:
+def find_table(lines: Sequence[str], problems: Problems, start: int = 0) -> NumberBlock | None:
     """The first block of two rows of numbers or more, with the names above it; None where there is none.
 
     Rows behind it that do not fit, and are followed by such that do, go to `problems`.
@@ -131,7 +131,7 @@ def _first(rows: Sequence[tuple[int, list[str]]]) -> int | None:
 
 def _table(
     rows: Sequence[tuple[int, list[str]]], first: int, lines: Sequence[str], problems: Problems
-) -> Table | None:
+) -> NumberBlock | None:
     width = len(rows[first][1])
     # Names that are wavelengths look like a row of numbers.
     kinds = [_is_number(cell) for cell in rows[first][1]]
@@ -157,7 +157,7 @@ def _table(
     except ValueError as error:
         problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
         mark = "."
-    return Table(
+    return NumberBlock(
         tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark
     )
 
@@ -186,10 +186,10 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(said) and sum(_UNIT.fullmatch(cell) is not None for cell in said) >= MOSTLY * len(said)
 
 
-def wavelength_column(table: Table) -> int:
+def wavelength_column(table: NumberBlock) -> int:
     """Which column is the wavelength: by its name or unit, else the first."""
     for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
-        words = labels.plain(name)
+        words = labels.folded(name)
         if unit == "nm" or re.match(r"(wave|lambda|λ|longitud|wellenl|longueur|lunghezza|w$|nm$)", words):
             return k
     return 0

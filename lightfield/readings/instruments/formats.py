@@ -63,11 +63,6 @@ def read_spectra(path: str | Path, mapping: Mapping[str, str] | None = None) -> 
     return _text(document, data)
 
 
-def read_spectrum(path: str | Path) -> Spectrum:
-    """The first spectrum of a file; see `read_spectra`."""
-    return read_spectra(path)[0]
-
-
 def parse_spectrum(content: Text, where: str) -> Spectrum:
     """The first spectrum from the lines of a file; see `read_spectra`."""
     return _text(take_apart(content, where), "\n".join(content.lines).encode())[0]

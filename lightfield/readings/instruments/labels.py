@@ -48,7 +48,7 @@ _MONTHS = {
 _MONTH_OF = {name: month for month, names in _MONTHS.items() for name in names.split()}
 
 
-def plain(text: str) -> str:
+def folded(text: str) -> str:
     """Lower case without accents."""
     parts = unicodedata.normalize("NFKD", text.lower())
     return "".join(c for c in parts if not unicodedata.combining(c)).strip()
@@ -57,13 +57,13 @@ def plain(text: str) -> str:
 def lookup(header: Mapping[str, str], meaning: str) -> tuple[str, str] | None:
     """Label and text of the first header line with this meaning."""
     pattern = re.compile(LABELS[meaning])
-    return next(((label, text) for label, text in header.items() if pattern.fullmatch(plain(label))), None)
+    return next(((label, text) for label, text in header.items() if pattern.fullmatch(folded(label))), None)
 
 
 def flag(header: Mapping[str, str], meaning: str) -> bool | None:
     """A yes or no, None when the header does not say or says it in an unknown word."""
     found = lookup(header, meaning)
-    words = re.findall(r"\w+", plain(found[1])) if found else []
+    words = re.findall(r"\w+", folded(found[1])) if found else []
     word = words[0] if words else ""
     return True if word in _YES else False if word in _NO else None
 
@@ -139,7 +139,7 @@ def moment(text: str) -> tuple[datetime, str] | None:
 
 
 def _month(word: str) -> int | None:
-    name = plain(word)
+    name = folded(word)
     return _MONTH_OF.get(name[:4]) or _MONTH_OF.get(name[:3])
 
 

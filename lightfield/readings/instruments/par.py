@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from lightfield.readings.instruments.columns import Table, find_table, header_of
+from lightfield.readings.instruments.columns import NumberBlock, find_table, header_of
 from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -25,7 +25,7 @@ def claims(document: Document) -> bool:
     return table is not None and bool(_columns(table))
 
 
-def _columns(table: Table) -> list[int]:
+def _columns(table: NumberBlock) -> list[int]:
     return [
         k
         for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True))

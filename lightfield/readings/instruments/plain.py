@@ -10,7 +10,7 @@ from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.columns import (
-    Table,
+    NumberBlock,
     check_axis,
     find_table,
     header_of,
@@ -62,7 +62,9 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     across = table.across()
     if across and not mapping:
         return _across(document, table, across, problems)
-    chosen = {meaning: place(table, name, meaning, problems) for meaning, name in (mapping or {}).items()}
+    chosen = {
+        meaning: column_named(table, name, meaning, problems) for meaning, name in (mapping or {}).items()
+    }
     problems.raise_any("not a usable file of columns")
     axis = chosen.get("wavelength_nm", wavelength_column(table))
     wavelength = table.column(axis, problems, whole=True)
@@ -95,11 +97,11 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     ]
 
 
-def place(table: Table, name: str, meaning: str, problems: Problems) -> int:
+def column_named(table: NumberBlock, name: str, meaning: str, problems: Problems) -> int:
     """Which column has this name, or this number from 1; a problem where none has."""
-    plain = [labels.plain(known) for known in table.names]
-    if labels.plain(name) in plain:
-        return plain.index(labels.plain(name))
+    plain = [labels.folded(known) for known in table.names]
+    if labels.folded(name) in plain:
+        return plain.index(labels.folded(name))
     if name.isdecimal() and 1 <= int(name) <= len(table.names):
         return int(name) - 1
     known = ", ".join(n for n in table.names if n) or f"1 to {len(table.names)}"
@@ -108,7 +110,7 @@ def place(table: Table, name: str, meaning: str, problems: Problems) -> int:
 
 
 def _across(
-    document: Document, table: Table, across: dict[str, tuple[list[int], Array]], problems: Problems
+    document: Document, table: NumberBlock, across: dict[str, tuple[list[int], Array]], problems: Problems
 ) -> list[Spectrum]:
     out = []
     for name, (places, wavelength) in across.items():
@@ -127,7 +129,7 @@ def _across(
 
 def _spectrum(
     document: Document,
-    table: Table,
+    table: NumberBlock,
     wavelength: Array,
     columns: Mapping[str, Array],
     label: str,

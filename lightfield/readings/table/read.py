@@ -23,8 +23,8 @@ from lightfield.readings.columns import (
     TEXT_COLUMNS,
     WORDS,
     ErrorBudget,
-    LoadWarning,
 )
+from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
 from lightfield.readings.readings import Readings
 from lightfield.readings.sheet import Sheet, look_alike, read_sheet
@@ -114,14 +114,12 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
             continue
         value = found[name]
         if name in WORDS:
-            good, rule = isinstance(value, str), f'text: {name} = "..."'
+            good, kind, rule = isinstance(value, str), "text", f'text: {name} = "..."'
         else:
-            good, rule = isinstance(value, (int, float)) and not isinstance(value, bool), "a number"
-            good = good and abs(value) < 1e300
+            good = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e300
+            kind = rule = "a number"
         if not good:
-            problems.add(
-                f"{name} is not {rule.split(':')[0]}", place=places.get(name), found=value, rule=rule
-            )
+            problems.add(f"{name} is not {kind}", place=places.get(name), found=value, rule=rule)
             del found[name]
         elif name in TERMS:
             found[name] = float(value)
@@ -207,18 +205,14 @@ def _remedy(name: str) -> str:
 def _file_warnings(sheet: Sheet, head: dict[str, Any]) -> list[LoadWarning]:
     out = []
     if sheet.encoding == "latin-1":
-        out.append(
-            LoadWarning("encoding", "the file is not UTF-8 and was read as Latin-1", "save it as UTF-8")
-        )
+        out.append(LoadWarning(Remarks.ENCODING))
     unused = [name for name in sheet.names if name not in COLUMNS]
     for name in (n for n in COLUMNS if n not in sheet.names):
         other = look_alike(name, unused)
         if other:
-            sentence = f"the column {other!r} is not used; it looks like {name}, which is missing"
-            out.append(LoadWarning("unused_column", sentence, f"rename it to {name}, in that unit"))
+            out.append(LoadWarning(Remarks.UNUSED_COLUMN, {"unused": other, "missing": name}))
     for name in (n for n in (*WORDS, *TERMS) if n not in head):
         other = next(iter(difflib.get_close_matches(name, list(head), n=1, cutoff=0.75)), None)
         if other:
-            sentence = f"{other!r} in the head is not used; it looks like {name}"
-            out.append(LoadWarning("unused_entry", sentence, f"rename it to {name}"))
+            out.append(LoadWarning(Remarks.UNUSED_ENTRY, {"unused": other, "missing": name}))
     return out

@@ -37,7 +37,7 @@ class Quadratic(NamedTuple):
     weights: np.ndarray
 
 
-class Cells:
+class TalliedCells:
     """The tallied cells of a grid, and what they tell of each other.
 
     Parameters
@@ -143,7 +143,7 @@ def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
     first = np.clip(asked[:, 1:] - 1, 0, np.maximum(np.array(occupied.shape[1:]) - 3, 0))
     while True:
         number = np.cumsum(occupied).reshape(occupied.shape) - 1
-        cells, more = Cells(replace(wide, occupied=occupied)), occupied.copy()
+        cells, more = TalliedCells(replace(wide, occupied=occupied)), occupied.copy()
         for (plane, row, column), (low, left) in zip(asked, first, strict=True):
             if not cells.told(int(number[plane, row, column])):
                 more[plane, low : low + 3, left : left + 3] = True

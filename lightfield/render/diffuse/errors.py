@@ -19,7 +19,7 @@ MANY, LEFT_OUT = 3000, 0.03
 DARK = 1e-9
 
 
-class Noise(NamedTuple):
+class TraceErrors(NamedTuple):
     """Monte Carlo errors of the light of one class and one trace.
 
     Parameters
@@ -41,7 +41,7 @@ class ClassLight(NamedTuple):
     """Light of one class in every cell, shape (n_waters, n_cells), and its noise at every node of g."""
 
     value: Array
-    noises: list[Noise]
+    noises: list[TraceErrors]
 
 
 def relative_modes(

@@ -38,7 +38,7 @@ _DARKEST = 1e-40
 
 
 @dataclass(frozen=True)
-class Histories:
+class LightClass:
     """One class of light.
 
     Parameters
@@ -93,7 +93,7 @@ class Portable:
         For open-ended histories.
     surface : float
         Factor on the surface's reflectance, which stays.
-    classes : list of Histories
+    classes : list of LightClass
     straight_m, through : arrays, shape (n_cells,)
         Straight line from the lamp; what layers let through.
     smoother : sparse array, shape (n_cells, n_cells)
@@ -107,7 +107,7 @@ class Portable:
     surface_reflectance: float
     mean_straight_m: float
     surface: float
-    classes: list[Histories]
+    classes: list[LightClass]
     straight_m: Array
     through: Array
     smoother: csr_array
@@ -149,7 +149,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
                 mean = np.tensordot(light.between_g.part, tallies, axes=1) if several else tallies[0]
                 wanted = np.tensordot(shares, tallies, axes=1) if several else None
                 counts, open_ended = rows.histories[mine], rows.open_ended[mine]
-                classes.append(Histories(counts, rows.excess_m[mine], open_ended, mean, wanted))
+                classes.append(LightClass(counts, rows.excess_m[mine], open_ended, mean, wanted))
     light = lights[-1][0]
     reference = light.reference
     shift = response.shift

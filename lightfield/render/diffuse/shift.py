@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from lightfield.render.diffuse.bending import Cells, quadratic
+from lightfield.render.diffuse.bending import TalliedCells, quadratic
 from lightfield.render.response.grid import Grid, cell_of
 
 #: Light from walls varies over the distance to them, not over the width of the beam.
@@ -61,7 +61,7 @@ class Shift:
     """
 
     def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
-        cells = Cells(grid)
+        cells = TalliedCells(grid)
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
         self.cell = number[cell_of(grid, x_m, y_m, z_m)]

@@ -3,39 +3,31 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import asdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.progress import heard_by, step
-from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.between_g import SHAPES, BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
+from lightfield.render.diffuse.directed import DirectedTrace, Elsewhere, Keeper, Told
 from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
-from lightfield.render.maps import transport_key
 from lightfield.render.reflected.light import ReflectedLight, applies
-from lightfield.render.response import store
-from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
-from lightfield.render.response.grid import Grid, angle_nodes, fineness, positions_grid, straight_path
+from lightfield.render.response.grid import Grid, fineness, positions_grid, straight_path
 from lightfield.render.response.response import (
     CLASSES,
     NEVER_SCATTERED,
     Reference,
     TransportResponse,
-    light_classes,
 )
-from lightfield.render.response.symmetry import MirrorImages, mirror_images
+from lightfield.render.response.symmetry import mirror_images
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import without
@@ -64,11 +56,6 @@ MOST_FINE = 1500
 #: Photons for receivers of a narrow view, whose cells are small: so many times more at most (chosen: 2 % of
 #: noise behind a collimator of 2 degrees, 4.5 m away, for 6 s of one processor).
 MOST_SENT = 8.0
-
-#: Is told what is traced, and which part of it is done.
-Told = Callable[[str, float], None]
-#: Runs work that can be pickled, in another process, and waits for it; the work is given a `Told`.
-Elsewhere = Callable[[Callable[[Told], None]], None]
 
 
 def response_for(
@@ -145,10 +132,13 @@ def response_for(
     reference = Reference(REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
     grid = _grid_for(scene, places, width)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
-    one = functools.partial(
-        _light, grid=grid, reference=reference, walls=walls, ratios=ratios, seed=seed, cache=cache,
-        told=told, elsewhere=elsewhere,
-    )  # fmt: skip
+    keeper = Keeper(cache, told, elsewhere)
+
+    def one(of: Scene, shapes: tuple[float, ...], classes: Sequence[int], photons: int) -> TracedLight:
+        sent_to = _sent(shapes, photons)
+        trace = DirectedTrace(of, grid, reference, shapes, tuple(classes), sent_to, seed)
+        return _light(trace, keeper, walls, ratios)
+
     traced = _traced_scene(scene, width, open_top)
     own_top, under_surface = one(traced, nodes, needed, round(sent)), None
     if scene.tank is not None and not open_top:
@@ -177,67 +167,34 @@ def _for_view(scene: Scene, z_m: Array, width: float) -> float:
     return min(MOST_SENT, (wide / narrow) ** 2)
 
 
-def _light(
-    scene: Scene,
-    nodes: tuple[float, ...],
-    needed: Sequence[int],
-    photons: int,
-    *,
-    grid: Grid,
-    reference: Reference,
-    walls: csr_array,
-    ratios: csr_array,
-    seed: int,
-    cache: bool,
-    told: Told | None,
-    elsewhere: Elsewhere | None,
-) -> TracedLight:
-    """The needed classes of light of a traced scene."""
-    sent_to = np.full(max(len(nodes), 1), photons)
-    if len(nodes) > 2:
-        sent_to[[0, -1]] = round(AT_THE_ENDS * photons)
+def _light(trace: DirectedTrace, keeper: Keeper, walls: csr_array, ratios: csr_array) -> TracedLight:
+    """The light of a trace, which is made when it is first asked for."""
 
     def tell() -> Traced:
-        width = scene.lamp.hwhm_deg
-        beam_nodes = BeamNodes(angle_nodes(width), width)
-        images = mirror_images(scene, grid)
-        key = {
-            "kind": "diffuse",
-            **transport_key(scene, grid, reference),
-            "g": nodes,
-            "classes": list(needed),
-            "photons": sent_to.tolist(),
-            "seed": seed,
-            "nodes": asdict(beam_nodes.nodes),
-        }
-        traced = functools.partial(
-            _trace, scene, grid, reference, beam_nodes, nodes, needed, sent_to, seed, images
-        )
-        stored = store.load(key) if cache else None
-        if stored is None and cache and elsewhere is not None:
-            elsewhere(functools.partial(_keep, key, traced))
-            stored = store.load(key)
-        if stored is None:
-            stored = traced(told)
-            if cache:
-                store.save(key, stored)
+        stored, images = keeper.of(trace), trace.images
         histories = np.asarray(stored["histories"], int)
         rows = TransportResponse(
             np.zeros((1, 0, 0)),
             histories,
             stored["excess_m"],
-            straight_path(scene, grid),
-            reference,
-            photons,
+            straight_path(trace.scene, trace.grid),
+            trace.reference,
+            max(trace.photons),
         )
-        sent = Sent(np.asarray(stored["density"], float), scene.lamp)
-        z = grid.centres()[2].ravel()
-        beams = BeamTallies(list(stored["tallies"]), histories, beam_nodes, sent, z, images, walls)
+        sent = Sent(np.asarray(stored["density"], float), trace.scene.lamp)
+        z = trace.grid.centres()[2].ravel()
+        beams = BeamTallies(list(stored["tallies"]), histories, trace.beam_nodes, sent, z, images, walls)
         return Traced(beams, stored["relative_stderr"] * images.error, rows)
 
-    shape = SHAPES.get(scene.water.phase.type, SHAPES["henyey-greenstein"])
-    between = BetweenG(nodes, sent_to / sent_to.sum(), ratios, shape)
-    return TracedLight(functools.cache(tell), tuple(needed), reference, between)
+    shape = SHAPES.get(trace.scene.water.phase.type, SHAPES["henyey-greenstein"])
+    between = BetweenG(trace.shapes, np.array(trace.photons) / sum(trace.photons), ratios, shape)
+    return TracedLight(functools.cache(tell), trace.classes, trace.reference, between)
+
+
+def _sent(shapes: tuple[float, ...], photons: int) -> tuple[int, ...]:
+    """Photons of the trace in each shape: fewer at the ends, which count little."""
+    few = round(AT_THE_ENDS * photons) if len(shapes) > 2 else photons
+    return (few, *[photons] * (len(shapes) - 2), few)[: max(len(shapes), 1)]
 
 
 def sent_width_deg(hwhm_deg: float) -> float:
@@ -260,66 +217,3 @@ def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
     reweighed = Acts.LAYERS | Acts.FLOOR if applies(scene) else Acts.LAYERS
     plain = without(scene, reweighed).model_copy(update={"lamp": lamp})
     return plain.with_values(values, validate=False)
-
-
-def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
-    """Trace into the cache."""
-    store.save(key, traced(told))
-
-
-def _trace(
-    scene: Scene,
-    grid: Grid,
-    reference: Reference,
-    beam_nodes: BeamNodes,
-    g_nodes: tuple[float, ...],
-    needed: Sequence[int],
-    photons: NDArray[np.integer[Any]],
-    seed: int,
-    images: MirrorImages,
-    told: Told | None,
-) -> dict[str, Array]:
-    use_backend()
-    from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
-
-    seen: list[tuple[NDArray[np.bool_], Array]] = []  # rows that are needed and were lit, and their tallies
-    errors = []
-    under = " under the water surface" if scene.surface_reflects else ""
-
-    def follow(words: str, part: float) -> None:
-        if told is not None:
-            told(f"tracing scattered and reflected light{under}", part)
-
-    for k, (g, sent) in enumerate(zip(g_nodes or (None,), photons.tolist(), strict=True)):
-        path = SHAPES[scene.water.phase.type].path if g is not None else ""
-        one = scene if g is None else scene.with_values({path: g}, validate=False)
-        listening = nullcontext() if told is None else heard_by(follow)
-        with listening, step(k, len(photons), "" if g is None else f"g = {g:g}"):
-            tally, stderr, histories, excess, density = trace_by_direction(
-                one, grid, reference, beam_nodes, sent, seed, images
-            )
-        lit = np.isin(light_classes(histories), needed) & tally.any(axis=(0, 2))
-        seen.append((lit, tally[:, lit]))
-        errors.append(stderr)
-        del tally  # it is as large as all that the next trace needs
-    free_memory()
-    classes, used = light_classes(histories), np.any([lit for lit, _ in seen], axis=0)
-    rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
-    place, relative = np.zeros(len(histories), int), np.array(errors)
-    place[rows] = np.arange(len(rows))
-    # Light that was never scattered knows no g: the traces are one.
-    part, kinds = photons / photons.sum(), list(NEVER_SCATTERED)
-    relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
-    stacked = np.zeros((len(seen), beam_nodes.nodes.size, len(rows), len(images.kept)), np.float32)
-    for at in reversed(range(len(stacked))):
-        lit, tally = seen.pop()
-        stacked[at][:, place[lit]] = tally
-    once = histories[rows, 0] == 0
-    stacked[:, :, once] = sum(p * t[:, once] for p, t in zip(part, stacked, strict=True))
-    return {
-        "tallies": stacked,
-        "relative_stderr": relative,
-        "histories": histories[rows],
-        "excess_m": excess[rows],
-        "density": density,
-    }

@@ -16,7 +16,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.render.diffuse.between_g import BetweenG
-from lightfield.render.diffuse.errors import ClassLight, Noise
+from lightfield.render.diffuse.errors import ClassLight, TraceErrors
 from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.response import (
     CLASSES,
@@ -109,7 +109,7 @@ class TracedLight:
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
                 own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
-                noises.append(Noise(passed, own, beams.images.orbits))
+                noises.append(TraceErrors(passed, own, beams.images.orbits))
             out[kind] = ClassLight(value, noises)
         return out
 

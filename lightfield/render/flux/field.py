@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter1d
@@ -38,13 +37,6 @@ from lightfield.scene.water.coefficients import coefficients_in
 
 #: How the components change under x -> -x and y -> -y, and which they become when x and y are exchanged.
 _MIRROR_X, _MIRROR_Y, _EXCHANGED = (-1, 1, 1, 1), (1, -1, 1, 1), (1, 0, 2, 3)
-
-
-class Field(Protocol):
-    """Light on cosine receivers, for unit radiant intensity on the lamp's axis."""
-
-    def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
-        """Readings and standard errors, 1/m^2, shape (n,), at places and outward normals of shape (n, 3)."""
 
 
 @dataclass(frozen=True)

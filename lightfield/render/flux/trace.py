@@ -8,7 +8,7 @@ from lightfield.progress import tell
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.tracer.accumulate import LARGEST_LAUNCH, response_from
-from lightfield.render.tracer.build import prepare
+from lightfield.render.tracer.build import assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 
@@ -34,19 +34,14 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
     TransportResponse
         Its planes are those of the grid once for every one of `COMPONENTS`.
     """
-    setup = prepare(scene, grid, reference, flux=True)
+    setup = assembled(scene, grid, reference, flux=True)
     each = PHOTONS_PER_LANE * -(-photons // (BATCHES * PHOTONS_PER_LANE))
     sums = np.zeros((BATCHES, setup.histories.size, setup.planes.cells), np.float32)
     for batch in range(BATCHES):
         for first in range(0, each, LARGEST_LAUNCH):
             launch = min(LARGEST_LAUNCH, each - first)
             counts, _ = trace(
-                setup.surfaces,
-                setup.turn,
-                setup.emission,
-                setup.planes,
-                setup.histories,
-                setup.water,
+                setup,
                 launch,
                 seed * 1009 + batch,
                 first=first,

@@ -14,7 +14,7 @@ from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
-from lightfield.render.tracer.walk import Water, counted, trace
+from lightfield.render.tracer.walk import ReferenceWater, TransportProblem, counted, trace
 
 BATCHES = 8
 LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
@@ -74,6 +74,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         planes = Planes(grid, sensors[0].receiver, position, lamp.lamp.apparent_distance_m)
         surfaces = Shapes(scene) if scene.shapes() else OpenWater(planes)
         turn = by_plugin(medium.phase_function())
+        problem = TransportProblem(surfaces, turn, lamp.emission, planes, histories, water)
         photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES
         maps = []
         for batch in range(BATCHES):
@@ -81,12 +82,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
             for first in range(0, photons, LARGEST_LAUNCH):
                 launch = min(LARGEST_LAUNCH, photons - first)
                 counts, _ = trace(
-                    surfaces,
-                    turn,
-                    lamp.emission,
-                    planes,
-                    histories,
-                    water,
+                    problem,
                     launch,
                     seed * 1009 + batch,
                     first=first,
@@ -130,7 +126,7 @@ def _sensors(scene: mi.Scene) -> list[DetectorPlane]:
     return list(sensors)
 
 
-def _coefficients(medium: mi.Medium) -> Water:
+def _coefficients(medium: mi.Medium) -> ReferenceWater:
     interaction = dr.zeros(mi.MediumInteraction3f)
     scattering, _, extinction = medium.get_scattering_coefficients(interaction)
     b, c = (np.array(v).ravel() for v in (scattering, extinction))
@@ -140,4 +136,4 @@ def _coefficients(medium: mi.Medium) -> Water:
             rule="photon_tracer walks one wavelength at a time",
             remedy="give sigma_t and albedo as numbers",
         )
-    return Water(float(c[0] - b[0]), float(b[0]))
+    return ReferenceWater(float(c[0] - b[0]), float(b[0]))

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.render.response.response import Reference
 from lightfield.scene import Detector, Scene
 from lightfield.scene.bands import middles_nm, molecular_share
-from lightfield.scene.in_tank import cells_inside, rows_of
+from lightfield.scene.in_tank import cells_inside, rows_of_cells
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import half_view_rad
 from lightfield.scene.tank import Tank
@@ -174,7 +174,7 @@ def detector_grid(scene: Scene) -> Grid:
         x, y, z = np.asarray(detector.positions_m, float).T
         return positions_grid(x, y, z, detector=detector)
     width, height = scene.plane_size_m
-    columns, rows = detector.pixels, rows_of(detector, scene.tank)
+    columns, rows = detector.pixels, rows_of_cells(detector, scene.tank)
     x, y = cell_centres(width, columns), cell_centres(height, rows)
     return Grid(np.array(detector.planes_m, float), x, y, width / columns, height / rows)
 

@@ -20,7 +20,7 @@ from lightfield.render.response.response import (
 )
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
 from lightfield.render.settings import OnProgress, Settings
-from lightfield.render.tracer.build import Setup, prepare
+from lightfield.render.tracer.build import Setup, assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
@@ -53,7 +53,7 @@ def trace_until(
         grid = merge_mirror_images(scene, grid)
     # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
     mirrored = settings.symmetry and grid.occupied is not None and symmetric(scene)[0]
-    setup = prepare(scene, grid, reference, path_nodes=path_nodes)
+    setup = assembled(scene, grid, reference, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)
@@ -65,12 +65,7 @@ def trace_until(
     while True:
         for batch in range(batches):
             counts, book = trace(
-                setup.surfaces,
-                setup.turn,
-                setup.emission,
-                setup.planes,
-                setup.histories,
-                setup.water,
+                setup,
                 launch,
                 settings.seed * 1009 + batch,
                 first=first,
@@ -177,7 +172,7 @@ def trace_by_direction(
     """
     receiver = scene.detector
     symmetric = receiver.tilt_x_deg == 0
-    setup = prepare(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
+    setup = assembled(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
@@ -186,12 +181,7 @@ def trace_by_direction(
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
-            setup.surfaces,
-            setup.turn,
-            setup.emission,
-            setup.planes,
-            setup.histories,
-            setup.water,
+            setup,
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=symmetric,

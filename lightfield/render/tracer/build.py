@@ -17,9 +17,9 @@ from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
-from lightfield.render.tracer.scattering import Turn, by_plugin, henyey_greenstein, with_molecules
-from lightfield.render.tracer.surfaces import Box, OpenWater, Surfaces, beckmann
-from lightfield.render.tracer.walk import Water
+from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
+from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
+from lightfield.render.tracer.walk import ReferenceWater, TransportProblem
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.phase import of_scene
@@ -38,16 +38,10 @@ FEWER_HITS, MANY_CELLS = (0, 1, 3, 9, 34), 1000
 
 
 @dataclass(frozen=True)
-class Setup:
-    """Everything a trace needs."""
+class Setup(TransportProblem):
+    """Everything a trace needs, and what its tally becomes a response with."""
 
     mitsuba_scene: Any
-    surfaces: Surfaces
-    turn: Turn
-    emission: Emission
-    planes: Planes
-    histories: Histories
-    water: Water
     reference: Reference
     grid: Grid
     straight_m: np.ndarray
@@ -106,7 +100,7 @@ def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:
     return float(np.clip(7 / max(decay, 1e-6), max(2 * far_m, 8.0), 8 * max(far_m, 8.0)))
 
 
-def prepare(
+def assembled(
     scene: Scene,
     grid: Grid,
     reference: Reference,
@@ -153,7 +147,7 @@ def prepare(
     else:
         planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
-    reference_water = Water(reference.absorption_per_m, reference.scattering_per_m, scene.water)
+    reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.
     top = reference.surface_reflectance if reflects else None
     parts = shapes(scene, reference.wall_albedo, top) if scene.tank else {}
@@ -167,13 +161,13 @@ def prepare(
     if reference.molecular_share:
         turn = with_molecules(turn, reference.molecular_share)
     return Setup(
-        loaded,
         met,
         turn,
         emission,
         planes,
         histories,
         reference_water,
+        loaded,
         reference,
         grid,
         straight,

@@ -29,7 +29,7 @@ TURNS, EXTREMES = 72, np.array([[0.0], [0.5 * pi]])
 
 
 @dataclass(frozen=True)
-class Start:
+class FirstFlights:
     """First flights: positions, unit directions, weights (sr per photon), nodes of the emission tally."""
 
     position: mi.Point3f
@@ -140,7 +140,7 @@ class Emission:
         a, b = dr.gather(mi.Float, self.table, low), dr.gather(mi.Float, self.table, low + 1)
         return dr.lerp(a, b, at - mi.Float(mi.UInt32(at)))
 
-    def sample(self, index: mi.UInt32, points: ScrambledSobol, rng: mi.PCG32) -> Start:
+    def sample(self, index: mi.UInt32, points: ScrambledSobol, rng: mi.PCG32) -> FirstFlights:
         """First flights of the photons `index` of a batch."""
         u1, u2 = points.point(index)
         local, weight, theta = self.draw(u1, u2)
@@ -155,7 +155,7 @@ class Emission:
             self.value["offset_y"] + radius * sin_a + direction.y * back,
             0,
         )
-        return Start(position, direction, weight, node)
+        return FirstFlights(position, direction, weight, node)
 
     def in_tank(self, local: mi.Vector3f) -> mi.Vector3f:
         """A beam-frame direction in the frame of the tank."""

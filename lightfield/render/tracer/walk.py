@@ -30,7 +30,7 @@ from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import Turn
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.render.tracer.surfaces import FAR, Surfaces
-from lightfield.scene import Water as SceneWater
+from lightfield.scene import Water
 from lightfield.scene.curve import Nodes, value_at
 from lightfield.scene.water.layers import is_layered, slab_m
 
@@ -46,7 +46,7 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Water:
+class ReferenceWater:
     """Reference water that photons are traced in.
 
     Parameters
@@ -58,7 +58,27 @@ class Water:
 
     absorption_per_m: float
     scattering_per_m: float
-    layers: SceneWater = field(default_factory=SceneWater)
+    layers: Water = field(default_factory=Water)
+
+
+@dataclass(frozen=True)
+class TransportProblem:
+    """What a trace solves.
+
+    Parameters
+    ----------
+    surfaces, turn
+        What light meets, and how a scattering turns it.
+    emission, planes, histories, water
+        Lamp, detectors, cells of the tally, reference water.
+    """
+
+    surfaces: Surfaces
+    turn: Turn
+    emission: Emission
+    planes: Planes
+    histories: Histories
+    water: ReferenceWater
 
 
 class AbsorptionCurve:
@@ -106,7 +126,7 @@ class AbsorptionCurve:
 class Absorption:
     """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
-    def __init__(self, water: Water) -> None:
+    def __init__(self, water: ReferenceWater) -> None:
         layers = water.layers
         self.is_uniform = not is_layered(layers)
         self.uniform, self.gradient, self.centre, self.upwards, self.layer, self.low, self.high = (
@@ -194,12 +214,7 @@ def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
 @_as_raised
 @dr.syntax
 def trace(
-    surfaces: Surfaces,
-    turn: Turn,
-    emission: Emission,
-    planes: Planes,
-    histories: Histories,
-    water: Water,
+    problem: TransportProblem,
     photons: int,
     seed: int,
     first: int = 0,
@@ -210,10 +225,7 @@ def trace(
 
     Parameters
     ----------
-    surfaces, turn
-        What light meets, and how a scattering turns it.
-    emission, planes, histories, water
-        Lamp, detectors, cells of the tally, reference water.
+    problem : TransportProblem
     photons : int
         Number of photons of the batch.
     seed : int
@@ -232,6 +244,8 @@ def trace(
     bookkeeping : Bookkeeping
         Per photon.
     """
+    surfaces, turn, emission = problem.surfaces, problem.turn, problem.emission
+    planes, histories, water = problem.planes, problem.histories, problem.water
     each, lanes = _launch(photons)
     tally = dr.zeros(mi.Float, histories.size * planes.cells)
     # A literal would be written out anew for every launch, and copied to be read.

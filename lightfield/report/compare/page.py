@@ -46,7 +46,7 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
             plus_minus(plane.axis.render[0], plane.axis.stderr[0]),
             plus_minus(100 * plane.axis_error, 100 * plane.axis_error_stderr, " %", sign=True),
             plus_minus(plane.render_spot.hwhm_m, plane.render_spot.stderr.get("hwhm_x_m", math.nan)),
-            number(plane.formula_spot.hwhm_m),
+            three_digits(plane.formula_spot.hwhm_m),
             plus_minus(plane.render_spot.ellipticity, plane.render_spot.stderr.get("ellipticity", math.nan)),
             plus_minus(100 * plane.lost, 100 * plane.lost_stderr, " %"),
             *(_radius(plane, level) for level in LEVELS),
@@ -69,7 +69,7 @@ def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
             concise(plane.axis.render[0], plane.axis.stderr[0]),
             concise(100 * plane.axis_error, 100 * plane.axis_error_stderr) + " %",
             concise(spot.hwhm_m, spot.stderr.get("hwhm_x_m", math.nan)),
-            number(plane.formula_spot.hwhm_m),
+            three_digits(plane.formula_spot.hwhm_m),
             concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
             *(_radius(plane, level) for level in LEVELS),
             style="yellow" if plane.excess_on_axis() > LEVELS[0] else None,
@@ -222,7 +222,7 @@ def concise(value: float, stderr: float) -> str:
     return f"{both.value:.{both.decimals}f}({digits}){power}".replace("-", "\N{MINUS SIGN}")
 
 
-def number(value: float) -> str:
+def three_digits(value: float) -> str:
     """Three significant digits, a dash for what is unknown."""
     return f"{value:.3g}" if math.isfinite(value) else "–"
 

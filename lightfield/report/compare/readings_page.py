@@ -34,10 +34,10 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         predictions.append(Prediction(newest.label, model.fit.prediction))
     readings = model.forward.readings
     view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
-    best = min(rungs, key=lambda rung: rung.error_percent)
-    verdict = f"{newest.label}: error {newest.error_percent:.3g} %, noise floor {floor:.3g} %."
+    best = min(rungs, key=lambda rung: math.inf if rung.error_percent is None else rung.error_percent)
+    verdict = f"{newest.label}: error {_percent(newest.error_percent)} %, noise floor {floor:.3g} %."
     if len(rungs) > 1 and best is not newest:
-        verdict += f" The lowest so far is {best.error_percent:.3g} %, {best.label}."
+        verdict += f" The lowest so far is {_percent(best.error_percent)} %, {best.label}."
     adequate = report.statistics.adequacy_p
     lead = [
         f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
@@ -76,8 +76,8 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
                     "The models, in the order in which they were tried.",
                     ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
                     [
-                        [rung.label, f"{rung.error_percent:.3g}", f"{rung.chi2_per_dof:.3g}",
-                         "–" if rung.held_out_percent is None else f"{rung.held_out_percent:.3g}", rung.scene]
+                        [rung.label, _percent(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
+                         _percent(rung.held_out_percent), rung.scene]
                         for rung in rungs
                     ],
                 )
@@ -92,16 +92,23 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     return study_page(title, verdict, lead, sections, model.scene.to_toml())
 
 
+def _known(entry: Mapping[str, Any], name: str) -> float | None:
+    value = entry.get(name)
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
 def _rung(entry: Mapping[str, Any]) -> Rung:
     """A rung from the ledger, whose older entries lack what newer ones say."""
-    held = entry.get("held_out_percent")
-    known = isinstance(held, int | float) and math.isfinite(held)
     return Rung(
         label=str(entry.get("label", "?")),
         effects=list(entry.get("effects", [])),
-        error_percent=float(entry.get("error_percent", math.nan)),
+        error_percent=_known(entry, "error_percent"),
         chi2_per_dof=float(entry.get("chi2_per_dof", math.nan)),
-        held_out_percent=float(held) if known and held is not None else None,
+        held_out_percent=_known(entry, "held_out_percent"),
         parameters={},
         scene=str(entry.get("scene", "")),
         removed_percent=None,

@@ -48,10 +48,11 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bo
                 markersize=6,
                 label="each plane predicted from the others",
             )
-        for x, value, text in zip(at, error, texts, strict=True):
+        shown = np.isfinite(error)  # a dark model has no error in per cent
+        for k in np.flatnonzero(shown):
             axis.annotate(
-                text,
-                (float(x), float(value)),
+                texts[k],
+                (float(k), float(error[k])),
                 (8, 5),
                 textcoords="offset points",
                 fontsize=10,
@@ -68,7 +69,7 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bo
                     markersize=12,
                     label="rendered afresh",
                 )
-        everything = np.concatenate([error, held_out[np.isfinite(held_out)], [noise_floor_percent]])
+        everything = np.concatenate([error[shown], held_out[np.isfinite(held_out)], [noise_floor_percent]])
         if everything.max() > 8 * max(everything.min(), 1e-6):
             axis.set_yscale("log")
             axis.set_ylim(0.6 * everything.min(), 1.9 * everything.max())

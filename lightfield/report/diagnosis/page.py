@@ -197,13 +197,13 @@ def _lead(verdict: Verdict) -> list[str]:
     lines = []
     if len(ladder) > 1:
         lines.append(
-            f"The error falls from {_percent(first, 2)} % to {_percent(last, 2)} %; "
+            f"The error falls from {_optional(first, 2)} % to {_optional(last, 2)} %; "
             f"the noise floor is {floor:.2g} %."
         )
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
-        lines.append(f"The error is {first:.2g} %; the noise floor is {floor:.2g} %.")
-    if floor > last:
+        lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {floor:.2g} %.")
+    if last is not None and floor > last:
         lines.append(
             "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
             "judged, are larger than what is left."
@@ -246,7 +246,7 @@ def _rung(rung: Rung) -> list[str]:
         fresh += f" ± {rung.rendered_stderr_percent:.1g}"
     return [
         _words(rung.label),
-        _percent(rung.error_percent),
+        _optional(rung.error_percent),
         _percent(rung.chi2_per_dof),
         _optional(rung.held_out_percent),
         "–" if rung.removed_percent is None else f"{rung.removed_percent:.3g}",
@@ -285,8 +285,8 @@ def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
     return {"effect": _words(name), "parameter": each.parameter, "limit": f"{each.value:.2g}{unit}"}
 
 
-def _optional(value: float | None) -> str:
-    return "–" if value is None else _percent(value)
+def _optional(value: float | None, digits: int = 3) -> str:
+    return "–" if value is None else _percent(value, digits)
 
 
 def _percent(value: float, digits: int = 3) -> str:

@@ -24,7 +24,7 @@ from lightfield.report.style import (
     panels,
     plain_log_axis,
 )
-from lightfield.studies.follower.design import Judged
+from lightfield.studies.follower.design import JudgedArray
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING, Survey
@@ -138,7 +138,7 @@ def _met(survey: Survey, name: str) -> float:
     return float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
 
 
-def comparison_figure(arrays: Sequence[Judged], narrow: bool = False) -> Figure:
+def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Figure:
     """The arrays, best first, over bars of their criterion; narrow: an array a row."""
     shown = arrays[:MOST_ARRAYS]
     tall = 2.6 * (len(shown) if narrow else 1)

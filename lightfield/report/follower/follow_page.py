@@ -13,7 +13,7 @@ from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Follower, Scene
-from lightfield.studies.following.metrics import METRICS, OF_DOCKING, Spread
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OverRuns
 from lightfield.studies.following.study import SHORT as SHORT_BELIEFS
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
@@ -100,7 +100,7 @@ def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         one = data.isel(dict(zip(axes, steps, strict=True)))
         errors = [float(one[f"{n}_stderr"]) for n in shown]
         cells = [
-            _words(Spread(float(one[n]), e * runs**0.5, e, int(np.isfinite(one[n]))))
+            _words(OverRuns(float(one[n]), e * runs**0.5, e, int(np.isfinite(one[n]))))
             for n, e in zip(shown, errors, strict=True)
         ]
         failed = str(one.message.values)
@@ -138,7 +138,7 @@ def _cell(one: Followed, name: str) -> str:
     return _words(one.spreads[name])
 
 
-def _words(one: Spread) -> str:
+def _words(one: OverRuns) -> str:
     if not one.runs:
         return "never"
     return f"{one.mean:.3g}" + (f" ± {one.scatter:.2g}" if np.isfinite(one.scatter) else "")

@@ -18,7 +18,7 @@ from lightfield.report.follower.array_figures import (
 from lightfield.report.page import PageFigure, fill, page_figure, write_page
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import Comparison
+from lightfield.studies.follower.design import Arrays
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound
 from lightfield.studies.follower.survey import Survey
@@ -150,7 +150,7 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
     return write(path, "Detector array", verdict, lead, sections, survey.scene, origin)
 
 
-def write_comparison(found: Comparison, path: str | os.PathLike[str]) -> Path:
+def write_arrays(found: Arrays, path: str | os.PathLike[str]) -> Path:
     """Page of `array compare` and `array optimise`."""
     best, worst = found.arrays[0], found.arrays[-1]
     rows = [

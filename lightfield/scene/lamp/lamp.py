@@ -11,7 +11,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
-from lightfield.scene.spectral.peaks import Peak, kind_of
+from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.storage.tables import read_columns, readable
 
 #: Names of spectra; those of LEDs are in `spectral.peaks`.
@@ -98,7 +98,7 @@ class Lamp(Part):
         Annotated[Named, Tag("a name")]
         | Annotated[Peak, Tag("one peak")]
         | Annotated[Several, Tag("several peaks")],
-        Discriminator(kind_of),
+        Discriminator(way_written),
     ] = declare(
         "planck", "spectral shape: a name, a peak { peak_nm, fwhm_nm }, or a list of them", Acts.POWER
     )

@@ -80,7 +80,7 @@ def knots_nm(peaks: Sequence[Peak]) -> Array:
     return np.unique(np.concatenate([p.peak_nm + steps * p.fwhm_nm for p in peaks]))
 
 
-def kind_of(value: object) -> str:
+def way_written(value: object) -> str:
     """Which of the ways to write a curve over wavelength this is; what errors tell them apart by."""
     if isinstance(value, list | tuple):
         return "several peaks"

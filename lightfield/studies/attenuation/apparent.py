@@ -13,7 +13,7 @@ import xarray as xr
 from scipy import stats
 
 from lightfield.arrays import Array
-from lightfield.studies.attenuation.common_errors import Design, Estimate, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, stays
 from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
@@ -27,12 +27,12 @@ class Apparent:
     Parameters
     ----------
     ratios : Ratios
-    estimate : Estimate
+    estimate : JointEstimate
         Parameters of each colour: alpha, K in 1/m.
     """
 
     ratios: Ratios
-    estimate: Estimate
+    estimate: JointEstimate
 
     @property
     def K_per_m(self) -> Array:

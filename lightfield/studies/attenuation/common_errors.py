@@ -24,7 +24,7 @@ _TOLD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class JointEstimate:
     """What the readings say of the parameters of every colour.
 
     Parameters
@@ -95,7 +95,7 @@ class Design:
         """What was read, shape (n_rows, n_colours)."""
         return np.isfinite(self.sigma)
 
-    def estimate(self, y: Array) -> Estimate:
+    def estimate(self, y: Array) -> JointEstimate:
         """Parameters and shared errors from values, shape (n_rows, n_colours)."""
         theta, beta, residual = self._solved(y)
         spread = np.zeros((len(beta), len(beta)))
@@ -104,7 +104,7 @@ class Design:
         root = direction * np.sqrt(np.clip(size, 0, None))
         chi2 = float((self._weight * residual**2).sum() + (self._precision * beta**2).sum())
         told = np.linalg.matrix_rank(self._normal, hermitian=True).sum()
-        return Estimate(
+        return JointEstimate(
             theta, self._own, self._onto @ root, beta, np.sqrt(np.diag(spread)),
             np.where(self.known, residual, np.nan), chi2, int(self.known.sum() - told),
         )  # fmt: skip

@@ -18,7 +18,7 @@ from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without
-from lightfield.studies.light_at import Places, response_at
+from lightfield.studies.light_at import Places, diffuse_response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to a twentieth of
 #: its own error (tests/physics/test_attenuation.py).
@@ -97,7 +97,7 @@ def excess_light(
         Water whose errors are taken for those of all.
     """
     first, count = grey(scene, *typical), len(places[2])
-    response = response_at(trace, first, places, largest_b)
+    response = diffuse_response_at(trace, first, places, largest_b)
     nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))
     values = np.zeros((NODES_A, NODES_B, count))
     for i, a in enumerate(nodes_a * largest_a):

@@ -19,7 +19,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import Apparent
-from lightfield.studies.attenuation.common_errors import Design, Estimate, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, stays
 from lightfield.studies.attenuation.excess import Excess, excess_light
 from lightfield.studies.attenuation.ratios import Ratios
 
@@ -210,7 +210,7 @@ def scattered_light(
     )  # fmt: skip
 
 
-def _combination(estimate: Estimate, a: Array, b: Array) -> tuple[Array, Array, Array]:
+def _combination(estimate: JointEstimate, a: Array, b: Array) -> tuple[Array, Array, Array]:
     """kappa of the best known a + kappa b, that sum and its error."""
     covariance = estimate.of_each()[:, -2:, -2:]
     variance, across = covariance[:, 1, 1], covariance[:, 0, 1]
@@ -227,7 +227,9 @@ def scene_says(apparent: Apparent, excess: Excess) -> Array:
     return -np.polyfit(r.path_m, y, 1)[0]
 
 
-def _fitted(apparent: Sequence[Apparent], stack: Stack) -> tuple[Estimate, Array, Array, NDArray[np.bool_]]:
+def _fitted(
+    apparent: Sequence[Apparent], stack: Stack
+) -> tuple[JointEstimate, Array, Array, NDArray[np.bool_]]:
     """Parameters (gains, a, b) of every colour, a, b, and where b was free.
 
     Where the layout does not tell b, it stays where the fit starts, and its column says what it would have
@@ -243,7 +245,9 @@ def _fitted(apparent: Sequence[Apparent], stack: Stack) -> tuple[Estimate, Array
     return estimate, a, b, told
 
 
-def _absorption(stack: Stack, a: Array, b: Array, told: NDArray[np.bool_]) -> tuple[Estimate, Array, Array]:
+def _absorption(
+    stack: Stack, a: Array, b: Array, told: NDArray[np.bool_]
+) -> tuple[JointEstimate, Array, Array]:
     """Gauss-Newton in a, and in b where it is told; a last row of every colour says how wide its range is."""
     s, alphas, largest = stack.path_m[:, None], stack.alphas, stack.excess[0].largest_b
     tables = alphas.shape[2]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.constituents import Amount
 from lightfield.studies.attenuation.scattered import Scattered
@@ -267,7 +267,7 @@ def _apparent_data(one: Apparent) -> dict[str, Any]:
         **{str(name): _list(values.values) for name, values in data.data_vars.items()},
         **{str(name): _list(values.values) for name, values in data.coords.items()},
         **data.attrs,
-        "misfit_p": _number(one.misfit_p),
+        "misfit_p": finite(one.misfit_p),
         "mean_attenuation": list(one.mean()),
     }
 
@@ -283,7 +283,7 @@ def _scattered_data(found: Scattered) -> dict[str, Any]:
         "share": _list(found.share),
         "chi2": found.chi2,
         "degrees_of_freedom": found.dof,
-        "misfit_p": _number(found.misfit_p),
+        "misfit_p": finite(found.misfit_p),
         "kappa_of_other_g": {f"{g:g}": value for g, value in found.other_kappa.items()},
     }
 
@@ -296,7 +296,7 @@ def _content_data(found: Content) -> dict[str, Any]:
                 "amounts": {k: asdict(v) | {"distinguished": v.found} for k, v in model.amounts.items()},
                 "chi2": model.chi2,
                 "degrees_of_freedom": model.dof,
-                "p": _number(model.p),
+                "p": finite(model.p),
             }
             for name, model in models.items()
             if model is not None
@@ -307,7 +307,3 @@ def _content_data(found: Content) -> dict[str, Any]:
 
 def _list(values: Array) -> Any:
     return np.where(np.isfinite(values), values, np.nan).tolist()
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None

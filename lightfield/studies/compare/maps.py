@@ -14,17 +14,17 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import gaussian_filter
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
 from lightfield.formula.field import direct_field
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
-from lightfield.scene.bands import Spectrum, at_wavelengths, over_band
+from lightfield.scene.bands import BandLight, at_wavelengths, over_band
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
 
 # (scene, x, y, z, spectrum) -> mean over the spectrum in the unit of the maps, shape of x
-Formula = Callable[[Scene, Array, Array, Array, Spectrum], Array]
+Formula = Callable[[Scene, Array, Array, Array, BandLight], Array]
 LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
 
@@ -158,7 +158,7 @@ class PlaneComparison:
                 f"{name}_ellipticity": spot.ellipticity,
             }
         errors = {f"render_{name}_stderr": error for name, error in self.render_spot.stderr.items()}
-        return {name: float(v) if np.isfinite(v) else None for name, v in (numbers | errors).items()}
+        return {name: finite(v) for name, v in (numbers | errors).items()}
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
     outside = cells_inside(scene.tank, x, y, *(pitch_m(c) or ROUNDING_M for c in (x, y))) < 1
     planes = []
     for index, wavelength in enumerate(dataset.wavelength_nm.values.astype(float)):
-        spectrum = Spectrum(*(v[0] for v in at_wavelengths(scene.lamp, [wavelength])))
+        spectrum = BandLight(*(v[0] for v in at_wavelengths(scene.lamp, [wavelength])))
         if "wavelength_bounds_nm" in dataset:  # the map is a mean over the band: so is the formula
             low, high = dataset["wavelength_bounds_nm"].values[index] + scene.detector.wavelength_shift_nm
             spectrum = over_band(scene.lamp, low, high, scene.detector)
@@ -316,7 +316,9 @@ def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array
     )
 
 
-def on_cells(formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, spectrum: Spectrum) -> Array:
+def on_cells(
+    formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, spectrum: BandLight
+) -> Array:
     """The formula averaged over every cell and over a spectrum, shape (n_y, n_x)."""
 
     def field(x: Array, y: Array) -> Array:
@@ -325,7 +327,7 @@ def on_cells(formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float,
     return cell_mean(field, x_m, y_m, pitch_m(x_m), pitch_m(y_m))
 
 
-def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: Spectrum) -> Array:
+def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: BandLight) -> Array:
     """The closed-form model in absolute units, W m^-2 nm^-1 (W m^-2 sr^-1 nm^-1 for radiance)."""
     each = zip(*spectrum, strict=True)
     return np.asarray(

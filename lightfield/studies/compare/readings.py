@@ -17,6 +17,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
+from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare
 from lightfield.diagnosis.search.settled import settle
@@ -167,14 +168,14 @@ def correlations(fit: Fit) -> list[tuple[str, str, float]]:
     return sorted(out, key=lambda c: -abs(c[2]))
 
 
-def _chosen(problem: Problem, names: Sequence[str], untestable: dict[str, str]) -> Explanation:
+def _chosen(problem: Problem, names: Sequence[str], untestable: Untestable) -> Explanation:
     """One form per named effect; "effect:form" picks a form other than the first."""
     out: list[Candidate] = []
     for name in names:
         effect, form = effects.get_form(name)
         if effect.name in untestable:
             raise UsageError(
-                "this effect cannot be fitted here", where=name, found=untestable[effect.name],
+                "this effect cannot be fitted here", where=name, found=in_words(untestable[effect.name]),
                 remedy="leave it out, or measure what it needs",
             )  # fmt: skip
         forms = [

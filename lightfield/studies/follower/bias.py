@@ -26,9 +26,17 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import STEP, FormulaLight, Light, Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.search import search
+from lightfield.studies.follower.light import (
+    STEP,
+    ArrayModel,
+    FormulaLight,
+    Light,
+    Space,
+    light_of,
+    pose_names,
+)
+from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.search import find_minima
 from lightfield.studies.follower.survey import array_of
 
 #: Ways to calibrate the formula, in words.
@@ -47,18 +55,18 @@ SCATTERING_PER_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 ACROSS, ALONG = 5, 5
 
 
-def on_axis(light: Light, z_m: float) -> float:
+def reading_on_axis(light: Light, z_m: float) -> float:
     """Reading of a receiver on the axis that faces the lamp, 1/m^2."""
     return float(light.reading(np.array([[0.0, 0.0, z_m]]), np.array([[0.0, 0.0, -1.0]]))[0])
 
 
 def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
     """K of ln(E z^2) on the axis between two distances, 1/m: what a fit of Beer-Lambert there gives."""
-    first, last = (on_axis(light, z) * z**2 for z in (near_m, far_m))
+    first, last = (reading_on_axis(light, z) * z**2 for z in (near_m, far_m))
     return float(np.log(first / last) / (far_m - near_m))
 
 
-def believed(truth: Light, elements: Elements, calibration: str, space: Space) -> tuple[Model, float]:
+def believed(truth: Light, elements: Elements, calibration: str, space: Space) -> tuple[ArrayModel, float]:
     """The formula as a follower has it, and the standard deviation of its gain.
 
     Parameters
@@ -79,8 +87,8 @@ def believed(truth: Light, elements: Elements, calibration: str, space: Space) -
     else:
         slope = slope_per_m(made_in, space.near_m, space.far_m)
     formula = FormulaLight(truth.scene.model_copy(update={"water": Water(absorption_per_m=max(slope, 0.0))}))
-    gain = on_axis(made_in, space.near_m) / on_axis(formula, space.near_m)
-    return Model(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
+    gain = reading_on_axis(made_in, space.near_m) / reading_on_axis(formula, space.near_m)
+    return ArrayModel(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
 
 
 @dataclass(frozen=True)
@@ -114,13 +122,18 @@ class Belief:
 
 
 def belief(
-    truth: Model, formula: Model, pose: Array, names: Sequence[str], noise: Noise, gain_sigma: float = 0.0
+    truth: ArrayModel,
+    formula: ArrayModel,
+    pose: Array,
+    names: Sequence[str],
+    noise: SensorNoise,
+    gain_sigma: float = 0.0,
 ) -> Belief:
     """Bias and spread of the pose from the wrong model, at one pose.
 
     Parameters
     ----------
-    truth, formula : Model
+    truth, formula : ArrayModel
         The readings, and what explains them.
     pose : array, shape (6,), m and rad
     names : sequence of str
@@ -130,7 +143,7 @@ def belief(
     """
     readings = truth.readings(pose[None])[0]
     variance = noise.variance(readings)
-    found = search(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
+    found = find_minima(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
     best, gain = found.poses[0], float(found.gains[0])
     covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
     # What the trace does not know of the readings moves the belief as noise of the readings would.
@@ -141,7 +154,13 @@ def belief(
 
 
 def _spread(
-    model: Model, readings: Array, weight: Array, pose: Array, gain: float, names: Sequence[str], prior: float
+    model: ArrayModel,
+    readings: Array,
+    weight: Array,
+    pose: Array,
+    gain: float,
+    names: Sequence[str],
+    prior: float,
 ) -> tuple[Array, Array]:
     """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W."""
     at, free = [POSE.index(name) for name in names], prior > 0
@@ -267,7 +286,7 @@ def bias_study(
     most = max(*scattering_per_m, scene.water.scattering_per_m)
     widest = scene.with_values({"water.scattering_per_m": 0.5 * most} if photons else {})
     light = light_of(widest, space, elements, photons=photons, seed=seed)
-    names, noise = pose_names(scene), Noise.of_scene(scene)
+    names, noise = pose_names(scene), SensorNoise.of_scene(scene)
     z = np.linspace(space.near_m, space.far_m, 3)
     poses = np.array([[0, 0, v, 0, 0, 0.0] for v in z])
     waters = [
@@ -296,10 +315,10 @@ def bias_study(
 
 
 def _beliefs(
-    light: Light, elements: Elements, poses: Array, names: Sequence[str], noise: Noise, space: Space
+    light: Light, elements: Elements, poses: Array, names: Sequence[str], noise: SensorNoise, space: Space
 ) -> Array:
     """Shape (n_calibrations, n_poses, 3 n + 1): biases, standard deviations, errors of the trace, misfit."""
-    truth = Model(light, elements)
+    truth = ArrayModel(light, elements)
     rows = []
     for calibration in CALIBRATIONS:
         formula, prior = believed(light, elements, calibration, space)

@@ -28,8 +28,8 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import TASK_UNITS, jackknife, nuisances_of
-from lightfield.studies.follower.light import Light, Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Light, Space, light_of, pose_names
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]
@@ -69,7 +69,7 @@ def task_poses(space: Space, task: Task = "formation") -> Array:
 
 
 @dataclass(frozen=True)
-class Setting:
+class ArraySetting:
     """What arrays are compared in.
 
     Parameters
@@ -77,18 +77,18 @@ class Setting:
     light : Light
     poses : array, shape (n_poses, 6), m and rad
     names : tuple of str
-    noise : Noise
+    noise : SensorNoise
     nuisances : mapping of str to float
     """
 
     light: Light
     poses: Array
     names: tuple[str, ...]
-    noise: Noise
+    noise: SensorNoise
     nuisances: Mapping[str, float]
 
     @cached_property
-    def leave_one_out(self) -> list[Setting]:
+    def leave_one_out(self) -> list[ArraySetting]:
         """The same in the light of the trace without one of its batches, for each in turn."""
         return [replace(self, light=light) for light in self.light.leave_one_out()]
 
@@ -99,8 +99,8 @@ class Setting:
         in the
         middle that faces forward.
         """
-        model = Model(self.light, elements)
-        forward = Model(self.light, Elements(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]])))
+        model = ArrayModel(self.light, elements)
+        forward = ArrayModel(self.light, Elements(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]])))
         wanted = [*self.names, *self.nuisances]
         units = np.array([TASK_UNITS.get(name, 1.0) for name in wanted])
         rows = []
@@ -137,7 +137,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedArray:
     """An array in a task: A, root mean square bounds over its poses, m and rad, and the relative error of A
     by the noise of the trace (see `information.with_doubt`)."""
 
@@ -167,22 +167,22 @@ class Judged:
         return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 
-def judged(name: str, elements: Elements, setting: Setting) -> Judged:
+def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
     """An array at the poses of a task."""
     covariances = setting.covariances(setting.whitened(elements))
     squares = np.einsum("pkk->pk", covariances)[:, : len(setting.names)].mean(axis=0)
     sigma = {n: float(TASK_UNITS[n] * np.sqrt(v)) for n, v in zip(setting.names, squares, strict=True)}
     parts = [one.criterion(one.whitened(elements)) for one in setting.leave_one_out]
     doubt = jackknife(float(squares.sum()), parts)
-    return Judged(name, elements, float(squares.sum()), sigma, doubt)
+    return JudgedArray(name, elements, float(squares.sum()), sigma, doubt)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Arrays:
     """Arrays in the same light and task, best first."""
 
     scene: Scene
-    arrays: list[Judged]
+    arrays: list[JudgedArray]
     task: str
     traced: bool
 
@@ -196,15 +196,15 @@ class Comparison:
 
 def setting_of(
     scene: Scene, space: Space, reach: Elements, task: Task, *, photons: float, seed: int
-) -> Setting:
+) -> ArraySetting:
     """Light, noise and what is unknown as a scene says; light as far as elements may reach."""
     light = light_of(scene, space, reach, photons=photons, seed=seed)
-    return Setting(
-        light, task_poses(space, task), pose_names(scene), Noise.of_scene(scene), nuisances_of(scene)
+    return ArraySetting(
+        light, task_poses(space, task), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)
     )
 
 
-def compare(
+def compare_arrays(
     scene: Scene,
     others: Mapping[str, Scene],
     space: Space | None = None,
@@ -212,7 +212,7 @@ def compare(
     *,
     photons: float = 1e7,
     seed: int = 0,
-) -> Comparison:
+) -> Arrays:
     """Arrays of several scenes in the light, noise and task of the first.
 
     Parameters
@@ -232,12 +232,12 @@ def compare(
     widest = max(arrays.values(), key=lambda elements: elements.reach_m)
     setting = setting_of(scene, space, widest, task, photons=photons, seed=seed)
     found = sorted(
-        (judged(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
+        (judged_array(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
     )
-    return Comparison(scene, found, task, bool(photons))
+    return Arrays(scene, found, task, bool(photons))
 
 
-def candidates(x: Array, y: Array, tilts_deg: Array) -> Elements:
+def candidate_arrays(x: Array, y: Array, tilts_deg: Array) -> Elements:
     """All places with all tilts: normals (tan tx, tan ty, -1), normalised."""
     px, py, tx, ty = (
         v.ravel() for v in np.meshgrid(x, y, *(2 * [np.tan(np.radians(tilts_deg))]), indexing="ij")
@@ -247,18 +247,35 @@ def candidates(x: Array, y: Array, tilts_deg: Array) -> Elements:
     return Elements(place, normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
-def optimise(
+@dataclass(frozen=True)
+class Mounting:
+    """Where elements may be put.
+
+    Parameters
+    ----------
+    box_m : float, m
+        Side of the square that they lie in.
+    tilt_max_deg : float
+        In x and in y.
+    spacing_m : float, m
+        Smallest distance of two elements; 0: they may stand at one place.
+    """
+
+    box_m: float
+    tilt_max_deg: float = 40.0
+    spacing_m: float = 0.025
+
+
+def optimise_array(
     scene: Scene,
     elements: int,
-    box_m: float,
+    room: Mounting,
     *,
-    tilt_max_deg: float = 40.0,
-    spacing_m: float = 0.025,
     task: Task = "formation",
     space: Space | None = None,
     photons: float = 1e7,
     seed: int = 0,
-) -> Comparison:
+) -> Arrays:
     """The best places and tilts of so many elements in a square, beside the scene's own array.
 
     Parameters
@@ -266,12 +283,7 @@ def optimise(
     scene : Scene
         Its light, noise and array, which the best is compared with.
     elements : int
-    box_m : float, m
-        Side of the square that the elements lie in.
-    tilt_max_deg : float
-        In x and in y.
-    spacing_m : float, m
-        Smallest distance of two elements; 0: they may stand at one place.
+    room : Mounting
 
     Raises
     ------
@@ -279,23 +291,25 @@ def optimise(
         So many elements do not fit.
     """
     space = Space.of_scene(scene) if space is None else space
-    half = 0.5 * box_m
+    half = 0.5 * room.box_m
     corner = Elements(np.array([[half, half, 0.0]]), np.array([[0.0, 0.0, -1.0]]))
     own = elements_of(array_of(scene))
     reach = max((corner, own), key=lambda one: one.reach_m)
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
-    best = designed(setting, elements, box_m, tilt_max_deg, spacing_m, seed)
-    arrays = [judged("the best found", best, setting), judged(scene.name or "this array", own, setting)]
-    return Comparison(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
+    best = designed(setting, elements, room, seed)
+    arrays = [
+        judged_array("the best found", best, setting),
+        judged_array(scene.name or "this array", own, setting),
+    ]
+    return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
 
 
-def designed(
-    setting: Setting, elements: int, box_m: float, tilt_max_deg: float, spacing_m: float, seed: int = 0
-) -> Elements:
+def designed(setting: ArraySetting, elements: int, room: Mounting, seed: int = 0) -> Elements:
     """The best array that exchanges and ever closer candidates find."""
-    half, tilts = 0.5 * box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
+    tilt_max_deg, spacing_m = room.tilt_max_deg, room.spacing_m
+    half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
     side = np.linspace(-half, half, SIDE)
-    everything = candidates(side, side, tilts)
+    everything = candidate_arrays(side, side, tilts)
     whitened, rng = setting.whitened(everything), np.random.default_rng(seed)
     found = [
         _exchange(setting, everything, whitened, _begin(everything, elements, spacing_m, rng), spacing_m)
@@ -350,7 +364,7 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
 
 
 def _exchange(
-    setting: Setting, among: Elements, whitened: Array, begin: Sequence[int], spacing_m: float
+    setting: ArraySetting, among: Elements, whitened: Array, begin: Sequence[int], spacing_m: float
 ) -> tuple[float, list[int]]:
     """Exchanges until none helps: A, and which candidates are left."""
     chosen = list(begin)

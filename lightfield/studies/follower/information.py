@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.scene import Scene
 from lightfield.studies.follower.frames import POSE, in_degrees
-from lightfield.studies.follower.light import LAMP_TILTS, Model
-from lightfield.studies.follower.noise import PERCENT, Noise
+from lightfield.studies.follower.light import LAMP_TILTS, ArrayModel
+from lightfield.studies.follower.noise import PERCENT, SensorNoise
 
 #: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
 TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))
@@ -39,7 +39,7 @@ UNKNOWN = np.inf
 
 
 def nuisances_of(scene: Scene) -> dict[str, float]:
-    """What a follower does not know exactly: standard deviations by name, see `Model.slopes`."""
+    """What a follower does not know exactly: standard deviations by name, see `ArrayModel.slopes`."""
     found = {}
     if scene.array is not None:
         found["gain"] = PERCENT * scene.array.gain_drift_percent
@@ -104,14 +104,14 @@ class Bound:
         }
 
     def as_data(self) -> dict[str, Any]:
-        shown = {name: _finite(v) for name, v in _printed(self.sigma).items()}
+        shown = {name: finite(v) for name, v in _printed(self.sigma).items()}
         return {
             "pose": dict(zip(_with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
             "sigma": shown,
-            "sigma_relative_error_of_trace": {name: _finite(v) for name, v in self.doubt.items()},
+            "sigma_relative_error_of_trace": {name: finite(v) for name, v in self.doubt.items()},
             "nuisances": self.nuisances,
-            "correlation_x_yaw": _finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
-            "criteria": {name: _finite(value) for name, value in self.criteria.items()},
+            "correlation_x_yaw": finite(self.correlation("x", "yaw")) if "yaw" in self.names else None,
+            "criteria": {name: finite(value) for name, value in self.criteria.items()},
             "brightest": float(self.readings.max()),
         }
 
@@ -123,10 +123,6 @@ class Bound:
             for name, value in self.sigma.items()
         )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _with_units(names: Sequence[str]) -> list[str]:
@@ -146,40 +142,41 @@ def _words(name: str, sigma: float) -> str:
 
 
 def bound(
-    model: Model,
+    model: ArrayModel,
     pose: Array,
     names: Sequence[str],
-    noise: Noise,
+    noise: SensorNoise,
     nuisances: Mapping[str, float] | None = None,
 ) -> Bound:
     """Cramer-Rao bound of one reading of an array.
 
     Parameters
     ----------
-    model : Model
+    model : ArrayModel
     pose : array, shape (6,), m and rad
     names : sequence of str
         Coordinates of the pose that are sought; the rest is known.
-    noise : Noise
+    noise : SensorNoise
     nuisances : mapping of str to float, optional
-        What else is not known, by the standard deviation beforehand (`UNKNOWN`: nothing), see `Model.slopes`.
+        What else is not known, by the standard deviation beforehand (`UNKNOWN`: nothing), see
+        `ArrayModel.slopes`.
     """
     return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
 
 
 def with_doubt(
-    model: Model,
-    parts: Sequence[Model],
+    model: ArrayModel,
+    parts: Sequence[ArrayModel],
     pose: Array,
     names: Sequence[str],
-    noise: Noise,
+    noise: SensorNoise,
     nuisances: Mapping[str, float],
 ) -> Bound:
     """A bound with its error by the noise of the trace, whose derivatives look like information.
 
     Parameters
     ----------
-    parts : sequence of Model
+    parts : sequence of ArrayModel
         The model without one of the batches of the trace, for each in turn; others as of `bound`.
     """
     whole = bound(model, pose, names, noise, nuisances)
@@ -207,10 +204,10 @@ def jackknife(whole: float, parts: Sequence[float]) -> float:
 
 
 def bounds_together(
-    model: Model,
+    model: ArrayModel,
     poses: Array,
     names: Sequence[str],
-    noise: Noise,
+    noise: SensorNoise,
     nuisances: Mapping[str, float] | None = None,
 ) -> list[Bound]:
     """Bounds of several readings in which the nuisances are the same, poses each of their own.
@@ -238,7 +235,7 @@ def bounds_together(
 
 
 def bound_pair(
-    model: Model, pose: Array, names: Sequence[str], noise: Noise, nuisances: Mapping[str, float]
+    model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise, nuisances: Mapping[str, float]
 ) -> tuple[Bound, Bound]:
     """What noise scatters of an estimate that seeks the gain, too; and the bound with the nuisances unknown.
 
@@ -261,7 +258,9 @@ def bound_pair(
     return alone, Bound(pose, tuple(names), covariance[:n, :n], spread, readings)
 
 
-def information(model: Model, pose: Array, names: Sequence[str], noise: Noise) -> tuple[Array, Array]:
+def information(
+    model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise
+) -> tuple[Array, Array]:
     """Readings at a pose, and the Fisher information of `names`, shape (len(names), len(names))."""
     readings, error = model.with_errors(pose)
     slopes = model.slopes(pose, names)

@@ -140,7 +140,7 @@ def pose_names(scene: Scene) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Model:
+class ArrayModel:
     """Readings of an array in some light.
 
     Parameters
@@ -172,7 +172,7 @@ class Model:
         place, normal = placed(self.elements, pose[None])
         return self.gain * self.light.batches(place[0], normal[0])
 
-    def leave_one_out(self) -> list[Model]:
+    def leave_one_out(self) -> list[ArrayModel]:
         """The same in the light of the trace without one of its batches, for each in turn."""
         return [replace(self, light=light) for light in self.light.leave_one_out()]
 
@@ -225,7 +225,7 @@ class Model:
         return self.gain * read, self.gain * slopes
 
     @cached_property
-    def _waters(self) -> dict[str, tuple[Model, Model]]:
+    def _waters(self) -> dict[str, tuple[ArrayModel, ArrayModel]]:
         """The same in water of a little more, and of a little less, absorption or scattering."""
         scene = self.light.scene
         at = middles_nm(scene)[0].mean(keepdims=True)

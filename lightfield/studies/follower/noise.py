@@ -19,7 +19,7 @@ POINTS = 41
 
 
 @dataclass(frozen=True)
-class Noise:
+class SensorNoise:
     """Variance of readings: relative, of the brightest, of light and amplifier, of the converter.
 
     Parameters
@@ -45,7 +45,7 @@ class Noise:
     bits: int = 0
 
     @classmethod
-    def of_scene(cls, scene: Scene) -> Noise:
+    def of_scene(cls, scene: Scene) -> SensorNoise:
         """Noise of the array of a scene, for a gain of one; none where it has no array."""
         if scene.array is None:
             return cls()

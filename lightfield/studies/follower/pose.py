@@ -19,10 +19,10 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees, in_frame
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
-from lightfield.studies.follower.light import Light, Model, Space, pose_names
-from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.rivals import Rival, others
-from lightfield.studies.follower.search import Found, box_of, search, starts_in
+from lightfield.studies.follower.light import ArrayModel, Light, Space, pose_names
+from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.rivals import RivalPose, others
+from lightfield.studies.follower.search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.
@@ -39,7 +39,7 @@ ASTRAY = 3.0
 
 
 @dataclass(frozen=True)
-class Estimate:
+class PoseEstimate:
     """A pose from one reading of an array.
 
     Parameters
@@ -54,7 +54,7 @@ class Estimate:
         What noise scatters from one reading to the next; None where light is lost.
     total : Bound or None
         With gain, water and lamp unknown as far as the scene says.
-    rivals : list of Rival
+    rivals : list of RivalPose
         Other minima within 5 sigma.
     lost : bool
     edge : bool
@@ -67,7 +67,7 @@ class Estimate:
     probability: float
     noise_only: Bound | None
     total: Bound | None
-    rivals: list[Rival] = field(default_factory=list)
+    rivals: list[RivalPose] = field(default_factory=list)
     lost: bool = False
     edge: bool = False
 
@@ -126,9 +126,9 @@ class Estimator:
 
     Parameters
     ----------
-    model : Model
+    model : ArrayModel
         Light that is believed in, and elements.
-    noise : Noise
+    noise : SensorNoise
     names : tuple of str
         Coordinates that are sought.
     nuisances : mapping of str to float
@@ -137,8 +137,8 @@ class Estimator:
         Where the follower may be.
     """
 
-    model: Model
-    noise: Noise
+    model: ArrayModel
+    noise: SensorNoise
     names: tuple[str, ...]
     nuisances: Mapping[str, float]
     space: Space
@@ -146,8 +146,8 @@ class Estimator:
     @classmethod
     def of_scene(cls, scene: Scene, light: Light, space: Space) -> Estimator:
         """As the scene's array, follower and lamp say."""
-        model = Model(light, elements_of(array_of(scene)))
-        return cls(model, Noise.of_scene(scene), pose_names(scene), nuisances_of(scene), space)
+        model = ArrayModel(light, elements_of(array_of(scene)))
+        return cls(model, SensorNoise.of_scene(scene), pose_names(scene), nuisances_of(scene), space)
 
     def starts(self) -> Array:
         """Poses of a first search: the corners of the formation space, and rolls where they count."""
@@ -164,9 +164,9 @@ class Estimator:
             poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS)
         return poses
 
-    def fit(self, readings: Array, starts: Array) -> Found:
-        """Minima from the starts; see `search`."""
-        return search(
+    def fit(self, readings: Array, starts: Array) -> Minima:
+        """Minima from the starts, best first; see `find_minima`."""
+        return find_minima(
             self.model,
             readings,
             self.noise.variance(readings),
@@ -174,11 +174,11 @@ class Estimator:
             starts,
             gain_sigma=self.nuisances.get("gain", 0.0),
             box=box_of(self.space),
-        )
+        ).best_first()
 
     def estimate(
         self, readings: Array, last: Array | None = None, *, more_starts: int = 0, seed: int = 0
-    ) -> Estimate:
+    ) -> PoseEstimate:
         """Pose of one reading.
 
         Parameters
@@ -192,7 +192,7 @@ class Estimator:
         readings = np.asarray(readings, float)
         dark = np.sqrt(self.noise.variance(np.zeros_like(readings)))
         if readings.max() <= LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
-            return Estimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
+            return PoseEstimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
         free = max(len(readings) - len(self.names), 1)
         found = self.fit(readings, last[None]) if last is not None else None
         if found is None or found.chi2[0] > ASTRAY * free or more_starts:
@@ -204,7 +204,7 @@ class Estimator:
             found = self.fit(readings, np.concatenate(begin))
         pose, chi2 = found.poses[0], float(found.chi2[0])
         alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
-        return Estimate(
+        return PoseEstimate(
             pose,
             float(found.gains[0]),
             chi2,

@@ -10,9 +10,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.studies.follower.frames import POSE, in_degrees
-from lightfield.studies.follower.light import Model
-from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.search import Found, search, starts_in
+from lightfield.studies.follower.light import ArrayModel
+from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.search import Minima, find_minima, starts_in
 
 #: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).
 NEAR_SIGMA = 5.0
@@ -22,7 +22,7 @@ STARTS = 40
 
 
 @dataclass(frozen=True)
-class Rival:
+class RivalPose:
     """A pose, m and rad, shape (6,), the gain that goes with it, and how many sigma it is away."""
 
     pose: Array
@@ -45,30 +45,32 @@ class Rival:
 
 
 def rivals(
-    model: Model,
+    model: ArrayModel,
     pose: Array,
     names: Sequence[str],
-    noise: Noise,
+    noise: SensorNoise,
     box: tuple[Array, Array],
     *,
     gain_sigma: float = 0.0,
     starts: int = STARTS,
     seed: int = 0,
-) -> list[Rival]:
+) -> list[RivalPose]:
     """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
     readings = model.readings(pose[None])[0]
     begin = starts_in(box, names, starts, seed)
-    found = search(model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box)
+    found = find_minima(
+        model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box
+    ).best_first()
     return others(found, pose)
 
 
-def others(found: Found, pose: Array, least: float = 0.0) -> list[Rival]:
+def others(found: Minima, pose: Array, least: float = 0.0) -> list[RivalPose]:
     """Minima other than a pose, whose chi2 is at most `NEAR_SIGMA` squared above the least."""
-    kept: list[Rival] = []
+    kept: list[RivalPose] = []
     for other, gain, chi2 in zip(found.poses, found.gains, found.chi2, strict=True):
         near = max(chi2 - least, 0.0) ** 0.5
         if near < NEAR_SIGMA and all(
             (np.abs(other - p) > APART).any() for p in (pose, *(k.pose for k in kept))
         ):
-            kept.append(Rival(other, float(gain), near))
+            kept.append(RivalPose(other, float(gain), near))
     return kept

@@ -16,7 +16,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import MARGIN_M, Model, Space
+from lightfield.studies.follower.light import MARGIN_M, ArrayModel, Space
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
 DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
@@ -33,8 +33,8 @@ MOST_TURNED = 0.6
 
 
 @dataclass(frozen=True)
-class Found:
-    """Minima, one per start, best first.
+class Minima:
+    """Minima, one per start.
 
     Parameters
     ----------
@@ -46,6 +46,11 @@ class Found:
     poses: Array
     gains: Array
     chi2: Array
+
+    def best_first(self) -> Minima:
+        """The same in the order of their chi2."""
+        order = np.argsort(self.chi2, kind="stable")
+        return Minima(self.poses[order], self.gains[order], self.chi2[order])
 
 
 def box_of(space: Space) -> tuple[Array, Array]:
@@ -64,8 +69,8 @@ def starts_in(box: tuple[Array, Array], names: Sequence[str], count: int, seed: 
     return np.where(sought, np.random.default_rng(seed).uniform(low, high, (count, len(POSE))), 0.0)
 
 
-def search(
-    model: Model,
+def find_minima(
+    model: ArrayModel,
     readings: Array,
     variance: Array,
     names: Sequence[str],
@@ -74,12 +79,12 @@ def search(
     gain_sigma: float = 0.0,
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
-) -> Found:
-    """Poses that explain readings, from every start, best first.
+) -> Minima:
+    """Poses that explain readings, from every start, in their order.
 
     Parameters
     ----------
-    readings, variance : array, shape (n_elements,)
+    readings, variance : array, shape (n_elements,), or of every start, (s, n_elements)
     names : sequence of str
         Coordinates that are sought.
     starts : array, shape (s, 6), m and rad
@@ -88,25 +93,6 @@ def search(
     box : (low, high), optional
         Poses, shape (6,), to stay between.
     """
-    found = descend(
-        model, readings, variance, names, starts, gain_sigma=gain_sigma, box=box, most_steps=most_steps
-    )
-    order = np.argsort(found.chi2, kind="stable")
-    return Found(found.poses[order], found.gains[order], found.chi2[order])
-
-
-def descend(
-    model: Model,
-    readings: Array,
-    variance: Array,
-    names: Sequence[str],
-    starts: Array,
-    *,
-    gain_sigma: float = 0.0,
-    box: tuple[Array, Array] | None = None,
-    most_steps: int = MOST_STEPS,
-) -> Found:
-    """As `search`, in the order of the starts; readings and variances may be of each, (s, n_elements)."""
     at = [POSE.index(name) for name in names]
     wide = len(starts), len(model.elements)
     readings, weight = (np.broadcast_to(v, wide) for v in (readings, 1 / np.sqrt(variance)))
@@ -161,4 +147,4 @@ def descend(
         going[index[ended]] = False
         if not going.any():
             break
-    return Found(poses, np.exp(gain), chi2)
+    return Minima(poses, np.exp(gain), chi2)

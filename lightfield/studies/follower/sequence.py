@@ -13,7 +13,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.light import Space, light_of
-from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimate, Estimator
+from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracked, Tracker
@@ -64,7 +64,7 @@ class Poses:
     scene : Scene
     names : tuple of str
     time_s : array, shape (n,)
-    estimates : list of Estimate
+    estimates : list of PoseEstimate
     tracked : list of Tracked or None
         With the filter.
     traced : bool
@@ -74,7 +74,7 @@ class Poses:
     scene: Scene
     names: tuple[str, ...]
     time_s: Array
-    estimates: list[Estimate]
+    estimates: list[PoseEstimate]
     tracked: list[Tracked] | None
     traced: bool
 

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, pose_of
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
-from lightfield.studies.follower.light import Model, Space, light_of, pose_names
-from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.rivals import Rival, rivals
+from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.rivals import RivalPose, rivals
 from lightfield.studies.follower.search import box_of
 
 #: Places across and along the formation space of a map.
@@ -39,7 +40,7 @@ class Survey:
         On the beam's axis, near, middle and far.
     space : xarray.Dataset
         Standard deviations over the formation space, dimensions (z_m, x_m), and `A`.
-    rivals : list of Rival
+    rivals : list of RivalPose
         Of the scene's pose.
     nuisances : dict of str to float
         What was not known exactly.
@@ -52,7 +53,7 @@ class Survey:
     here: Bound
     axis: list[Bound]
     space: xr.Dataset
-    rivals: list[Rival]
+    rivals: list[RivalPose]
     nuisances: dict[str, float]
     traced: bool
 
@@ -74,7 +75,7 @@ class Survey:
             "docking_met": self.reaches,
             "map": {
                 **{name: self.space[name].values.tolist() for name in ("x_m", "z_m")},
-                **{str(name): _listed(values.values) for name, values in self.space.data_vars.items()},
+                **{str(name): jsonable(values.values) for name, values in self.space.data_vars.items()},
             },
         }
 
@@ -95,11 +96,6 @@ class Survey:
         else:
             lines.append("no other pose looks alike")
         return "\n".join(lines)
-
-
-def _listed(values: np.ndarray) -> list[list[float | None]]:
-    """JSON has no infinity: null, where nothing is known."""
-    return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
 
 
 def array_of(scene: Scene) -> DetectorArray:
@@ -141,7 +137,7 @@ def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, se
     elements = elements_of(array_of(scene))
     space = Space.of_scene(scene) if space is None else space
     light = light_of(scene, space, elements, photons=photons, seed=seed)
-    model, noise, nuisances = Model(light, elements), Noise.of_scene(scene), nuisances_of(scene)
+    model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     names, pose = pose_names(scene), pose_of(scene.follower)
     parts = model.leave_one_out()
     near = np.linspace(space.near_m, space.far_m, 3)
@@ -158,7 +154,7 @@ def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, se
 
 
 def bound_map(
-    model: Model, space: Space, names: tuple[str, ...], noise: Noise, nuisances: dict[str, float]
+    model: ArrayModel, space: Space, names: tuple[str, ...], noise: SensorNoise, nuisances: dict[str, float]
 ) -> xr.Dataset:
     """Bounds over the horizontal plane of the axis, the follower facing along the tank."""
     x = np.linspace(-space.half_width_m, space.half_width_m, ACROSS)

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.pose import Estimate, Estimator
+from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
 #: Density of the white acceleration, (m/s^2)^2/Hz and (rad/s^2)^2/Hz: within a second a small vehicle's speed
 #: changes by about 0.2 m/s and its rates of turn by 10 degrees/s (chosen).
@@ -46,7 +46,7 @@ class Tracked:
         Squared distance of the reading from what was expected (n degrees of freedom); NaN for the first, and
         without light.
     used : bool
-    estimate : Estimate
+    estimate : PoseEstimate
     """
 
     time_s: float
@@ -56,7 +56,7 @@ class Tracked:
     total: Array
     innovation: float
     used: bool
-    estimate: Estimate
+    estimate: PoseEstimate
 
 
 class Filter:

@@ -12,7 +12,7 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
 from lightfield.studies.follower.elements import Elements
-from lightfield.studies.follower.light import FormulaLight, Light, Model, Space, light_of
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Light, Space, light_of
 from lightfield.studies.follower.noise import PERCENT
 
 #: Room about the way, m: across, towards the lamp and away from it (chosen; a follower that believes a wrong
@@ -64,7 +64,7 @@ def light_of_mission(
     return light_of(scene, space_of_mission(scene), elements, photons=photons, seed=seed)
 
 
-def belief_of(name: str, truth: Light, elements: Elements, standoff_m: float) -> tuple[Model, bool]:
+def belief_of(name: str, truth: Light, elements: Elements, standoff_m: float) -> tuple[ArrayModel, bool]:
     """Light that a follower believes in, and whether it knows the gain.
 
     Parameters
@@ -73,14 +73,14 @@ def belief_of(name: str, truth: Light, elements: Elements, standoff_m: float) ->
         field, fitted, exact, clear or relative.
     """
     if name == "field":
-        return Model(truth, elements), True
+        return ArrayModel(truth, elements), True
     near = max(standoff_m - FITTED_OVER_M, 0.5 * standoff_m)
     space = Space(0.0, near, standoff_m + FITTED_OVER_M)
     if name == "exact":
         at = middles_nm(truth.scene)[0].mean(keepdims=True)
         c = float(absorption_per_m(truth.scene.water, at)[0] + scattering_per_m(truth.scene.water, at)[0])
         plain = truth.scene.model_copy(update={"water": Water(absorption_per_m=c)})
-        return Model(FormulaLight(plain), elements), True
+        return ArrayModel(FormulaLight(plain), elements), True
     model, gain = believed(
         truth, elements, {"fitted": FITTED, "clear": CLEAR, "relative": RELATIVE}[name], space
     )
@@ -93,13 +93,13 @@ class Truth:
 
     Parameters
     ----------
-    models : list of list of Model
+    models : list of list of ArrayModel
         By run and by level of turbidity; one list where all runs have the same water.
     gains : array, shape (runs, n_elements)
         Of every element, its mismatch included.
     """
 
-    models: list[list[Model]]
+    models: list[list[ArrayModel]]
     gains: Array
 
     @classmethod
@@ -115,7 +115,7 @@ class Truth:
         known = follower.water_known_percent == 0 or scene.water.base != "none"
         waters = [(1.0, 1.0)] if known else off.tolist()
         models = [
-            [Model(light.in_water_of(_water(scene, a, b * float(f))), elements) for f in steps]
+            [ArrayModel(light.in_water_of(_water(scene, a, b * float(f))), elements) for f in steps]
             for a, b in waters
         ]
         return cls(models, drift * mismatch)
@@ -128,7 +128,7 @@ class Truth:
         return np.asarray(self.gains * np.array(found))
 
 
-def _between(models: list[Model], poses: Array, turbid: float) -> Array:
+def _between(models: list[ArrayModel], poses: Array, turbid: float) -> Array:
     at = turbid * (len(models) - 1)
     low = min(int(at), len(models) - 1)
     read = models[low].readings(poses)

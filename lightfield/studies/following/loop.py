@@ -20,7 +20,7 @@ from lightfield.scene.follower import Mission
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations
 from lightfield.studies.follower.light import Light, Space, pose_names
-from lightfield.studies.follower.noise import PERCENT, Noise
+from lightfield.studies.follower.noise import PERCENT, SensorNoise
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.light import Truth, belief_of, space_of_mission
@@ -110,7 +110,7 @@ def run_loop(
     """
     array, follower = scene.array, scene.follower or Follower()
     assert array is not None
-    mission, rng, noise = follower.mission, np.random.default_rng(seed), Noise.of_scene(scene)
+    mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)
     model, knows_gain = belief_of(mission.believes, light.in_water_of(scene), elements, mission.standoff_m)
     gain_sigma = PERCENT * array.gain_drift_percent if knows_gain else np.inf

@@ -47,7 +47,7 @@ OF_DOCKING = ("docked", "contact_time", "contact_across", "contact_yaw", "contac
 
 
 @dataclass(frozen=True)
-class Spread:
+class OverRuns:
     """A metric over several runs.
 
     Parameters
@@ -68,7 +68,7 @@ class Spread:
     runs: int
 
     @classmethod
-    def of(cls, values: Array) -> Spread:
+    def of(cls, values: Array) -> OverRuns:
         known = values[np.isfinite(values)]
         if not len(known):
             return cls(np.nan, np.nan, np.nan, 0)

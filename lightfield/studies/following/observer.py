@@ -9,11 +9,11 @@ from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, Space
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.rivals import NEAR_SIGMA
-from lightfield.studies.follower.search import box_of, descend
+from lightfield.studies.follower.search import box_of, find_minima
 from lightfield.studies.follower.tracking import Filter
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
@@ -31,7 +31,13 @@ class Observer:
     """
 
     def __init__(
-        self, model: Model, noise: Noise, names: Sequence[str], space: Space, gain_sigma: float, count: int
+        self,
+        model: ArrayModel,
+        noise: SensorNoise,
+        names: Sequence[str],
+        space: Space,
+        gain_sigma: float,
+        count: int,
     ) -> None:
         self.model, self.noise, self.names, self.gain_sigma = model, noise, tuple(names), gain_sigma
         self.box = box_of(space)
@@ -59,7 +65,7 @@ class Observer:
             others = np.broadcast_to(self._starts[:more], (len(which), more, len(POSE)))
             each = np.concatenate([expected[which, None], others], axis=1)
             of = np.repeat(which, 1 + more)
-            found = descend(
+            found = find_minima(
                 self.model, readings[of], variance[of], self.names, each.reshape(-1, len(POSE)),
                 gain_sigma=self.gain_sigma, box=self.box, most_steps=steps,
             )  # fmt: skip

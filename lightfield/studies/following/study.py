@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.errors import SceneError
 from lightfield.progress import step, tell
 from lightfield.scene import Follower, Scene
@@ -19,7 +19,7 @@ from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.light import densest_per_m, light_of_mission
 from lightfield.studies.following.loop import Track, run_loop
-from lightfield.studies.following.metrics import METRICS, Spread, metrics_of
+from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -68,9 +68,9 @@ class Followed:
         return (self.scene.follower or Follower()).mission
 
     @property
-    def spreads(self) -> dict[str, Spread]:
+    def spreads(self) -> dict[str, OverRuns]:
         """Every metric over the runs."""
-        return {name: Spread.of(values) for name, values in self.runs.items()}
+        return {name: OverRuns.of(values) for name, values in self.runs.items()}
 
     @property
     def typical(self) -> int:
@@ -119,10 +119,10 @@ class Followed:
                 name: {
                     "unit": METRICS[name][0],
                     "meaning": METRICS[name][1],
-                    "mean": _number(one.mean),
-                    "scatter_between_runs": _number(one.scatter),
-                    "standard_error": _number(one.error),
-                    "by_run": [_number(v) for v in self.runs[name]],
+                    "mean": finite(one.mean),
+                    "scatter_between_runs": finite(one.scatter),
+                    "standard_error": finite(one.error),
+                    "by_run": [finite(v) for v in self.runs[name]],
                 }
                 for name, one in self.spreads.items()
             },
@@ -306,16 +306,12 @@ def with_belief(scene: Scene, believes: str) -> Scene:
     return scene
 
 
-def _pm(one: Spread) -> str:
+def _pm(one: OverRuns) -> str:
     if not np.isfinite(one.scatter):
         return f"{one.mean:.3g}"
     digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
     return f"{one.mean:.{digits}f} +- {one.scatter:.{digits}f}"
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _listed(values: Array) -> list[list[float | None]]:
-    return [[_number(round(float(v), 6)) for v in row] for row in values]
+    return [[finite(round(float(v), 6)) for v in row] for row in values]

@@ -19,13 +19,19 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.following.light import densest_per_m
-from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, Spread
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, OverRuns
 from lightfield.studies.following.study import follow, with_belief
 from lightfield.sweep.axes import Axis
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.plan import Block, Plan, SweepSettings, plan_of_single_cases
+from lightfield.sweep.plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
-from lightfield.sweep.schema import Kind, axes_as_plain, axis_coordinates, axis_variables, state_variables
+from lightfield.sweep.schema import (
+    SweepKind,
+    axes_as_plain,
+    axis_coordinates,
+    axis_variables,
+    state_variables,
+)
 from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
 from lightfield.sweep.zarrfile import Variable
 
@@ -39,7 +45,7 @@ KEPT = {"": "mean over the runs", "_stderr": "standard error of the mean over th
 
 
 @dataclass(frozen=True)
-class Target:
+class FollowTarget:
     """What a worker is told beside its cases."""
 
     path: Path
@@ -60,7 +66,7 @@ def run_follow_sweep(
     photons: float = 1e7,
     workers: int = 0,
     report: Report | None = None,
-) -> tuple[Plan, SweepProgress]:
+) -> tuple[SweepPlan, SweepProgress]:
     """Run the mission of a scene over a grid of its parameters, into a store; or what is left of it.
 
     All cases whose lamp, tank and way are alike are weighed from one trace, which lies in the cache.
@@ -97,14 +103,14 @@ def run_follow_sweep(
     content = sha256("".join(sorted(contents)).encode()).hexdigest()[:16]
     told = {"runs": runs, "photons": photons, "densest_per_m": densest, "arrays": content}
 
-    def target(_: Plan, store: Path, variables: dict[str, Variable]) -> Target:
-        return Target(store, variables, runs, seed, photons, densest)
+    def target(_: SweepPlan, store: Path, variables: dict[str, Variable]) -> FollowTarget:
+        return FollowTarget(store, variables, runs, seed, photons, densest)
 
-    kind = Kind(_variables, axis_coordinates, lambda p: _attributes(p, runs), target, do_block, told)
+    kind = SweepKind(_variables, axis_coordinates, lambda p: _attributes(p, runs), target, do_block, told)
     return plan, run_sweep(plan, path, kind=kind, workers=workers, report=report)
 
 
-def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: Target) -> BlockDone:
+def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: FollowTarget) -> BlockDone:
     """Run the follower of every case of a block and write its metrics."""
     started = time.perf_counter()
     failed: dict[int, str] = {}
@@ -121,7 +127,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: T
             failed[number] = " ".join(str(error).split())[:240]
             continue
         for name, values in found.cases[0].runs.items():
-            one = Spread.of(values)
+            one = OverRuns.of(values)
             for suffix, value in zip(KEPT, (one.mean, one.error), strict=True):
                 results[name + suffix][i] = value
     files = write_block(block, cases, target.path, target.variables, results)
@@ -141,7 +147,7 @@ def as_data(data: xr.Dataset) -> dict[str, Any]:
     return found
 
 
-def _variables(plan: Plan) -> dict[str, Variable]:
+def _variables(plan: SweepPlan) -> dict[str, Variable]:
     cases, found = plan.cases, axis_variables(plan)
     dims = tuple(axis.name for axis in cases.axes)
     tasks = {value for axis in cases.axes for value in axis.values.get(TASK, ())} or {cases.scene.get(TASK)}
@@ -154,7 +160,7 @@ def _variables(plan: Plan) -> dict[str, Variable]:
     return found | state_variables(plan)
 
 
-def _attributes(plan: Plan, runs: int) -> dict[str, Any]:
+def _attributes(plan: SweepPlan, runs: int) -> dict[str, Any]:
     scene = plan.cases.scene
     return {
         "Conventions": "CF-1.11",

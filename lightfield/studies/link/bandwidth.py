@@ -91,7 +91,7 @@ def _first_below(transfer: Array) -> float:
     return float(np.exp(np.interp(HALF_POWER, transfer[[k, k - 1]], np.log(FREQUENCIES[[k, k - 1]]))))
 
 
-def along(z_m: Array, nodes_m: Array, bandwidth_hz: Array, stderr_hz: Array) -> tuple[Array, Array]:
+def between_nodes(z_m: Array, nodes_m: Array, bandwidth_hz: Array, stderr_hz: Array) -> tuple[Array, Array]:
     """Bandwidth between the distances it was asked at, and its error with that of the interpolation.
 
     Without a limit up to the last distance that has none: no curve leads there.

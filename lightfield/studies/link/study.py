@@ -38,9 +38,14 @@ from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
-from lightfield.studies.link.bandwidth import LIGHT_M_PER_S, PATH_NODES, WATER_INDEX, along, bandwidth_of
-from lightfield.studies.working_range.reaches import Reach as PoseReach
-from lightfield.studies.working_range.reaches import docking_reach
+from lightfield.studies.link.bandwidth import (
+    LIGHT_M_PER_S,
+    PATH_NODES,
+    WATER_INDEX,
+    bandwidth_of,
+    between_nodes,
+)
+from lightfield.studies.working_range.reaches import Reach, docking_reach
 
 #: Charge of the electron, C (exact in the SI).
 ELECTRON_C = 1.602176634e-19
@@ -118,7 +123,7 @@ class Receiver:
 
 
 @dataclass(frozen=True)
-class Reach:
+class Reaches:
     """Ranges in one water, m; infinite where they end beyond the farthest distance asked.
 
     Parameters
@@ -131,7 +136,7 @@ class Reach:
         With scattered light that comes late into the next bits.
     seen_m, seen_stderr_m, seen_formula_m : float
         For seeing the lamp at all.
-    docking : Reach of a pose
+    docking : Reaches of a pose
         Up to where an array knows its pose as well as docking asks, see `working_range.reaches`.
     """
 
@@ -142,7 +147,7 @@ class Reach:
     seen_m: float
     seen_stderr_m: float
     seen_formula_m: float
-    docking: PoseReach
+    docking: Reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +159,13 @@ class Link:
     dataset : xarray.Dataset
         Over (water, z_m): `power_w` with `power_stderr_w`, `power_formula_w`, `ber`, `ber_formula`,
         `scattered_over_direct`, `bandwidth_hz` with `bandwidth_stderr_hz`, `eye`.
-    reaches : dict of Reach, by water
+    reaches : dict of Reaches, by water
     receiver : Receiver
     scene : Scene
     """
 
     dataset: xr.Dataset
-    reaches: dict[str, Reach]
+    reaches: dict[str, Reaches]
     receiver: Receiver
     scene: Scene
 
@@ -257,7 +262,7 @@ def _along(
         ln = PchipInterpolator(nodes, np.log(np.maximum(late.diffuse, 1e-300) / near))
         ratio = np.exp(ln(fine))
         error = np.exp(np.interp(fine, nodes, np.log(np.maximum(late.relative_error, 1e-6))))
-        bandwidth, spread = along(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
+        bandwidth, spread = between_nodes(fine, nodes, late.bandwidth_hz, late.bandwidth_stderr_hz)
         eye = np.interp(fine, nodes, late.eye)
     intensity = water.lamp.power_w / solid_angle_sr(water.lamp)
     scale = intensity * receiver.area_mm2 * 1e-6
@@ -323,7 +328,7 @@ def _late_light(
     return _Late(diffuse, relative, bandwidth, error, eye)
 
 
-def _reach(data: xr.Dataset, receiver: Receiver, docking: PoseReach) -> Reach:
+def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
     """Farthest distances at which the receiver does with its light."""
     z, power, formula = data.z_m.values, data.power_w.values, data.power_formula_w.values
     need, relative = receiver.needed_q, data.power_stderr_w.values / power
@@ -337,7 +342,7 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: PoseReach) -> Reach:
         float(np.interp(at, z, relative / slope)) if np.isfinite(at) else float("nan")
         for at in (data_m, seen_m)
     ]
-    return Reach(
+    return Reaches(
         data_m, errors[0], last(receiver.q(formula) / need),
         last(receiver.q(power, data.eye.values) / need),
         seen_m, errors[1], last(receiver.seen_snr(formula) / SEEN_SNR), docking,

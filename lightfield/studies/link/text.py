@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import jsonable
 from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
 
@@ -117,21 +118,13 @@ def metres(
 
 def as_data(found: Link) -> dict[str, Any]:
     """The answer for programs."""
-
-    def plain(values: Any) -> Any:
-        if isinstance(values, list):
-            return [plain(v) for v in values]
-        if isinstance(values, dict):
-            return {k: plain(v) for k, v in values.items()}
-        return values if isinstance(values, str) or np.isfinite(values) else None
-
     data = found.dataset
     return {
         "reaches": {
-            name: {k: plain(v) for k, v in {**vars(r), "docking": vars(r.docking)}.items()}
+            name: {k: jsonable(v) for k, v in {**vars(r), "docking": vars(r.docking)}.items()}
             for name, r in found.reaches.items()
         },
         "reported_by_others": [r._asdict() for r in REPORTED],
         "receiver": vars(found.receiver),
-        **{str(k): plain(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
+        **{str(k): jsonable(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
     }

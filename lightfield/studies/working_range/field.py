@@ -17,7 +17,7 @@ _SCAN = 600
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class SmoothField:
     """Light around the axis as a smooth function of distance and radius, round about the axis.
 
     Parameters

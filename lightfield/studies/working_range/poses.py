@@ -11,8 +11,8 @@ from lightfield.scene import DetectorArray, Follower, Scene
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.information import UNKNOWN, Bound, nuisances_of, with_doubt
-from lightfield.studies.follower.light import FormulaLight, Light, Model, pose_names
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Light, pose_names
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.working_range.smooth_light import smooth_light
 
 #: The array of a scene that has none: that which the group's own later work settled on (Eren 2015, thesis,
@@ -78,7 +78,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     """
     array = scene.array or ARRAY
     whole = scene.model_copy(update={"array": array, "follower": scene.follower or Follower()})
-    elements, noise, names = elements_of(array), Noise.of_scene(whole), pose_names(whole)[:5]
+    elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)
     poses = np.zeros((len(z_m), 6))
     poses[:, 2] = z_m
@@ -90,7 +90,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
         lights.insert(0, smooth_light(whole, float(z_m.min()), float(z_m.max()), elements.reach_m, photons))
     found = []
     for light in lights:
-        model = Model(light, elements)
+        model = ArrayModel(light, elements)
         parts = model.leave_one_out()
         unknown = nuisances, nuisances | {"gain": UNKNOWN}
         pairs = [[with_doubt(model, parts, pose, names, noise, one) for one in unknown] for pose in poses]

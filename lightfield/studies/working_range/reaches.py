@@ -71,7 +71,7 @@ def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -
         Zero: the formula alone.
     """
     z = np.linspace(from_m, to_m, _POSES)
-    data = xr.Dataset(sigmas(known_poses(scene, z, photons=photons), z, z), coords={"z_m": z})
+    data = xr.Dataset(pose_sigmas(known_poses(scene, z, photons=photons), z, z), coords={"z_m": z})
     return next(r for r in pose_reaches(data, np.linspace(from_m, to_m, _SCAN)) if r.name == "pose")
 
 
@@ -126,7 +126,7 @@ def _stretch(z: Array, over: Array) -> tuple[float, float]:
     return near, float("inf") if last == len(z) - 1 else crossing(last)
 
 
-def sigmas(known: Sequence[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:
+def pose_sigmas(known: Sequence[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:
     """Standard errors of poses at distances, from those that were asked about; smooth in between."""
     found = {}
     for which, one in zip(("", "_formula"), known, strict=True):

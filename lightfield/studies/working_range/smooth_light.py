@@ -56,7 +56,7 @@ class Frame(NamedTuple):
     radius_m: float
 
 
-class Cells(NamedTuple):
+class FittedCells(NamedTuple):
     """Cells of a trace that are fitted to, and their solutions for the polynomials' coefficients.
 
     Parameters
@@ -118,7 +118,7 @@ class SmoothLight:
         Lamp and tank are those of the trace; the water is free.
     response : TransportResponse
         Of the trace: its histories and reference water.
-    cells : Cells
+    cells : FittedCells
     shared : _Shared
     left_out : int, optional
         A batch of the trace that does not count.
@@ -126,7 +126,7 @@ class SmoothLight:
 
     scene: Scene
     response: TransportResponse
-    cells: Cells
+    cells: FittedCells
     shared: _Shared
     left_out: int | None = None
 
@@ -266,7 +266,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     return SmoothLight(scene, field.response, cells, _Shared(scene, frame))
 
 
-def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> Cells:
+def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> FittedCells:
     """The cells within the frame, and the least squares of the polynomials over them."""
     x, y, z = (v.ravel() for v in grid.centres())
     x0, y0 = _axis(scene, z)
@@ -280,7 +280,7 @@ def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) 
     squared = (place[:, 0] - lamp.offset_x_m) ** 2 + (place[:, 1] - lamp.offset_y_m) ** 2
     weight = np.sqrt(squared) * place[:, 2]
     turning = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TURNING)) * weight
-    return Cells(place, grid.pitch_x_m, tally, excess, turning)
+    return FittedCells(place, grid.pitch_x_m, tally, excess, turning)
 
 
 def _aside(scene: Scene, z_m: float) -> float:

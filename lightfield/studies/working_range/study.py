@@ -24,9 +24,9 @@ from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.light_at import LightAt, light_at
-from lightfield.studies.working_range.field import RADII, Field
+from lightfield.studies.working_range.field import RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
-from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, sigmas
+from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, pose_sigmas
 
 #: The paper's rule.
 PAPER_SHARE = 0.20
@@ -160,7 +160,7 @@ def working_range(
             "half_radius_m": ("z_m", half[0], {"units": "m", "long_name": "radius of half intensity"}),
             "half_radius_stderr_m": ("z_m", half_error, {"units": "m"}),
             "half_radius_formula_m": ("z_m", half[1], {"units": "m"}),
-            **sigmas(known, at, z),
+            **pose_sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
         attrs={"reference_m": first, "noise": noise},
@@ -192,7 +192,7 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     return (*rules, *pose_reaches(data, fine))
 
 
-def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[Field, LightAt]:
+def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[SmoothField, LightAt]:
     """Light around the axis, and at the places it was asked at (radii within distances)."""
     beam = float(np.tan(np.radians(scene.lamp.hwhm_deg)))
     most = float(RADII[-1])
@@ -203,7 +203,7 @@ def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[Field, 
     x = scene.lamp.offset_x_m + radius * width * along
     light = light_at(scene, x, np.full(len(x), scene.lamp.offset_y_m), along, trace)
     log = np.log(np.maximum(light.direct, _DARK) * along**2) + _smooth(light, along, radius)
-    return Field(z, width, log.reshape(len(z), -1)), light
+    return SmoothField(z, width, log.reshape(len(z), -1)), light
 
 
 def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
@@ -222,7 +222,7 @@ def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
     return np.asarray(terms @ coefficients)
 
 
-def _half_error(light: LightAt, field: Field, z: Array) -> Array:
+def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
     """Standard error of the radius of half intensity: the light's at the nearest radius over its slope."""
     modes = light.relative_modes.reshape(len(z), len(RADII), -1)
     found, half = np.full(len(z), np.nan), np.array([field.half_radius(at) for at in z])

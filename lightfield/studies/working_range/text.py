@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import finite
 from lightfield.studies.follower.light import LAMP_TILTS
 from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.study import WorkingRange
@@ -74,10 +75,6 @@ def metres(value: float) -> str:
 
 def as_data(found: WorkingRange) -> dict[str, Any]:
     """The answer for programs."""
-
-    def plain(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
     data = found.dataset
     return {
         "unknown": found.nuisances,
@@ -86,15 +83,15 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
             {
                 "name": r.name,
                 "rule": r.rule,
-                "z_m": plain(r.z_m),
-                "stderr_m": plain(r.stderr_m),
-                "formula_m": plain(r.formula_m),
-                "from_m": plain(r.from_m),
+                "z_m": finite(r.z_m),
+                "stderr_m": finite(r.stderr_m),
+                "formula_m": finite(r.formula_m),
+                "from_m": finite(r.from_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),
             }
             for r in found.reaches
         ],
-        **{str(k): [plain(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
+        **{str(k): [finite(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
         **{str(k): v for k, v in data.attrs.items()},
         "snr": found.snr,
         "readings": None

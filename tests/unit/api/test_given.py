@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Literal
+
 import numpy as np
 import pytest
 
 import lightfield as lf
-from lightfield.api.given import named
+from lightfield.api.given import checked, named
 
 
 @pytest.mark.parametrize("given", ["scattering,walls", " scattering , walls,", ["scattering", "walls"]])
@@ -60,3 +63,20 @@ def test_what_an_argument_does_not_take_is_one_error_that_names_it(case: str) ->
     call, said = WRONG[case]
     with pytest.raises(lf.LightfieldError, match=said):
         call()
+
+
+Tone = Literal["high", "low"]
+
+
+@checked
+def sung(tone: Tone = "low", *, at: Sequence[float] | None = None) -> str:
+    """What is checked follows from the type, whatever it is called."""
+    return f"{tone} {at}"
+
+
+def test_a_type_under_another_name_is_checked_too() -> None:
+    assert sung("high", at=range(2)) == "high range(0, 2)"
+    with pytest.raises(lf.LightfieldError, match=r"tone.*'high' or 'low'"):
+        sung("middle")  # type: ignore[arg-type]
+    with pytest.raises(lf.LightfieldError, match=r"at.*a list of numbers"):
+        sung(at=["a"])  # type: ignore[list-item]

@@ -17,7 +17,7 @@ from lightfield.maps.dataset import to_dataset
 from lightfield.studies.compare.maps import compare
 from lightfield.studies.compare.readings import fit_readings
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.light import FormulaLight, Model
+from lightfield.studies.follower.light import ArrayModel, FormulaLight
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 
@@ -178,7 +178,7 @@ def test_a_sweep_of_few_photons(tmp_path):
 def test_poses_come_with_their_errors_in_the_units_of_their_columns(tmp_path):
     """Readings of the array by the formula itself: the poses are found again."""
     follower = lf.Scene.load(SCENES / "leader_follower" / "turbid.toml")
-    model = Model(FormulaLight(follower), elements_of(follower.array))
+    model = ArrayModel(FormulaLight(follower), elements_of(follower.array))
     truth = np.array([[0.05, 0.0, 5.0, 0.02, 0.0, 0.0], [0.1, 0.0, 6.0, -0.02, 0.0, 0.0]])
     shown = model.readings(truth)
     names = ",".join(f"e{k + 1}" for k in range(shown.shape[1]))

@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.verdict.advice import (
     FLOOR,
     REPEATS,
-    Places,
+    PossiblePlaces,
     Way,
     best_places,
     error_of_mean,
@@ -23,7 +23,7 @@ from lightfield.diagnosis.verdict.advice import (
 from lightfield.scene import Scene
 
 
-def straight_lines(own: float) -> tuple[list[Way], Places, np.ndarray]:
+def straight_lines(own: float) -> tuple[list[Way], PossiblePlaces, np.ndarray]:
     """A parabola is true, straight lines are fitted: readings at ten places up to 1, possible ones to 2."""
     here, there = np.linspace(0, 1, 10), np.linspace(0, 2, 21)
     sigma = 0.05
@@ -34,7 +34,7 @@ def straight_lines(own: float) -> tuple[list[Way], Places, np.ndarray]:
     slopes = np.stack([np.ones_like(there), there], axis=1) / error[:, None]
     difference = (there**2 - fitted[0] - fitted[1] * there) / error
     way = Way(now, difference, slopes, lines.T @ lines)
-    places = Places(np.zeros(21), np.zeros(21), there, np.zeros(21))
+    places = PossiblePlaces(np.zeros(21), np.zeros(21), there, np.zeros(21))
     return [way, way], places, here
 
 
@@ -68,7 +68,7 @@ def test_spots_are_not_one_place_in_a_small_tank() -> None:
     """All possible places within 2 cm of each other are one; the same tank ten times as large has three."""
     for size, count in ((0.01, 1), (1.0, 3)):
         ways, places, _ = straight_lines(0.0)
-        near = Places(places.x_m, places.y_m, 1.0 + size * places.z_m / 2, places.air)
+        near = PossiblePlaces(places.x_m, places.y_m, 1.0 + size * places.z_m / 2, places.air)
         assert len(best_places(ways, near).places.z_m) == count
 
 

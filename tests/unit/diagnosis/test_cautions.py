@@ -7,8 +7,8 @@ import pytest
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
-from lightfield.diagnosis.verdict.parts import Spot
-from lightfield.readings.columns import LoadWarning
+from lightfield.diagnosis.verdict.parts import PlaceToRead
+from lightfield.readings.load_warning import LoadWarning, Remarks
 
 NUMBERS = {
     Warns.SCATTER_MORE: {"times": 1.73},
@@ -26,8 +26,12 @@ NUMBERS = {
 @pytest.mark.parametrize("warns", Warns)
 def test_every_caution_says_its_numbers_and_reads_back(warns: Warns) -> None:
     if warns is Warns.TABLE:
-        told = Caution.of_table(LoadWarning("no_time", "not all readings have a time", "give time_s"))
-        assert (told.about, told.sentence) == ("no_time", "not all readings have a time (give time_s)")
+        told = Caution.of_table(LoadWarning(Remarks.NO_TIME))
+        assert told.about == "no_time"
+        assert told.sentence == (
+            "not all readings have a time: lamp drift cannot be tested (give time_s, seconds since the first "
+            "reading)"
+        )
     else:
         told = Caution(warns=warns, about="lamp.hwhm_deg", values=NUMBERS.get(warns, {}))
         for number in told.values.values():
@@ -41,7 +45,7 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
     told = NextMeasurement(
         asks=asks,
         between=[["beam_tilt"], ["detector_tilt", "background"]],
-        readings=[Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
+        readings=[PlaceToRead(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
         separation_now_sigma=1.2,
         separation_predicted_sigma=7.5,
     )

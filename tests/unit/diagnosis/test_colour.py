@@ -10,8 +10,9 @@ import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.experiments.layouts import scan
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -33,7 +34,7 @@ def coloured(water: Mapping[str, Any], hidden: Mapping[str, Any], seed: int = 0)
     table = scan(believed, "line", "random", rng)
     truth = believed.with_values({"lamp.hwhm_deg": 4.4, **hidden})
     light = direct_field(truth, table.x_m, table.y_m, table.z_m, table.wavelength_nm)
-    measured, _ = measure(truth, table, Light(light), Instrument(), rng)
+    measured, _ = measure(truth, table, LightAtReadings(light), Instrument(), rng)
     return measured, believed
 
 
@@ -80,6 +81,6 @@ def test_an_effect_is_found_beside_the_colour() -> None:
 
 def test_plan_says_what_unknown_colour_hides() -> None:
     table, scene = coloured({"absorption_per_m": 0.1}, {})
-    assert "free at every wavelength" in plan(table, scene).untestable["cdom"]
+    assert "free at every wavelength" in in_words(plan(table, scene).untestable["cdom"])
     known = scene.with_values({"water.base": "pure"})
     assert plan(table, known).limits["cdom"].reachable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,20 +16,25 @@ from lightfield.diagnosis.adequacy.robust import Serial
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
-from lightfield.diagnosis.verdict.ladder import climb
+from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Reason
+from lightfield.diagnosis.verdict.text import as_text
 from lightfield.diagnosis.verdict.trust import Trust
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
+from lightfield.report.diagnosis.ladder import ladder_figure
 
 TOLERANCE = 0.003
+climb_of = climb
+UNTESTABLE = {"cdom": (Hindrance(Hinders.FEW_WAVELENGTHS),)}
 
 
 class Case:
@@ -72,12 +78,12 @@ class Case:
         best, n = finding.best, self.problem.layout.size
         starts = [finding.level.base, *([best.fit] if best else [])]
         explanation = best.explanation if best else ()
-        steps = climb(self.problem, explanation, finding.whiten, starts, 1.0, with_held_out=False)
+        steps = climb_of(self.problem, explanation, finding.whiten, starts, 1.0, with_held_out=False)
         left_out = np.zeros(n, bool)
         left_out[list(aside)] = True
         trust = Trust(0.5, np.where(left_out, -9.0, 0.0), left_out, doubt)
         return verdict_of(
-            Found(self.forward, self.table, self.prepared, finding, steps, {"cdom": "one band"}, trust), False
+            Found(self.forward, self.table, self.prepared, finding, steps, UNTESTABLE, trust), False
         )
 
 
@@ -97,7 +103,7 @@ def test_nothing_is_missing(case: Case) -> None:
     assert set(verdict.detection_limits) == {"beam_tilt", "beam_offset", "background"}
     assert f"background above {verdict.detection_limits['background'].value:.2g}" in verdict.support[0]
     assert [rung.label for rung in verdict.ladder] == ["base"]
-    assert verdict.untestable == {"cdom": "one band"}
+    assert verdict.untestable == {"cdom": "needs readings at three wavelengths or more"}
     read_back(verdict)
 
 
@@ -125,6 +131,40 @@ def test_one_answer(case: Case) -> None:
     assert f"beam offset, is {verdict.nearest_rival.separation_sigma:.1f} sigma away" in verdict.sentence
     assert [rung.label for rung in verdict.ladder] == ["base", "+ beam_tilt"]
     read_back(verdict)
+
+
+def dark(case: Case) -> np.ndarray:
+    """A model whose beam is so narrow that no light arrives beside the axis, as steps of fits have it."""
+    model = case.forward.predict({**case.level.base.values, "lamp.hwhm_deg": 0.05})
+    assert np.any(model[bright(case.problem)] == 0)
+    return model
+
+
+def test_a_dark_model_has_no_error_in_per_cent(case: Case) -> None:
+    model = dark(case)
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        assert np.isnan(percent(case.problem, model, bright(case.problem)))
+        assert percent(case.problem, case.problem.value, bright(case.problem)) == 0
+
+
+def test_a_rung_whose_model_is_dark_says_so(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = dark(case)
+
+    def climbed(*given: Any, **more: Any) -> list[Step]:
+        base, *rest = climb(*given, **more)
+        error = percent(case.problem, model, bright(case.problem))
+        return [replace(base, fit=replace(base.fit, prediction=model), error_percent=error), *rest]
+
+    monkeypatch.setattr(sys.modules[__name__], "climb_of", climbed)
+    verdict = case.verdict(case.finding(1, case.tried["beam_tilt"], weights=[0.99]))
+    assert [rung.error_percent is None for rung in verdict.ladder] == [True, False]
+    (line,) = [line for line in as_text(verdict).splitlines() if line.startswith("base ")]
+    assert line.split()[1] == "-"
+    read_back(verdict)
+    drawn = ladder_figure(verdict.ladder, verdict.noise_floor_percent)
+    drawn.canvas.draw()
+    shown = [text.get_text() for text in drawn.axes[0].texts if text.get_text().endswith(" %")]
+    assert len(shown) == 2 and "nan" not in "".join(shown)  # the floor's and the last rung's
 
 
 def test_two_answers(case: Case) -> None:

@@ -12,6 +12,7 @@ from analytic_readings import readings
 
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
 from lightfield.diagnosis.verdict.found import words as found_words
@@ -211,7 +212,7 @@ def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(mon
         return prepared, nothing if len(taken) == 1 else finding
 
     monkeypatch.setattr(diagnosing, "settled", takes_back)
-    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, "not traced"))
+    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
     found = diagnosing.diagnose(table, believed, only=["background", "beam_offset"], diffuse="trace")
     assert taken == [1, 1]
     assert found.verdict.best_set == ["background"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
-from lightfield.diagnosis.problem.repeats import plane_gain, repeats_of
+from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT, budget_of
 from lightfield.readings import Readings
 
@@ -30,7 +30,7 @@ def repeated(gain: float, visits: int, seed: int, drift: float = 0.0, error: flo
 def estimate(table: Readings) -> float:
     found = repeats_of(table)
     assert found is not None and found.reference
-    return plane_gain(found, ASSUMED)
+    return plane_gain_error(found, ASSUMED)
 
 
 @pytest.mark.parametrize("gain", [0.002, 0.01])

@@ -35,7 +35,7 @@ def test_json_reads_back_and_names_every_promised_field(found: Diagnosis) -> Non
     promised = {
         "verdict", "effects", "explanations", "nearest_rival", "detection_limits", "untestable",
         "unexplained_coordinate", "ladder", "noise_floor_percent", "next_measurement", "assumed",
-        "assumptions", "warnings", "cautions",
+        "assumptions", "warnings", "cautions", "hindrances",
     }  # fmt: skip
     assert promised <= set(data) <= set(json_schema()["properties"])
     explanation = data["explanations"][0]

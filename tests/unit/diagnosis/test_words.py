@@ -16,8 +16,8 @@ from lightfield.diagnosis.verdict.parts import (
     Estimate,
     Misfit,
     NearestRival,
+    PlaceToRead,
     Reason,
-    Spot,
 )
 
 
@@ -168,7 +168,7 @@ def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: 
 
 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
-    spot = Spot(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
+    spot = PlaceToRead(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
     time = Misfit(coordinate="time", worst_at=3.0)
     assert repeat(spot, time).sentence.startswith("Repeat one reference position every few minutes:")
     for other in (None, Misfit(coordinate="x", worst_at=0.3)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.experiments.layouts import scan
-from lightfield.experiments.measure import Instrument, Light, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
 
@@ -18,7 +18,7 @@ def test_position_errors_where_no_light_arrives() -> None:
     table = scan(scene, "line", "random", rng)
     light = direct_field(scene, table.x_m, table.y_m, table.z_m)
     assert (light == 0).any()
-    readings, _ = measure(scene, table, Light(light), Instrument(position_m=0.001), rng)
+    readings, _ = measure(scene, table, LightAtReadings(light), Instrument(position_m=0.001), rng)
     assert np.isfinite(readings.value).all()
 
 
@@ -27,7 +27,11 @@ def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
     scene = Scene.from_dict({"detector": {"planes_m": [4.5], "width_m": 1.0}})
     table = scan(scene, "line", "random", np.random.default_rng(0))
     light = direct_field(scene, table.x_m, table.y_m, table.z_m)
-    known, guessed, instrument = Light(light), Light(light, 0.01 * light), Instrument(0.001)
+    known, guessed, instrument = (
+        LightAtReadings(light),
+        LightAtReadings(light, 0.01 * light),
+        Instrument(0.001),
+    )
     sure, clean = measure(scene, table, known, instrument, np.random.default_rng(1))
     unsure, _ = measure(scene, table, guessed, instrument, np.random.default_rng(1))
     assert (known.relative_error == 0).all() and guessed.relative_error == pytest.approx(0.01)

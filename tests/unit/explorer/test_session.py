@@ -12,6 +12,7 @@ import analytic_readings
 import numpy as np
 import pytest
 
+from lightfield.arrays import jsonable
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
@@ -387,7 +388,7 @@ def test_what_a_verdict_says_of_each_effect_reaches_the_page(given) -> None:
         name.replace("_", " ") for name in found.verdict.best_set
     ]
     assert all(one["level"] in ("certain", "simplest", "one of", "partial") for one in told["found"])
-    assert json.loads(json.dumps(protocol.plain(told)))["headline"] == found.verdict.headline
+    assert json.loads(json.dumps(jsonable(told)))["headline"] == found.verdict.headline
     session = Session(given[1], given[0], diffuse=None, verdict=told)
     session.begin()
     before = error(session)

@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import UsageError
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
@@ -261,7 +262,7 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     assert set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain"} | of_colours
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)
-    assert why["attenuation_profile"] == "the readings are at too few different places or times"
+    assert why["attenuation_profile"] == (Hindrance(Hinders.FEW_PLACES),)
 
 
 def test_amplitudes_mean_the_same_at_other_places_and_of_some_readings() -> None:

@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of, spectral
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.verdict.ladder import held_out
 from lightfield.experiments.hide import draw_effect
 from lightfield.fitting import effects
@@ -240,7 +241,7 @@ def test_relative_readings_have_the_spectrum_in_their_gains(tmp_path: Path) -> N
     lit = made.pop("lit")
     table = noisy(lit, np.random.default_rng(0), **made)
     _, why = problem_of(SceneForward(with_base(tmp_path), table), table, [effects.get("lamp_spectrum")], None)
-    assert why == {"lamp_spectrum": "the readings are on a relative scale"}
+    assert why == {"lamp_spectrum": (Hindrance(Hinders.RELATIVE),)}
 
 
 def test_one_reading_for_each_distance_tells_no_gain_of_planes() -> None:

@@ -9,7 +9,7 @@ import pytest
 from campaign import run
 
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.formats import read_spectrum
+from lightfield.readings.instruments.formats import read_spectra
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ REAL = {
 
 @pytest.mark.parametrize("name", REAL)
 def test_real_files(real, name):
-    spectrum = read_spectrum(real / name)
+    spectrum = read_spectra(real / name)[0]
     first, last = spectrum.wavelength_nm[[0, -1]]
     found = (
         len(spectrum),
@@ -55,7 +55,7 @@ def test_irradiance_of_the_real_jaz_file_follows_from_its_counts_and_calibration
     The instrument computes in single precision: a wavelength is known to half its spacing;
     P is printed to 5e-7.
     """
-    spectrum = read_spectrum(real / "irrad.JazIrrad")
+    spectrum = read_spectra(real / "irrad.JazIrrad")[0]
     counts = spectrum.columns["signal"] - spectrum.columns["dark"]
     area = float(spectrum.header["Collection Area"])
     width = np.gradient(spectrum.wavelength_nm)
@@ -65,7 +65,7 @@ def test_irradiance_of_the_real_jaz_file_follows_from_its_counts_and_calibration
 
 
 def test_the_percentage_of_the_real_jaz_file_follows_from_its_columns(real):
-    c = read_spectrum(real / "jazspec.jaz").columns
+    c = read_spectra(real / "jazspec.jaz")[0].columns
     bright = c["reference"] - c["dark"] > 500
     mine = 100 * (c["signal"] - c["dark"])[bright] / (c["reference"] - c["dark"])[bright]
     assert np.abs(mine - c["processed"][bright]).max() < 1e-3
@@ -89,7 +89,7 @@ def test_real_files_become_readings(reference, tmp_path, name, units, raw, expos
     if not path.exists():
         pytest.skip(f"no real spectrometer files at {path}")
     readings = run(tmp_path, [f"{path},4.5"], "file,z_m", units=units)
-    spectrum = read_spectrum(path)
+    spectrum = read_spectra(path)[0]
     fine = np.linspace(500, 550, 500_001)
     means = [np.interp(fine, spectrum.wavelength_nm, spectrum.columns[column]).mean() for column in raw]
     expected = (means[0] - sum(means[1:])) / exposure_s

@@ -79,7 +79,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
                 "within_range": False,
             },
         },
-        "untestable": {"beam_ellipticity": "no readings off the axis in y"},
+        "hindrances": {"beam_ellipticity": [{"hinders": "one y"}]},
         "unexplained_coordinate": "x_m" if kind == "unexplained" else None,
         "ladder": [
             {"effects": [], "parameters": {}, "scene": "", **rung} for rung in (rungs if found else rungs[:1])
@@ -142,7 +142,7 @@ def test_every_verdict_is_said_first(kind, request):
     assert html.index(view.verdict.headline) < html.index("<h2>")
     for said in view.verdict.support:
         assert html.index(said) < html.index("<h2>")
-    for needed in ("base", "noise floor 0.4 %", "plane_gain_percent = 0.3", "no readings off the axis in y"):
+    for needed in ("base", "noise floor 0.4 %", "plane_gain_percent = 0.3", "all readings have the same y"):
         assert needed in html
     assert ("What would explain it" in html) == (kind == "ambiguous")
     assert "src=" not in html.replace('src="data:', "")

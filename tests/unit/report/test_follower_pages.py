@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.report.follower.page import write_comparison, write_survey
+from lightfield.report.follower.page import write_arrays, write_survey
 from lightfield.report.follower.pose_page import write_poses
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import compare, optimise
+from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.sequence import Poses
 from lightfield.studies.follower.survey import survey
@@ -35,13 +35,13 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
 
 def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
-    html = write_comparison(compare(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
+    html = write_arrays(compare_arrays(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
         encoding="utf-8"
     )
     assert "9 elements (good) know the pose" in html
-    found = optimise(good, 6, 0.3, photons=0)
+    found = optimise_array(good, 6, Mounting(0.3), photons=0)
     assert found.arrays[0].name == "the best found"
-    assert "Elements of the best found" in write_comparison(found, tmp_path / "o.html").read_text(
+    assert "Elements of the best found" in write_arrays(found, tmp_path / "o.html").read_text(
         encoding="utf-8"
     )
 
@@ -49,8 +49,8 @@ def test_a_comparison_names_the_best(tmp_path: Path) -> None:
 def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     scene = Scene.from_dict({**SCENE.to_dict(), "array": {**ROUND, "count": [5, 5]}})
     assert scene.array is not None
-    model = Model(FormulaLight(scene), elements_of(scene.array))
-    noise = Noise(brightest=0.01, ampere=1.0, amplifier=1e-9)
+    model = ArrayModel(FormulaLight(scene), elements_of(scene.array))
+    noise = SensorNoise(brightest=0.01, ampere=1.0, amplifier=1e-9)
     tracker = Tracker(Estimator(model, noise, POSE[:5], {"gain": 0.05}, Space()))
     readings = model.readings(np.array([[0.1, 0, 6, 0, 0, 0.0]]))[0]
     states = [tracker.update(readings * (t != 2), 0.1 * t) for t in range(4)]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lightfield.fitting.light_source import has_diffuse_light
-from lightfield.formula.field import receiver, source, window_points
+from lightfield.formula.field import lamps_of_window, receiver, source
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import Halves, Taken, readout, time_factor
 from lightfield.render.maps import transport_key
@@ -138,7 +138,8 @@ def _beam(scene: Scene) -> Any:
 
 def _source(scene: Scene) -> Any:
     return [
-        (lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m) for lamp, _ in window_points(scene.lamp)
+        (lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m)
+        for lamp, _ in lamps_of_window(scene.lamp)
     ]
 
 

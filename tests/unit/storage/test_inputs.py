@@ -43,7 +43,7 @@ def test_a_pipe_without_a_writer_is_not_waited_for(kind: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("kind", [inputs.SCENE, inputs.SPECTRUM, inputs.READINGS], ids=lambda k: k.name)
-def test_a_file_may_be_as_large_as_its_kind_and_no_larger(kind: inputs.Kind, tmp_path: Path) -> None:
+def test_a_file_may_be_as_large_as_its_kind_and_no_larger(kind: inputs.FileKind, tmp_path: Path) -> None:
     file = tmp_path / "file"
     with file.open("wb") as content:
         content.truncate(kind.most_bytes)  # a hole: takes no room on the disk

@@ -13,7 +13,7 @@ from lightfield.report.band import band_page
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.studies.band import SILICON, as_data, as_text, best_band
+from lightfield.studies.band import SILICON, CountNoise, as_data, as_text, best_band
 
 FEW = {"max_photons": 4e5, "rel_error": 1e-3}
 
@@ -51,9 +51,7 @@ def test_information_is_signal_to_noise_times_slope() -> None:
     grey = Scene.from_dict({"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": K}})
     noises = ((1e6, 0.0, 0.0, 1e3), (1.0, 100.0, 0.0, 0.01), (1e9, 0.0, 0.01, 100.0))
     for electrons, read, mismatch, snr in noises:
-        found = best_band(
-            grey, False, distances_m=[z], electrons=electrons, read_noise=read, mismatch=mismatch
-        )
+        found = best_band(grey, False, CountNoise(electrons, read, mismatch), distances_m=[z])
         top = found.bands.information.values.max()
         assert top == pytest.approx(snr**2 * (2 / z + K) ** 2, rel=1e-3)
 
@@ -93,12 +91,14 @@ def test_a_detector_of_its_own(tmp_path) -> None:
         ({"width_nm": 1.0}, "impossible bands"),
         ({"low_nm": 600.0, "high_nm": 500.0}, "impossible bands"),
         ({"distances_m": [0.0]}, "impossible distances"),
-        ({"electrons": -1.0}, "impossible noise"),
     ],
 )
 def test_numbers_that_make_no_sense(wrong, words) -> None:
     with pytest.raises(UsageError, match=words):
         best_band(scene(), False, **wrong)
+    for noise in ({"electrons": -1.0}, {"read_noise": -1.0}, {"mismatch": np.inf}):
+        with pytest.raises(UsageError, match="impossible noise"):
+            CountNoise(**noise)
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, jackknife
-from lightfield.studies.follower.light import FormulaLight, Model
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.survey import array_of
 
 HALF = np.radians(3.81)
@@ -23,7 +23,7 @@ FLAT = grid((5, 5), 0.6)
 SMALL = grid((5, 5), 0.4)
 CURVED = on_sphere(SMALL, 0.32)
 HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
-ONE_PERCENT = Noise(mismatch=0.01)
+ONE_PERCENT = SensorNoise(mismatch=0.01)
 FIVE = POSE[:5]
 
 
@@ -32,9 +32,9 @@ def on_axis(z: float) -> np.ndarray:
 
 
 def sigma(
-    elements: Elements, z: float, names=FIVE, gain: bool = False, noise: Noise = ONE_PERCENT
+    elements: Elements, z: float, names=FIVE, gain: bool = False, noise: SensorNoise = ONE_PERCENT
 ) -> dict[str, float]:
-    model = Model(FormulaLight(SCENE), elements)
+    model = ArrayModel(FormulaLight(SCENE), elements)
     return bound(model, on_axis(z), names, noise, {"gain": UNKNOWN} if gain else {}).sigma
 
 
@@ -95,9 +95,9 @@ def test_bounds_of_the_prototype(case: str) -> None:
 def test_a_scatter_of_estimates_is_as_large_as_the_bound() -> None:
     """Linearised estimates from noisy readings, by a plain least-squares solution of their own."""
     rng = np.random.default_rng(0)
-    model, pose = Model(FormulaLight(SCENE), CURVED), np.array([0.2, 0.1, 6.0, 0.1, -0.05, 0.0])
+    model, pose = ArrayModel(FormulaLight(SCENE), CURVED), np.array([0.2, 0.1, 6.0, 0.1, -0.05, 0.0])
     readings, slopes = model.readings(pose[None])[0], model.slopes(pose, FIVE)
-    noise = Noise(brightest=0.01)
+    noise = SensorNoise(brightest=0.01)
     spread = 0.01 * readings.max() * rng.standard_normal((4000, 25))
     estimates = np.linalg.lstsq(slopes, spread.T, rcond=None)[0]
     known = np.array(list(bound(model, pose, FIVE, noise).sigma.values()))
@@ -106,7 +106,9 @@ def test_a_scatter_of_estimates_is_as_large_as_the_bound() -> None:
 
 
 def test_flat_arrays_trade_sideways_for_yaw_and_curved_do_not() -> None:
-    model = {name: Model(FormulaLight(SCENE), e) for name, e in (("flat", FLAT), ("hemisphere", HEMISPHERE))}
+    model = {
+        name: ArrayModel(FormulaLight(SCENE), e) for name, e in (("flat", FLAT), ("hemisphere", HEMISPHERE))
+    }
     tied = {n: bound(m, on_axis(6.5), FIVE, ONE_PERCENT) for n, m in model.items()}
     assert abs(tied["flat"].correlation("x", "yaw")) > 0.99
     assert tied["flat"].sigma["yaw"] > 40 * tied["hemisphere"].sigma["yaw"]
@@ -114,25 +116,25 @@ def test_flat_arrays_trade_sideways_for_yaw_and_curved_do_not() -> None:
 
 def test_what_cannot_be_known_is_said_to_be_unknown() -> None:
     """Roll about a round beam's axis; five coordinates from two readings."""
-    model = Model(FormulaLight(SCENE), FLAT)
+    model = ArrayModel(FormulaLight(SCENE), FLAT)
     rolled = bound(model, on_axis(6.5), POSE, ONE_PERCENT)
     assert np.isinf(rolled.sigma["roll"]) and rolled.as_data()["sigma"]["roll_deg"] is None
     assert rolled.sigma["x"] == pytest.approx(sigma(FLAT, 6.5)["x"], rel=1e-6)
     assert np.isfinite(list(sigma(FLAT, 6.5).values())).all()
     assert np.isinf(rolled.criteria["A"]) and "roll unknown" in rolled.as_text()
-    two = bound(Model(FormulaLight(SCENE), grid((2, 1), 0.4)), on_axis(6.5), FIVE, ONE_PERCENT)
+    two = bound(ArrayModel(FormulaLight(SCENE), grid((2, 1), 0.4)), on_axis(6.5), FIVE, ONE_PERCENT)
     assert np.isinf([two.sigma[n] for n in ("x", "y", "yaw", "pitch")]).all() and two.sigma["z"] < 0.03
 
 
 def test_an_elliptical_beam_makes_roll_known() -> None:
     oval = SCENE.with_values({"lamp.ellipticity": 1.5})
-    found = bound(Model(FormulaLight(oval), FLAT), on_axis(6.5), POSE, ONE_PERCENT)
+    found = bound(ArrayModel(FormulaLight(oval), FLAT), on_axis(6.5), POSE, ONE_PERCENT)
     assert 0 < found.sigma["roll"] < 0.1
 
 
 def test_several_readings_share_what_is_not_known() -> None:
     """With the gain unknown two distances tell it: both poses are then better known than alone."""
-    model, gain = Model(FormulaLight(SCENE), FLAT), {"gain": UNKNOWN}
+    model, gain = ArrayModel(FormulaLight(SCENE), FLAT), {"gain": UNKNOWN}
     poses = np.stack([on_axis(4.5), on_axis(8.5)])
     together = bounds_together(model, poses, ("x", "y", "z"), ONE_PERCENT, gain)
     alone = [bound(model, pose, ("x", "y", "z"), ONE_PERCENT, gain) for pose in poses]
@@ -144,13 +146,13 @@ def test_several_readings_share_what_is_not_known() -> None:
 def test_a_tilted_lamp_is_a_follower_elsewhere() -> None:
     """The derivative by the lamp's direction against a scene whose lamp is tilted, in water without walls."""
     pose = np.array([0.2, -0.1, 6.0, 0.05, 0.1, 0.0])
-    model = Model(FormulaLight(SCENE), CURVED)
+    model = ArrayModel(FormulaLight(SCENE), CURVED)
     slopes = model.slopes(pose, ("lamp tilt x", "lamp tilt y"))
     for k, axis in enumerate("xy"):
         tilted = [
-            Model(FormulaLight(SCENE.with_values({f"lamp.tilt_{axis}_deg": t})), CURVED).readings(pose[None])[
-                0
-            ]
+            ArrayModel(FormulaLight(SCENE.with_values({f"lamp.tilt_{axis}_deg": t})), CURVED).readings(
+                pose[None]
+            )[0]
             for t in (0.01, -0.01)
         ]
         expected = (tilted[0] - tilted[1]) / np.radians(0.02)
@@ -169,7 +171,7 @@ def test_electrical_noise_adds_as_variances() -> None:
     """Shot, dark and amplifier's noise of a current, and the step of a converter, by hand."""
     array = {"noise_percent": 0.0, "gain_mismatch_percent": 0.0, "adc_bits": 8, "sample_hz": 20.0}
     scene = Scene.from_dict({**SCENE.to_dict(), "array": array})
-    noise = Noise.of_scene(scene)
+    noise = SensorNoise.of_scene(scene)
     light = np.array([0.01, 0.002])
     current = noise.ampere * light
     electric = 2 * 1.602176634e-19 * (current + 2e-9) * 10 + 5e-12**2 * 10

@@ -22,9 +22,9 @@ from lightfield.studies.follower.bias import (
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
-from lightfield.studies.follower.search import search
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.search import find_minima
 
 SCENE = Scene.from_dict(
     {
@@ -35,7 +35,7 @@ SCENE = Scene.from_dict(
 )
 WIDER = SCENE.with_values({"lamp.hwhm_deg": 4.2, "water.absorption_per_m": 0.1})
 HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
-NOISE, FIVE = Noise(brightest=0.01), POSE[:5]
+NOISE, FIVE = SensorNoise(brightest=0.01), POSE[:5]
 POSE_0 = np.array([0.25, 0.1, 6.0, 0.05, 0.0, 0.0])
 SPACE = Space(0.4, 4.5, 8.5)
 
@@ -43,13 +43,13 @@ SPACE = Space(0.4, 4.5, 8.5)
 @pytest.mark.parametrize("prior", [0.0, np.inf])
 def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     """The wrong formula is fitted to 400 noisy readings of another lamp in other water."""
-    truth, formula = (Model(FormulaLight(s), HEMISPHERE) for s in (WIDER, SCENE))
+    truth, formula = (ArrayModel(FormulaLight(s), HEMISPHERE) for s in (WIDER, SCENE))
     found = belief(truth, formula, POSE_0, FIVE, NOISE, prior)
     readings, rng = truth.readings(POSE_0[None])[0], np.random.default_rng(7)
     variance = NOISE.variance(readings)
     draws = np.array(
         [
-            search(
+            find_minima(
                 formula,
                 readings + np.sqrt(variance) * rng.standard_normal(25),
                 variance,
@@ -72,7 +72,7 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
 
 
 def test_the_right_model_has_no_bias_and_the_spread_of_the_bound() -> None:
-    model = Model(FormulaLight(SCENE), HEMISPHERE)
+    model = ArrayModel(FormulaLight(SCENE), HEMISPHERE)
     for prior in (0.0, np.inf):
         found = belief(model, model, POSE_0, FIVE, NOISE, prior)
         np.testing.assert_allclose(found.bias, 0, atol=1e-9)
@@ -108,7 +108,7 @@ def test_a_calibration_that_is_kept_errs_by_what_the_water_swallows(z: float) ->
     """On the axis it believes z + d with (z + d)^2 exp(0.07 (z + d)) = z^2 exp(0.15 z), at b = 0.1."""
     one, truth = grid((1, 1), 0.1), FormulaLight(SCENE.with_values({"water.scattering_per_m": 0.1}))
     formula, prior = believed(truth, one, CLEAR, SPACE)
-    found = belief(Model(truth, one), formula, np.array([0, 0, z, 0, 0, 0.0]), ("z",), NOISE, prior)
+    found = belief(ArrayModel(truth, one), formula, np.array([0, 0, z, 0, 0, 0.0]), ("z",), NOISE, prior)
     expected = brentq(lambda d: 2 * np.log(1 + d / z) + 0.07 * d - 0.08 * z, 0, 20)
     assert found.bias[2] == pytest.approx(expected, rel=1e-4)
 

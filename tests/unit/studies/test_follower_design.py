@@ -7,22 +7,30 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import Setting, candidates, compare, designed, judged, task_poses
+from lightfield.studies.follower.design import (
+    ArraySetting,
+    Mounting,
+    candidate_arrays,
+    compare_arrays,
+    designed,
+    judged_array,
+    task_poses,
+)
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
 
 SCENE = Scene.from_dict(
     {"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05}}
 )
 POSES = task_poses(Space(0.4, 4.5, 8.5))
-SETTING = Setting(FormulaLight(SCENE), POSES, POSE[:5], Noise(brightest=0.01), {"gain": 0.05})
+SETTING = ArraySetting(FormulaLight(SCENE), POSES, POSE[:5], SensorNoise(brightest=0.01), {"gain": 0.05})
 
 
 def test_an_exchange_is_a_new_array() -> None:
     """The closed form of every exchange against the array made anew."""
-    some = candidates(np.array([-0.2, 0.0, 0.2]), np.array([-0.2, 0.2]), np.array([-30.0, 0.0, 30.0]))
+    some = candidate_arrays(np.array([-0.2, 0.0, 0.2]), np.array([-0.2, 0.2]), np.array([-30.0, 0.0, 30.0]))
     whitened = SETTING.whitened(some)
     rest = [0, 11, 25, 38, 47, 53]
     quick = SETTING.exchanged(whitened, whitened[:, rest])
@@ -33,7 +41,7 @@ def test_an_exchange_is_a_new_array() -> None:
 def test_the_criterion_is_the_mean_of_bounds() -> None:
     """By plain inversion, with derivatives by one-sided differences of the formula."""
     elements, total = on_sphere(grid((5, 5), 0.4), 0.32), 0.0
-    model = Model(FormulaLight(SCENE), elements)
+    model = ArrayModel(FormulaLight(SCENE), elements)
     units = np.array([0.01, 0.01, 0.1, np.radians(1), np.radians(1), 1.0])
     for pose in POSES:
         base = model.readings(pose[None])[0]
@@ -47,19 +55,19 @@ def test_the_criterion_is_the_mean_of_bounds() -> None:
         whole = slopes.T @ slopes / (0.01 * top) ** 2
         whole[5, 5] += 0.05**-2
         total += np.trace(np.linalg.inv(whole)[:5, :5])
-    assert judged("", elements, SETTING).criterion == pytest.approx(total / len(POSES), rel=1e-3)
+    assert judged_array("", elements, SETTING).criterion == pytest.approx(total / len(POSES), rel=1e-3)
 
 
 def test_eight_elements_well_placed_beat_twenty_five() -> None:
     """And they keep their distance, their box and their tilts."""
-    best = designed(SETTING, 8, 0.4, 40.0, 0.025)
+    best = designed(SETTING, 8, Mounting(0.4, 40.0, 0.025))
     assert best.spacing_m >= 0.025 - 1e-9
     assert np.abs(best.place_m).max() <= 0.2 + 1e-12 and np.abs(best.tilts_deg).max() <= 40 + 1e-9
-    hemisphere = judged("", on_sphere(grid((5, 5), 0.26), 0.19), SETTING).criterion
-    assert 3 * judged("", best, SETTING).criterion < hemisphere
+    hemisphere = judged_array("", on_sphere(grid((5, 5), 0.26), 0.19), SETTING).criterion
+    assert 3 * judged_array("", best, SETTING).criterion < hemisphere
     # No other element in the place of any of them would do better by a part in a hundred, on a grid of its
     # own.
-    other = candidates(np.linspace(-0.2, 0.2, 5), np.linspace(-0.2, 0.2, 5), np.linspace(-40, 40, 5))
+    other = candidate_arrays(np.linspace(-0.2, 0.2, 5), np.linspace(-0.2, 0.2, 5), np.linspace(-40, 40, 5))
     whitened, mine = SETTING.whitened(other), SETTING.whitened(best)
     now = SETTING.criterion(mine)
     for k in range(8):
@@ -70,12 +78,12 @@ def test_eight_elements_well_placed_beat_twenty_five() -> None:
 
 def test_more_than_fit_are_refused() -> None:
     with pytest.raises(SceneError, match="do not fit"):
-        designed(SETTING, 20, 0.05, 0.0, 0.025)
+        designed(SETTING, 20, Mounting(0.05, 0.0, 0.025))
 
 
 def test_arrays_of_scenes_are_sorted() -> None:
     flat = SCENE.to_dict() | {"name": "flat", "array": {"size_m": 0.6}}
     round_ = SCENE.to_dict() | {"array": {"size_m": 0.26, "radius_m": 0.19}}
-    found = compare(Scene.from_dict(flat), {"round": Scene.from_dict(round_)}, photons=0)
+    found = compare_arrays(Scene.from_dict(flat), {"round": Scene.from_dict(round_)}, photons=0)
     assert [one.name for one in found.arrays] == ["round", "flat"]
     assert found.as_data()["arrays"][1]["elements"] == 25 and "flat" in found.as_text()

@@ -12,8 +12,8 @@ from lightfield.errors import MeasurementError
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, grid, on_sphere
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import FormulaLight, Model, Space
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.rivals import rivals
 from lightfield.studies.follower.search import box_of
@@ -31,7 +31,7 @@ SCENE = Scene.from_dict(
 LIGHT = FormulaLight(SCENE)
 FLAT = grid((5, 5), 0.6)
 HEMISPHERE = on_sphere(grid((5, 5), 0.26), 0.19)
-NOISE = Noise(brightest=0.01, ampere=1.0, amplifier=1e-9)
+NOISE = SensorNoise(brightest=0.01, ampere=1.0, amplifier=1e-9)
 SPACE = Space(0.5, 4.5, 8.5)
 FIVE = POSE[:5]
 POSE_0 = np.array([0.2, 0.1, 6.0, 0.1, -0.05, 0.0])
@@ -39,18 +39,18 @@ POSE_0 = np.array([0.2, 0.1, 6.0, 0.1, -0.05, 0.0])
 
 def estimator(elements: Elements = HEMISPHERE, gain: float = 0.05) -> Estimator:
     nuisances = {"gain": gain} if gain else {}
-    return Estimator(Model(LIGHT, elements), NOISE, FIVE, nuisances, SPACE)
+    return Estimator(ArrayModel(LIGHT, elements), NOISE, FIVE, nuisances, SPACE)
 
 
 def noisy(pose: np.ndarray, rng: np.random.Generator, elements: Elements = HEMISPHERE) -> np.ndarray:
-    readings = Model(LIGHT, elements).readings(pose[None])[0]
+    readings = ArrayModel(LIGHT, elements).readings(pose[None])[0]
     return readings + np.sqrt(NOISE.variance(readings)) * rng.standard_normal(len(readings))
 
 
 @pytest.mark.parametrize("gain", [1.0, 1.1])
 def test_readings_without_noise_give_their_pose(gain: float) -> None:
     """From no idea where, also when the gain is off and not known beforehand."""
-    readings = gain * Model(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
+    readings = gain * ArrayModel(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
     found = estimator(gain=np.inf).estimate(readings)
     np.testing.assert_allclose(found.pose, POSE_0, atol=2e-4)
     assert found.gain == pytest.approx(gain, rel=1e-4) and found.fits and not found.rivals
@@ -83,14 +83,14 @@ def test_an_unknown_gain_is_in_the_error_and_not_in_the_scatter() -> None:
 
 def test_what_went_wrong_is_said() -> None:
     """A dead element, another lamp, darkness."""
-    readings = Model(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
+    readings = ArrayModel(LIGHT, HEMISPHERE).readings(POSE_0[None])[0]
     dead = readings.copy()
     dead[int(readings.argmax())] = 0.0
     found = estimator().estimate(dead)
     assert not found.fits and found.as_data()["status"] == "readings do not fit the light"
     # A wider beam in darker water is explained well enough by a place that is too far away to be looked at.
     other = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "water": {"absorption_per_m": 0.3}})
-    found = estimator(FLAT).estimate(Model(FormulaLight(other), FLAT).readings(POSE_0[None])[0])
+    found = estimator(FLAT).estimate(ArrayModel(FormulaLight(other), FLAT).readings(POSE_0[None])[0])
     assert not found.fits and found.edge and "edge" in found.as_text()
     lost = estimator().estimate(np.zeros(25))
     assert lost.lost and lost.as_data() == {"status": "light lost"} and "light lost" in lost.as_text()
@@ -103,15 +103,15 @@ def test_rival_of_a_flat_array() -> None:
     The prototype's light scatters (b = 0.05 1/m), this formula does not: the distance is somewhat larger.
     """
     pose = np.array([0.3, 0.0, 6.5, np.radians(10), 0.0, 0.0])
-    noise, box = Noise(brightest=0.01), box_of(SPACE)
-    found = rivals(Model(LIGHT, FLAT), pose, FIVE, noise, box, gain_sigma=np.inf)
+    noise, box = SensorNoise(brightest=0.01), box_of(SPACE)
+    found = rivals(ArrayModel(LIGHT, FLAT), pose, FIVE, noise, box, gain_sigma=np.inf)
     assert len(found) == 1 and found[0].sigma < 2.0
     assert found[0].pose[0] == pytest.approx(0.34, abs=0.01)
     assert np.degrees(found[0].pose[3]) == pytest.approx(-20, abs=2)
-    assert rivals(Model(LIGHT, FLAT), pose, FIVE, noise, box) == []
-    assert rivals(Model(LIGHT, HEMISPHERE), pose, FIVE, noise, box, gain_sigma=np.inf) == []
+    assert rivals(ArrayModel(LIGHT, FLAT), pose, FIVE, noise, box) == []
+    assert rivals(ArrayModel(LIGHT, HEMISPHERE), pose, FIVE, noise, box, gain_sigma=np.inf) == []
     # Four readings for five unknowns: as many rivals as one looks for.
-    assert len(rivals(Model(LIGHT, grid((2, 2), 0.4)), pose, FIVE, noise, box)) > 10
+    assert len(rivals(ArrayModel(LIGHT, grid((2, 2), 0.4)), pose, FIVE, noise, box)) > 10
 
 
 ASIDE = np.array([0.4, 0, 0, 0, 0, 0])

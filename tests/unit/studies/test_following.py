@@ -13,11 +13,11 @@ from lightfield.report.follower.follow_page import write_follow_sweep, write_fol
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.light import FormulaLight, Model
-from lightfield.studies.follower.noise import Noise
+from lightfield.studies.follower.light import ArrayModel, FormulaLight
+from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.light import belief_of
-from lightfield.studies.following.metrics import Spread
+from lightfield.studies.following.metrics import OverRuns
 from lightfield.studies.following.study import Followed, follow, with_belief
 from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
 from lightfield.sweep.axes import parse_axis
@@ -54,7 +54,11 @@ def test_a_follower_ends_where_its_wrong_light_puts_it(believes: str) -> None:
     for _ in range(30):
         z = 0.5 * (near + far)
         found = belief(
-            Model(truth, elements), model, np.array([0, 0, z, 0, 0, 0.0]), "xyz", Noise(brightest=0.01)
+            ArrayModel(truth, elements),
+            model,
+            np.array([0, 0, z, 0, 0, 0.0]),
+            "xyz",
+            SensorNoise(brightest=0.01),
         )
         near, far = (z, far) if found.believed[2] < 6.5 else (near, z)
     run_ = run(believes=believes, duration_s=30.0)
@@ -168,7 +172,7 @@ def test_a_page_and_its_data(tmp_path: Path) -> None:
     assert data["metrics"]["standoff"]["by_run"] == found.cases[0].runs["standoff"].tolist()
     assert found.cases[0].dataset()["pose"].sizes == {"time_s": 11, "run": 2, "coordinate": 6}
     assert "standoff" in found.as_text() and "+-" in found.as_text()
-    single = Spread.of(np.array([1.0, np.nan]))
+    single = OverRuns.of(np.array([1.0, np.nan]))
     assert single.runs == 1 and np.isnan(single.error)
 
 

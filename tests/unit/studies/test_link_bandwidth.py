@@ -14,8 +14,8 @@ from lightfield.studies.link.bandwidth import (
     LIGHT_M_PER_S,
     PATH_NODES,
     WATER_INDEX,
-    along,
     bandwidth_of,
+    between_nodes,
     coarser,
 )
 from lightfield.studies.link.study import Link, link
@@ -77,7 +77,7 @@ def test_a_coarser_tally_keeps_light_and_mean_path() -> None:
 
 def test_no_curve_leads_to_where_there_is_no_limit() -> None:
     nodes = np.array([4.0, 8.0, 16.0, 32.0])
-    width, error = along(
+    width, error = between_nodes(
         np.array([6.0, 10.0, 16.0, 25.0]), nodes, np.array([np.inf, np.inf, 1e9, 1e8]), nodes
     )
     assert np.isinf(width[:2]).all() and np.isnan(error[:2]).all()

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from lightfield.report.regime import percent, regime_figure
+from lightfield.report.regime import percent_text, regime_figure
 from lightfield.report.style import save_png
-from lightfield.studies.regime import Point, as_text, reach, regime_map, rows, undecided
+from lightfield.studies.regime import AxisPoint, as_text, depth_within, regime_map, rows, undecided
 
 
 def lossless_scattering(depth, albedo, receiver):
     """All light scattered is seen (irradiance) or a tenth of it (collimator): K = a, or K = a + 0.9 b."""
     seen = 1.0 if receiver == "irradiance" else 0.1
-    return Point(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
+    return AxisPoint(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
 
 
 def test_error_is_that_of_the_wrong_exponent():
@@ -26,16 +26,18 @@ def test_reach_is_where_the_error_crosses_the_level():
     depth = np.array([0.1, 0.2, 0.5, 1.0, 2.0])
     error = np.expm1(-0.4 * depth)
     # 1 - exp(-0.4 t) = 0.10 at t = 0.263; log-log interpolation on this grid is good to 2 %.
-    assert reach(depth, error, 0.10) == pytest.approx(0.263, rel=0.02)
-    assert reach(depth, 0 * error, 0.10) == np.inf
-    assert np.isnan(reach(depth, error - 1, 0.10))
-    assert reach(depth, np.array([0.0, 0.01, np.nan, 0.0, 0.0]), 0.05) == 0.2, "the unknown is not within"
+    assert depth_within(depth, error, 0.10) == pytest.approx(0.263, rel=0.02)
+    assert depth_within(depth, 0 * error, 0.10) == np.inf
+    assert np.isnan(depth_within(depth, error - 1, 0.10))
+    assert depth_within(depth, np.array([0.0, 0.01, np.nan, 0.0, 0.0]), 0.05) == 0.2, (
+        "the unknown is not within"
+    )
 
 
 def test_noise_leaves_points_open_and_the_map_says_so():
-    found = regime_map(lambda d, a, r: Point(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
+    found = regime_map(lambda d, a, r: AxisPoint(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
     assert undecided(found).all(), "6 % off with a noise of 1 %: within 5 % or not is open"
-    sure = regime_map(lambda d, a, r: Point(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
+    sure = regime_map(lambda d, a, r: AxisPoint(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
     assert not undecided(sure).any()
 
 
@@ -48,7 +50,7 @@ def test_table_and_verdict():
 
 
 def test_nothing_rendered_is_unknown_not_zero():
-    found = regime_map(lambda d, a, r: Point(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
+    found = regime_map(lambda d, a, r: AxisPoint(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
     assert np.isnan(found.formula_error.values).all()
 
 
@@ -57,7 +59,7 @@ def test_figure_is_drawn(tmp_path):
     assert save_png(regime_figure(found), tmp_path / "regime.png").stat().st_size > 10_000
     telephone = regime_figure(found, narrow=True)
     assert telephone.get_figwidth() < 5
-    assert [percent(e) for e in (0.0001, -0.051, -0.4, -0.9995, 2.5, np.nan)] == [
+    assert [percent_text(e) for e in (0.0001, -0.051, -0.4, -0.9995, 2.5, np.nan)] == [
         "0", "−5.1", "−40", "−99.9", "250", "–",
     ]  # fmt: skip
-    assert [percent(e, whole=True) for e in (-0.051, -0.4, -0.9995, np.nan)] == ["−5", "−40", "−99", "–"]
+    assert [percent_text(e, whole=True) for e in (-0.051, -0.4, -0.9995, np.nan)] == ["−5", "−40", "−99", "–"]

@@ -17,7 +17,7 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
 from lightfield.sweep.estimate import as_text
-from lightfield.sweep.plan import Plan, SweepSettings, make_plan
+from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.sharing import MOST_SPREAD
 
 SCENE = Scene.from_toml(
@@ -33,7 +33,7 @@ SCENE = Scene.from_toml(
 )
 
 
-def planned(*ranges: str, scene: Scene = SCENE) -> Plan:
+def planned(*ranges: str, scene: Scene = SCENE) -> SweepPlan:
     return make_plan(scene, [parse_axis(text) for text in ranges], SweepSettings())
 
 

@@ -6,8 +6,8 @@ from enum import Enum
 
 from pydantic import Field, computed_field
 
-from lightfield.diagnosis.verdict.parts import Doubt, Part
-from lightfield.readings.columns import LoadWarning
+from lightfield.diagnosis.verdict.parts import Doubt, Record
+from lightfield.readings.load_warning import LoadWarning
 
 
 class Warns(str, Enum):
@@ -74,7 +74,7 @@ _WORDS = {
 }
 
 
-class Caution(Part):
+class Caution(Record):
     """Something to be warned of."""
 
     warns: Warns
@@ -82,7 +82,12 @@ class Caution(Part):
         None, description="the parameter that it speaks of; of a reading table its warning's stable name"
     )
     values: dict[str, float] = Field(default_factory=dict, description="the numbers it rests on, by name")
-    said: str | None = Field(None, description="of a reading table: what is the matter, and what would help")
+    table: LoadWarning | None = Field(None, description="what the table's own checks say, where it is that")
+
+    @computed_field(description="`table` in words: what is the matter, and what would help")  # type: ignore[prop-decorator]
+    @property
+    def said(self) -> str | None:
+        return None if self.table is None else str(self.table)
 
     @computed_field(description="the caution in words")  # type: ignore[prop-decorator]
     @property
@@ -92,7 +97,7 @@ class Caution(Part):
     @classmethod
     def of_table(cls, warning: LoadWarning) -> Caution:
         """What the table's own checks say."""
-        return cls(warns=Warns.TABLE, about=warning.code, said=str(warning))
+        return cls(warns=Warns.TABLE, about=warning.code.value, table=warning)
 
 
 def not_confirmed(why: Doubt) -> str:

@@ -22,7 +22,7 @@ from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.aside_words import REPEATS
 from lightfield.diagnosis.verdict.found.left import Local, without_it
 from lightfield.diagnosis.verdict.next_measurement import NextMeasurement, repeat
-from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, Spot
+from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, PlaceToRead
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter, Model
@@ -97,9 +97,9 @@ def along(misfit: Misfit | None, left: Sequence[LeftOver]) -> list[LeftOver]:
     return sorted(left, key=lambda one: misfit is not None and one.coordinate != misfit.coordinate)
 
 
-def _spot(problem: Problem, at: int) -> Spot:
+def _spot(problem: Problem, at: int) -> PlaceToRead:
     lay = problem.layout
-    return Spot(
+    return PlaceToRead(
         x_m=float(lay.x_m[at]), y_m=float(lay.y_m[at]), z_m=float(lay.z_m[at]),
         medium="air" if lay.air[at] else "water", repeats=REPEATS,
     )  # fmt: skip

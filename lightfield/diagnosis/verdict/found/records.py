@@ -4,8 +4,9 @@ would be without it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot, isfinite
+from math import hypot
 
+from lightfield.arrays import finite
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Evidence
@@ -63,10 +64,10 @@ def _record(
     return known.model_copy(
         update={
             "level": level,
-            "sigma_to_remove": _finite(one.sigma_to_remove),
-            "gap": _finite(one.gap),
-            "gap_named": _finite(one.gap_named),
-            "gap_plus": _finite(one.gap_plus),
+            "sigma_to_remove": finite(one.sigma_to_remove),
+            "gap": finite(one.gap),
+            "gap_named": finite(one.gap_named),
+            "gap_plus": finite(one.gap_plus),
             "rival": sorted(one.rival.names) if one.rival is not None else [],
             "alternatives": [list(names) for names in one.alternatives],
             "weight": one.weight,
@@ -80,10 +81,6 @@ def _rms_percent(candidate: Candidate, fit: Fit) -> float | None:
     if not candidate.effect.is_free_form:
         return None
     return 100 * hypot(*(fit.values[p.path] for p in candidate.amplitudes))
-
-
-def _finite(number: float) -> float | None:
-    return number if isfinite(number) else None
 
 
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isnan
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -13,7 +14,7 @@ from lightfield.fitting.least_squares import Fit
 
 
 @dataclass(frozen=True)
-class Best:
+class BestSoFar:
     """The best set so far."""
 
     problem: Problem
@@ -38,13 +39,13 @@ class SoFar:
     ----------
     sets : int
         Sets of effects that were fitted.
-    best : Best, optional
+    best : BestSoFar, optional
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda line: None) -> None:
         self._tell = tell
         self.sets = 0
-        self.best: Best | None = None
+        self.best: BestSoFar | None = None
         self._base_percent: float | None = None
 
     def __call__(self, stage: str) -> None:
@@ -54,15 +55,15 @@ class SoFar:
         """So many sets more were fitted, and this is the best so far."""
         self.sets += sets
         if self.best is None or fit is not self.best.fit:
-            self.best = Best(problem, explanation, fit)
+            self.best = BestSoFar(problem, explanation, fit)
             if not explanation:
                 self._base_percent = self.best.error_percent
         if sets:
             self._tell(self._line(self.best))
 
-    def _line(self, best: Best) -> str:
+    def _line(self, best: BestSoFar) -> str:
         names = " + ".join(c.name for c in best.explanation) or "no effect"
-        return f"{self.sets} sets of effects tried; best so far: {best.error_percent:.3g} % with {names}"
+        return f"{self.sets} sets of effects tried; best so far: {_percent(best.error_percent)} with {names}"
 
     def as_text(self) -> str:
         """The best set in full, several lines; "" where nothing was fitted yet."""
@@ -70,16 +71,20 @@ class SoFar:
             return ""
         best = self.best
         names = join([c.name for c in best.explanation]) or "no effect"
-        base = "" if self._base_percent is None else f" (without any {self._base_percent:.3g} %)"
+        base = "" if self._base_percent is None else f" (without any {_percent(self._base_percent)})"
         lines = [
             f"Stopped after {self.sets} sets of effects. What fits best so far was not tested, and other "
             "effects may do as well:",
-            f"  error {best.error_percent:.3g} % with {names}{base}",
+            f"  error {_percent(best.error_percent)} with {names}{base}",
         ]
         return "\n".join([*lines, *(f"  {_effect(c, best)}" for c in best.explanation)])
 
 
-def _effect(candidate: Candidate, best: Best) -> str:
+def _percent(error: float) -> str:
+    return "in no per cent (a dark model)" if isnan(error) else f"{error:.3g} %"
+
+
+def _effect(candidate: Candidate, best: BestSoFar) -> str:
     if candidate.effect.is_free_form:
         return f"{candidate.name}: a curve of {len(candidate.amplitudes)} functions"
     known = best.problem.forward.scene.parameters()

@@ -24,7 +24,7 @@ _HOLE = ("\u221e", "-\u221e", "\ufffd")  # how Java writes infinity and not-a-nu
 
 
 @dataclass
-class Block:
+class MarkedLines:
     """Lines between a begin and an end marker, blank ones left out."""
 
     title: str
@@ -42,7 +42,7 @@ class Document:
     title : str
         First line that is not blank.
     header : dict of str to str
-    blocks : list of Block
+    blocks : list of MarkedLines
     ended : bool
         Does the last line have an end?
     lines : tuple of str
@@ -52,16 +52,16 @@ class Document:
     where: str
     title: str
     header: dict[str, str]
-    blocks: list[Block]
+    blocks: list[MarkedLines]
     ended: bool
     lines: tuple[str, ...] = ()
 
-    def block(self, *words: str) -> Block | None:
+    def block(self, *words: str) -> MarkedLines | None:
         """The first block whose title holds all these words."""
-        return next((b for b in self.blocks if all(word in labels.plain(b.title) for word in words)), None)
+        return next((b for b in self.blocks if all(word in labels.folded(b.title) for word in words)), None)
 
     @property
-    def numbers(self) -> Block | None:
+    def numbers(self) -> MarkedLines | None:
         """The block of the spectrum: the first of which every language's words are left aside."""
         return self.block("spectr") or next(iter(self.blocks), None)
 
@@ -70,13 +70,13 @@ def take_apart(content: text.Text, where: str) -> Document:
     """Title, header and blocks of a file; lines are told by what stands in them, never by their number."""
     title = ""
     header: dict[str, str] = {}
-    blocks: list[Block] = []
+    blocks: list[MarkedLines] = []
     for number, line in enumerate(content.lines, start=1):
         marker = _MARKER.fullmatch(line)
         if marker:
             words = f"{marker[1]} {marker[2]}".strip()
             if not _ends(words, blocks):
-                blocks.append(Block(words))
+                blocks.append(MarkedLines(words))
             elif blocks:
                 blocks[-1].closed = True
         elif not line.strip():
@@ -93,11 +93,11 @@ def take_apart(content: text.Text, where: str) -> Document:
     return Document(where, title, header, blocks, content.ended, content.lines)
 
 
-def _ends(words: str, blocks: Sequence[Block]) -> bool:
+def _ends(words: str, blocks: Sequence[MarkedLines]) -> bool:
     """Does this marker end a block? By its word where that is known; else if a block is open."""
-    if _BEGINS.match(labels.plain(words)):
+    if _BEGINS.match(labels.folded(words)):
         return False
-    if _ENDS.match(labels.plain(words)):
+    if _ENDS.match(labels.folded(words)):
         return True
     return bool(blocks) and not blocks[-1].closed and bool(blocks[-1].lines)
 
@@ -114,7 +114,7 @@ def _note_header(header: dict[str, str], number: int, line: str) -> None:
     header[name] = value.strip()
 
 
-def numbers(block: Block, width: int, problems: Problems) -> Array:
+def numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
     """The numbers of a block, shape (n_lines, width); nan where a cell says that there is none.
 
     What cannot be read is noted in `problems`, with its line.
@@ -152,7 +152,7 @@ def numbers(block: Block, width: int, problems: Problems) -> Array:
 def spectrum(
     document: Document,
     name: str,
-    block: Block | None,
+    block: MarkedLines | None,
     columns: Sequence[str],
     problems: Problems,
     **more: Any,
@@ -164,7 +164,7 @@ def spectrum(
     document : Document
     name : str
         Of the format.
-    block : Block, optional
+    block : MarkedLines, optional
         Lines of numbers; None is noted as a problem.
     columns : sequence of str
         Names of the columns behind the wavelength.
@@ -218,9 +218,9 @@ def spectrum(
     )
 
 
-def _check_axis(wavelength: Array, block: Block, header: dict[str, str], problems: Problems) -> None:
+def _check_axis(wavelength: Array, block: MarkedLines, header: dict[str, str], problems: Problems) -> None:
     axis = labels.lookup(header, "axis")
-    if axis and re.search(r"pixel|raman|shift|wavenumber|energ", labels.plain(axis[1])):
+    if axis and re.search(r"pixel|raman|shift|wavenumber|energ", labels.folded(axis[1])):
         problems.add(
             "the x axis is not wavelength", found=f"{axis[0]}: {axis[1]}", remedy="export wavelengths in nm"
         )
@@ -243,7 +243,7 @@ def _check_axis(wavelength: Array, block: Block, header: dict[str, str], problem
         )
 
 
-def _check_complete(document: Document, block: Block, table: Array, problems: Problems) -> list[str]:
+def _check_complete(document: Document, block: MarkedLines, table: Array, problems: Problems) -> list[str]:
     notes = []
     announced, rows = labels.count(document.header, "pixels"), len(table)
     if announced is not None and rows < announced:

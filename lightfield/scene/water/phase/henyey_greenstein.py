@@ -9,7 +9,7 @@ from lightfield.arrays import Array
 from lightfield.scene.water.phase.function import FOUR_PI, PhaseFunction
 
 
-class HenyeyGreenstein(PhaseFunction):
+class HenyeyGreensteinPhase(PhaseFunction):
     """Henyey & Greenstein (1941), Astrophys. J. 93, 70.
 
     Parameters
@@ -44,7 +44,7 @@ class HenyeyGreenstein(PhaseFunction):
         return self.g
 
 
-class TwoTermHenyeyGreenstein(PhaseFunction):
+class TwoTermHenyeyGreensteinPhase(PhaseFunction):
     """Sum alpha HG(g1) + (1 - alpha) HG(g2) (Kattawar 1975; for sea water Haltrin 2002, Appl. Opt. 41, 1022).
 
     Parameters
@@ -56,7 +56,7 @@ class TwoTermHenyeyGreenstein(PhaseFunction):
     """
 
     def __init__(self, g1: float, g2: float, alpha: float) -> None:
-        self.first, self.second, self.alpha = HenyeyGreenstein(g1), HenyeyGreenstein(g2), alpha
+        self.first, self.second, self.alpha = HenyeyGreensteinPhase(g1), HenyeyGreensteinPhase(g2), alpha
 
     def pdf(self, cos_theta: ArrayLike) -> Array:
         """Weighted sum."""

@@ -43,7 +43,7 @@ class Molecular(PhaseFunction):
         return 0.0
 
 
-class WithMolecules(PhaseFunction):
+class ParticlesAndMolecules(PhaseFunction):
     """Particles and molecules side by side.
 
     Parameters

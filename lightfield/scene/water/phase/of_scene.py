@@ -7,7 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 from lightfield.errors import SceneError
 from lightfield.scene.water.phase import molecular, spec, tabulated
 from lightfield.scene.water.phase.function import PhaseFunction
-from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreenstein, TwoTermHenyeyGreenstein
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase, TwoTermHenyeyGreensteinPhase
 
 
 def phase_function(chosen: spec.TracedPhase) -> PhaseFunction:
@@ -19,13 +19,13 @@ def phase_function(chosen: spec.TracedPhase) -> PhaseFunction:
         `water.phase` of a scene, or what it is `with_molecules`.
     """
     if isinstance(chosen, spec.WithMolecules):
-        return molecular.WithMolecules(phase_function(chosen.particles), chosen.share)
+        return molecular.ParticlesAndMolecules(phase_function(chosen.particles), chosen.share)
     if isinstance(chosen, spec.HenyeyGreenstein):
-        return HenyeyGreenstein(chosen.g)
+        return HenyeyGreensteinPhase(chosen.g)
     if isinstance(chosen, spec.TwoTermHenyeyGreenstein):
-        return TwoTermHenyeyGreenstein(chosen.g1, chosen.g2, chosen.alpha)
+        return TwoTermHenyeyGreensteinPhase(chosen.g1, chosen.g2, chosen.alpha)
     if isinstance(chosen, spec.FournierForand):
-        return tabulated.FournierForand(chosen.n, chosen.mu)
+        return tabulated.FournierForandPhase(chosen.n, chosen.mu)
     if isinstance(chosen, spec.Petzold):
         return tabulated.petzold(chosen.water)
     return tabulated.measured(chosen.file)

@@ -23,7 +23,7 @@ PETZOLD_COLUMNS = {
 }
 
 
-class FournierForand(PhaseFunction):
+class FournierForandPhase(PhaseFunction):
     """Fournier & Forand (1994), form of Fournier & Jonasz (1999), Proc. SPIE 3761, 62.
 
     Parameters

@@ -1,0 +1,190 @@
+"""What is allowed in a reading table and will limit what it can tell: a record, and its words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from lightfield.readings.problems import line_ranges
+
+#: Names that a warning lists; of more it says how many.
+SHOWN = 5
+Value = int | float | str | None | tuple[int | float | str, ...]
+
+
+class Remarks(str, Enum):
+    """What a warning remarks; stable names, for programs."""
+
+    SATURATED = "saturated"
+    FEW_PLANES = "few_planes"
+    ON_AXIS_ONLY = "on_axis_only"
+    X_ONE_SIDE = "x_one_side"
+    CONSTANT_INTEGRATION_TIME = "constant_integration_time"
+    NO_REPEATS = "no_repeats"
+    NO_STDERR = "no_stderr"
+    NO_ERROR_BUDGET = "no_error_budget"
+    NO_TIME = "no_time"
+    SCAN_ORDER = "scan_order"
+    ENCODING = "encoding"
+    UNUSED_COLUMN = "unused_column"
+    UNUSED_ENTRY = "unused_entry"
+    TIME_FROM_HEADER = "time_from_header"
+    NO_DARK = "no_dark"
+    DARK_IN_PROGRAM = "dark_in_program"
+    FLAT_TOP = "flat_top"
+    NONLINEARITY = "nonlinearity"
+    MIXED_SETTINGS = "mixed_settings"
+    NO_EXPOSURE = "no_exposure"
+    ODD_FILE = "odd_file"
+    SINGLE_SPECTRA = "single_spectra"
+
+
+@dataclass(frozen=True)
+class LoadWarning:
+    """Something that is allowed and will limit what the readings can tell.
+
+    Parameters
+    ----------
+    code : Remarks
+    values : mapping
+        Numbers and names that it rests on, as its words call them.
+    """
+
+    code: Remarks
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+    @property
+    def sentence(self) -> str:
+        """What is the matter."""
+        words = _SENTENCES[self.code]
+        if callable(words):
+            return words(self.values)
+        return words.format(
+            **{name: _listed(v) if isinstance(v, tuple) else v for name, v in self.values.items()}
+        )
+
+    @property
+    def remedy(self) -> str:
+        """What would help."""
+        words = _REMEDIES[self.code]
+        return words(self.values) if callable(words) else words.format(**self.values)
+
+    def __str__(self) -> str:
+        return f"{self.sentence} ({self.remedy})"
+
+
+def _listed(names: Sequence[object]) -> str:
+    shown = ", ".join(map(str, names[:SHOWN]))
+    return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
+
+
+def _several(value: Value) -> tuple[int | float | str, ...]:
+    return value if isinstance(value, tuple) else ()
+
+
+def _few_planes(said: Mapping[str, Value]) -> str:
+    planes = said["planes"]
+    return (
+        f"only {planes} distance{'' if planes == 1 else 's'} along the tank: the fall with distance "
+        "can be explained in many ways"
+    )
+
+
+def _exposure(said: Mapping[str, Value]) -> str:
+    exposure_s, alike = said["exposure_s"], "dark signal and ambient light look alike"
+    if exposure_s is None:
+        return f"no integration times are given: {alike}"
+    return f"the integration time is {exposure_s:g} s throughout: {alike}"
+
+
+def _vary_exposure(said: Mapping[str, Value]) -> str:
+    if said["exposure_s"] is None:
+        return "give integration_time_s, and vary it"
+    return "vary it, or read with the detector capped"
+
+
+def _no_budget(said: Mapping[str, Value]) -> str:
+    return (
+        f"the error budget does not say {' and '.join(map(str, _several(said['terms'])))}: values will be "
+        "assumed, the gain estimated where a position is read in three visits"
+    )
+
+
+def _flat_top(said: Mapping[str, Value]) -> str:
+    levels = ", ".join(f"{level:g}" for level in _several(said["levels"])[:SHOWN])
+    return f"saturation: a flat top at {levels} in {_listed(_several(said['files']))}: its bands are marked"
+
+
+#: Of the correction of non-linearity, by what the files say of it.
+_CORRECTION = {
+    "no": "is off",
+    "mixed": "is on in some files only",
+    "unknown": "is not mentioned in the files",
+}
+
+
+def _nonlinearity(said: Mapping[str, Value]) -> str:
+    how = _CORRECTION[str(said["corrected"])]
+    return f"the non-linearity correction {how}: strong readings may be low"
+
+
+def _single(said: Mapping[str, Value]) -> str:
+    single, equal = ([int(row) for row in _several(said[name])] for name in ("single", "equal"))
+    parts = [f"readings {line_ranges(single)} come from single spectra"] if single else []
+    parts += [f"readings {line_ranges(equal)} from identical ones"] if equal else []
+    return f"{' and '.join(parts)}: no standard error (the scatter of pixels does not show lamp and position)"
+
+
+_Words = str | Callable[[Mapping[str, Value]], str]
+_SENTENCES: dict[Remarks, _Words] = {
+    Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
+    Remarks.FEW_PLANES: _few_planes,
+    Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
+    Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
+    Remarks.CONSTANT_INTEGRATION_TIME: _exposure,
+    Remarks.NO_REPEATS: "no position is read twice: drift shows only through the model, repositioning errors "
+    "do not show",
+    Remarks.NO_STDERR: "{unknown} of {readings} readings have no standard error: the noise has to be "
+    "estimated from the misfit",
+    Remarks.NO_ERROR_BUDGET: _no_budget,
+    Remarks.NO_TIME: "not all readings have a time: lamp drift cannot be tested",
+    Remarks.SCAN_ORDER: "the scan order is the plane order: every drift in time looks like a change with "
+    "distance",
+    Remarks.ENCODING: "the file is not UTF-8 and was read as Latin-1",
+    Remarks.UNUSED_COLUMN: "the column {unused!r} is not used; it looks like {missing}, which is missing",
+    Remarks.UNUSED_ENTRY: "{unused!r} in the head is not used; it looks like {missing}",
+    Remarks.TIME_FROM_HEADER: "times are taken from the dates in the files, from {start}",
+    Remarks.NO_DARK: "no dark spectrum for {files}: the dark signal is still in these readings",
+    Remarks.DARK_IN_PROGRAM: "the program held a dark spectrum: it may have been subtracted already",
+    Remarks.FLAT_TOP: _flat_top,
+    Remarks.NONLINEARITY: _nonlinearity,
+    Remarks.MIXED_SETTINGS: "the files differ in {setting}: {found}",
+    Remarks.NO_EXPOSURE: "some files do not say their exposure",
+    Remarks.ODD_FILE: "{note}: {files}",
+    Remarks.SINGLE_SPECTRA: _single,
+}
+_REMEDIES: dict[Remarks, _Words] = {
+    Remarks.SATURATED: "shorten the exposure there",
+    Remarks.FEW_PLANES: "measure at five distances or more",
+    Remarks.ON_AXIS_ONLY: "scan across the beam",
+    Remarks.X_ONE_SIDE: "add readings on the other side",
+    Remarks.CONSTANT_INTEGRATION_TIME: _vary_exposure,
+    Remarks.NO_REPEATS: "repeat a reference position three times or more",
+    Remarks.NO_STDERR: "give stderr from repeated spectra",
+    Remarks.NO_ERROR_BUDGET: "state them in the head of the file",
+    Remarks.NO_TIME: "give time_s, seconds since the first reading",
+    Remarks.SCAN_ORDER: "go back to the first plane at the end, or measure in random order",
+    Remarks.ENCODING: "save it as UTF-8",
+    Remarks.UNUSED_COLUMN: "rename it to {missing}, in that unit",
+    Remarks.UNUSED_ENTRY: "rename it to {missing}",
+    Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
+    Remarks.NO_DARK: "add files with the role dark, at the same exposure",
+    Remarks.DARK_IN_PROGRAM: "make sure that the files hold raw counts (scope mode without dark subtraction)",
+    Remarks.FLAT_TOP: "shorten the exposure; state the full scale",
+    Remarks.NONLINEARITY: "switch it on, or expect detector.saturation to be suspected",
+    Remarks.MIXED_SETTINGS: "keep one setting throughout",
+    Remarks.NO_EXPOSURE: "give integration_time_s",
+    Remarks.ODD_FILE: "look at the file",
+    Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
+}

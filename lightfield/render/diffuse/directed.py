@@ -1,0 +1,166 @@
+"""A trace of the diffuse light with the direction of emission kept, made or fetched from the cache."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.progress import heard_by, step
+from lightfield.render.backend import use_backend
+from lightfield.render.diffuse.between_g import SHAPES
+from lightfield.render.maps import transport_key
+from lightfield.render.response import store
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.grid import Grid, angle_nodes
+from lightfield.render.response.response import NEVER_SCATTERED, Reference, light_classes
+from lightfield.render.response.symmetry import MirrorImages, mirror_images
+from lightfield.scene import Scene
+
+#: Is told what is traced, and which part of it is done.
+Told = Callable[[str, float], None]
+#: Runs work that can be pickled, in another process, and waits for it; the work is given a `Told`.
+Elsewhere = Callable[[Callable[[Told], None]], None]
+
+
+@dataclass(frozen=True)
+class DirectedTrace:
+    """A trace that keeps the direction of emission, and all that its tallies depend on.
+
+    Parameters
+    ----------
+    scene : Scene
+        With everything neutral that is reweighed afterwards.
+    grid : Grid
+    reference : Reference
+    shapes : tuple of float
+        Of the phase function: a trace in each; none where it has no shape.
+    classes : tuple of int
+        Of light, that are kept.
+    photons : tuple of int
+        Sent for each shape.
+    seed : int
+    """
+
+    scene: Scene
+    grid: Grid
+    reference: Reference
+    shapes: tuple[float, ...]
+    classes: tuple[int, ...]
+    photons: tuple[int, ...]
+    seed: int
+
+    @functools.cached_property
+    def beam_nodes(self) -> BeamNodes:
+        """Nodes over the direction of emission."""
+        width = self.scene.lamp.hwhm_deg
+        return BeamNodes(angle_nodes(width), width)
+
+    @functools.cached_property
+    def images(self) -> MirrorImages:
+        """Which cells share their photons."""
+        return mirror_images(self.scene, self.grid)
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """In the cache."""
+        return {
+            "kind": "diffuse",
+            **transport_key(self.scene, self.grid, self.reference),
+            "g": self.shapes,
+            "classes": list(self.classes),
+            "photons": list(self.photons),
+            "seed": self.seed,
+            "nodes": asdict(self.beam_nodes.nodes),
+        }
+
+    def made(self, told: Told | None) -> dict[str, Array]:
+        """Tallies, errors and histories, by name."""
+        use_backend()
+        from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
+
+        scene, nodes, images = self.scene, self.beam_nodes, self.images
+        seen: list[tuple[NDArray[np.bool_], Array]] = []  # needed rows that were lit, and their tallies
+        errors = []
+        under = " under the water surface" if scene.surface_reflects else ""
+
+        def follow(words: str, part: float) -> None:
+            if told is not None:
+                told(f"tracing scattered and reflected light{under}", part)
+
+        for k, (g, sent) in enumerate(zip(self.shapes or (None,), self.photons, strict=True)):
+            path = SHAPES[scene.water.phase.type].path if g is not None else ""
+            one = scene if g is None else scene.with_values({path: g}, validate=False)
+            listening = nullcontext() if told is None else heard_by(follow)
+            with listening, step(k, len(self.photons), "" if g is None else f"g = {g:g}"):
+                tally, stderr, histories, excess, density = trace_by_direction(
+                    one, self.grid, self.reference, nodes, sent, self.seed, images
+                )
+            lit = np.isin(light_classes(histories), self.classes) & tally.any(axis=(0, 2))
+            seen.append((lit, tally[:, lit]))
+            errors.append(stderr)
+            del tally  # it is as large as all that the next trace needs
+        free_memory()
+        classes, used = light_classes(histories), np.any([lit for lit, _ in seen], axis=0)
+        rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
+        place, relative = np.zeros(len(histories), int), np.array(errors)
+        place[rows] = np.arange(len(rows))
+        # Light that was never scattered knows no g: the traces are one.
+        part, kinds = np.array(self.photons) / sum(self.photons), list(NEVER_SCATTERED)
+        relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
+        stacked = np.zeros((len(seen), nodes.nodes.size, len(rows), len(images.kept)), np.float32)
+        for at in reversed(range(len(stacked))):
+            lit, tally = seen.pop()
+            stacked[at][:, place[lit]] = tally
+        once = histories[rows, 0] == 0
+        stacked[:, :, once] = sum(p * t[:, once] for p, t in zip(part, stacked, strict=True))
+        return {
+            "tallies": stacked,
+            "relative_stderr": relative,
+            "histories": histories[rows],
+            "excess_m": excess[rows],
+            "density": density,
+        }
+
+
+@dataclass(frozen=True)
+class Keeper:
+    """Where traces come from.
+
+    Parameters
+    ----------
+    cache : bool
+        Look for them, and leave them, on disk.
+    told : callable, optional
+        Follows a trace that is made here.
+    elsewhere : callable, optional
+        Makes traces in another process, see `source.response_for`.
+    """
+
+    cache: bool = True
+    told: Told | None = None
+    elsewhere: Elsewhere | None = None
+
+    def of(self, trace: DirectedTrace) -> dict[str, Array]:
+        """What a trace gives, made only where it is not kept."""
+        key = trace.key
+        stored = store.load(key) if self.cache else None
+        if stored is None and self.cache and self.elsewhere is not None:
+            self.elsewhere(functools.partial(_keep, key, trace.made))
+            stored = store.load(key)
+        if stored is None:
+            stored = trace.made(self.told)
+            if self.cache:
+                store.save(key, stored)
+        return stored
+
+
+def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
+    """Trace into the cache."""
+    store.save(key, traced(told))

@@ -1,0 +1,49 @@
+"""A warning of a table is a record; its words are made of its values alone."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import TypeAdapter
+
+from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarks, Value
+
+VALUES: dict[Remarks, dict[str, Value]] = {
+    Remarks.SATURATED: {"saturated": 3, "readings": 41},
+    Remarks.FEW_PLANES: {"planes": 2},
+    Remarks.CONSTANT_INTEGRATION_TIME: {"exposure_s": 0.25},
+    Remarks.NO_STDERR: {"unknown": 7, "readings": 41},
+    Remarks.NO_ERROR_BUDGET: {"terms": ("plane_gain_percent", "position_mm")},
+    Remarks.UNUSED_COLUMN: {"unused": "x_cm", "missing": "x_m"},
+    Remarks.UNUSED_ENTRY: {"unused": "positon_mm", "missing": "position_mm"},
+    Remarks.TIME_FROM_HEADER: {"start": "2025-05-05 12:00:00"},
+    Remarks.NO_DARK: {"files": ("a.txt", "b.txt")},
+    Remarks.FLAT_TOP: {"levels": (6000.0,), "files": ("a.txt",)},
+    Remarks.NONLINEARITY: {"corrected": "mixed"},
+    Remarks.MIXED_SETTINGS: {"setting": "smoothing", "found": ("boxcar 0", "boxcar 5")},
+    Remarks.ODD_FILE: {"note": "the file ends within a line", "files": ("a.txt",)},
+    Remarks.SINGLE_SPECTRA: {"single": (1, 2, 3), "equal": (9,)},
+}
+RECORD = TypeAdapter(LoadWarning)
+
+
+@pytest.mark.parametrize("code", Remarks)
+def test_every_warning_says_its_values_and_reads_back(code: Remarks) -> None:
+    told = LoadWarning(code, VALUES.get(code, {}))
+    for value in VALUES.get(code, {}).values():
+        if code not in (Remarks.NONLINEARITY, Remarks.SINGLE_SPECTRA):
+            for one in value if isinstance(value, tuple) else (value,):
+                assert (one if isinstance(one, str) else f"{one:g}") in str(told)
+    assert told.sentence and told.remedy and "{" not in str(told)
+    assert RECORD.validate_json(RECORD.dump_json(told)) == told
+
+
+def test_rows_and_long_lists_are_told_in_few_words() -> None:
+    rows = LoadWarning(Remarks.SINGLE_SPECTRA, VALUES[Remarks.SINGLE_SPECTRA]).sentence
+    assert rows.startswith("readings 1-3 come from single spectra and readings 9 from identical ones:")
+    many = LoadWarning(Remarks.NO_DARK, {"files": tuple(f"{k}.txt" for k in range(SHOWN + 2))}).sentence
+    assert many.startswith("no dark spectrum for 0.txt, 1.txt, 2.txt, 3.txt, 4.txt and 2 more:")
+
+
+def test_no_integration_times_are_no_constant_one() -> None:
+    none = LoadWarning(Remarks.CONSTANT_INTEGRATION_TIME, {"exposure_s": None})
+    assert none.sentence.startswith("no integration times are given") and "and vary it" in none.remedy
