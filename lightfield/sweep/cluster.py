@@ -124,32 +124,38 @@ def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
     from distributed import Client, LocalCluster
 
     limit: Any = 0 if not workers else f"{memory_gb}GB" if memory_gb else "auto"
-    with _deaf_to_interrupts():
-        cluster = LocalCluster(
-            n_workers=0,
-            threads_per_worker=1,
-            processes=workers > 0,
-            memory_limit=limit,
-            host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
-            dashboard_address=f"{LOOPBACK}:0",
-            worker_dashboard_address=f"{LOOPBACK}:0",
-            silence_logs=logging.CRITICAL,
-        )
-    with cluster, Client(cluster, set_as_default=False) as client:
+    with contextlib.ExitStack() as stack:
+        with _deaf_to(signal.SIGINT):
+            cluster = LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                processes=workers > 0,
+                memory_limit=limit,
+                host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
+                dashboard_address=f"{LOOPBACK}:0",
+                worker_dashboard_address=f"{LOOPBACK}:0",
+                silence_logs=logging.CRITICAL,
+            )
+            stack.enter_context(cluster)
+        # Stopped while it connects it would never be closed, and wait half a minute for a cluster that has
+        # gone before it says so.
+        with _deaf_to(signal.SIGINT, signal.SIGTERM):
+            client = stack.enter_context(Client(cluster, set_as_default=False))
         cluster.scale(max(1, workers))
         client.wait_for_workers(max(1, workers))
         yield client
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Threads begun within it, and all processes that they begin, never see the Ctrl-C of the terminal.
+def _deaf_to(*stops: signal.Signals) -> Iterator[None]:
+    """Threads begun within it, and all processes that they begin, never see the Ctrl-C of the terminal, or
+    another stop.
 
     The main thread hears of it afterwards, and ends the workers.
     """
     # Would be begun with the first worker, and let Ctrl-C in again.
     multiprocessing.resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, stops)
     try:
         yield
     finally:

@@ -84,7 +84,7 @@ def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> 
     at = 0
     for part in parts:
         for first in range(0, part.shape[1], _AT_ONCE):
-            some = part[:, first : first + _AT_ONCE]
+            some = np.asarray(part[:, first : first + _AT_ONCE], float)
             white[:, at : (at := at + some.shape[1])] = whiten(some)
     gram, known = white.T @ white, at - columns.shape[1]
     # In the eigenvectors of what is shared one decomposition serves every phi.

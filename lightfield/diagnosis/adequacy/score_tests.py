@@ -190,7 +190,8 @@ class AdequacyTest:
         replicates = self.noise()
         if self._seen is None:
             # Unknowns look at the noise alike whatever was fitted; what the fit takes away goes off below.
-            self._seen = self._unknown(replicates), np.einsum("ij,ij->j", replicates, replicates)
+            squares = np.einsum("ij,ij->j", replicates, replicates, dtype=float)
+            self._seen = self._unknown(replicates), squares
         unknown, squares = self._seen
         views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()))
         chance = views.p_values(replicates, unknown, squares)[0].min(0)
@@ -212,7 +213,12 @@ class AdequacyTest:
         )
 
     def _unknown(self, residuals: Array) -> Mapping[str, Array]:
-        return {name: columns.T @ residuals for name, columns in self.unknowns.items()}
+        return {name: _products(columns, residuals) for name, columns in self.unknowns.items()}
+
+
+def _products(columns: Array, residuals: Array) -> Array:
+    """Of columns, shape (n, k), with residuals, shape (n, m), at the precision of these."""
+    return np.asarray(columns.astype(residuals.dtype, copy=False).T @ residuals, float)
 
 
 def _moved(fit: Fit) -> Array:
@@ -310,7 +316,8 @@ class _Views:
         squares : array, shape (m,)
             Their sums of squares.
         """
-        nu, fitted, directions = self.nu, self._free.T @ residuals, self._directions.T @ residuals
+        nu = self.nu
+        fitted, directions = (_products(each, residuals) for each in (self._free, self._directions))
         seen = {name: unknown[name] - self._fitted[name] @ fitted for name in unknown}
         scanned = {name: seen[name][at] / length[:, None] for name, (at, length) in self._scans.items()}
         every = np.vstack([({"effects": directions} | seen | scanned)[name] for name in self._parts])

@@ -191,4 +191,7 @@ def whitened_unknowns(problem: Problem, whiten: Whitener, with_scans: bool = Tru
     """`smooth_unknowns` of the readings that are kept, whitened."""
     noise = whiten.noise
     raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction, with_scans)
-    return {name: whiten(problem.keep[:, None] * columns) for name, columns in raw.items()}
+    return {
+        name: whiten(problem.keep[:, None] * columns).astype(whiten.kept_as, copy=False)
+        for name, columns in raw.items()
+    }

@@ -47,6 +47,8 @@ _LEFT_OUT, _ROUNDING = 1e-4, 1e-11
 #: reading's own variance on average, in the directions of which they share least. Beside 10,125 readings with
 #: scattered light 698 do for 1118.
 _MANY = 3000
+#: Rows of what readings share that are worked out at a time, to bound the memory.
+_AT_ONCE = 512
 #: The shared covariance of so many readings is kept while their factor is made. Beside errors of photons they
 #: are whitened as one: what 1495 of these share takes 957 columns, and as long to tell as the whole factor.
 _KEPT_WHOLE = 1500
@@ -198,9 +200,11 @@ class Noise:
     def _whole(self) -> dict[float, Array]:
         return {}
 
-    def forget_whole(self) -> None:
-        """Free the memory of what was kept while a factor was made."""
+    def forget(self, columns: bool) -> None:
+        """Free the memory of what was kept while a factor was made, with the shared columns or without."""
         self._whole.clear()
+        if columns:
+            self._smooth_columns.clear()
 
     @cached_property
     def _smooth_columns(self) -> dict[float, Array]:
@@ -213,17 +217,22 @@ class Noise:
         none by more than that on average.
         """
         if tolerance not in self._smooth_columns:
-            columns = np.hstack(self._parts(tolerance)) if self._few_modes else self._of_low_rank(tolerance)
-            if self.layout.size > _MANY:
-                columns = fewer(columns, self.sigma, _LEFT_OUT)
-            self._smooth_columns[tolerance] = columns
+            parts = self._parts(tolerance) if self._few_modes else [self._of_low_rank(tolerance)]
+            if self.layout.size > _MANY:  # of the first alone, then of what is left of it and the other
+                parts[0] = fewer(parts[:1], self.sigma, 0.5 * _LEFT_OUT)
+                parts = [fewer(parts, self.sigma, 0.5 * _LEFT_OUT)]
+            self._smooth_columns[tolerance] = np.hstack(parts)
         return self._smooth_columns[tolerance]
 
     def _of_low_rank(self, tolerance: float) -> Array:
         own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
 
         def between(a: Labels, b: Labels) -> Array:
-            return self._smooth(a, b, tolerance) / np.outer(own[a], own[b])
+            out = np.empty((len(a), len(b)))
+            for at in range(0, len(a), _AT_ONCE):
+                some = a[at : at + _AT_ONCE]
+                out[at : at + _AT_ONCE] = self._smooth(some, b, tolerance) / np.outer(own[some], own[b])
+            return out
 
         few = max(_LEFT_OUT, _ROUNDING * float(variance.max()))
         return own[:, None] * low_rank(between, variance, few)
@@ -258,8 +267,6 @@ class Noise:
         """Correlation of the own noise of all or some readings in scan order, shape (n, n)."""
         lay = self.layout
         a = np.arange(lay.size) if rows is None else rows
-        if rho == 0:
-            return np.eye(len(a))
         lag = np.abs(np.subtract.outer(lay.position[a], lay.position[a])).astype(int)
         one_channel = lay.channel[a][:, None] == lay.channel[a][None]
         powers = rho ** np.arange(lag.max() + 1)
@@ -267,8 +274,11 @@ class Noise:
 
     def covariance(self, rho: float, phi: float, tolerance: float, rows: Labels | None = None) -> Array:
         """phi S R S + plane gain + stage + tolerated smooth model error + Monte Carlo, shape (n, n)."""
-        sigma = self.sigma if rows is None else self.sigma[rows]
-        return phi * np.outer(sigma, sigma) * self.serial(rho, rows) + self.extra(tolerance, rows)
+        sigma, out = self.sigma if rows is None else self.sigma[rows], self.extra(tolerance, rows)
+        if rho == 0:
+            out[np.diag_indices(len(sigma))] += phi * sigma**2
+            return out
+        return phi * np.outer(sigma, sigma) * self.serial(rho, rows) + out
 
     def variance(self, phi: float, tolerance: float) -> Array:
         """Diagonal of the covariance without serial correlation, shape (n,)."""
@@ -320,15 +330,28 @@ class Whitener:
             #: Logarithm of the determinant of the covariance.
             self.log_determinant = float(np.log(variance).sum())
             return
+        self._block = block
+        self.log_determinant = self._factor.log_determinant
+
+    @cached_property
+    def _factor(self) -> ChainFactor:
+        noise, tolerance, block = self.noise, self.tolerance, self._block
         n, size = noise.layout.size, block or BLOCK
         if n <= (block or FEW) or (block is None and self._is_one(size)):
-            links: Iterable[ChainBlock] = [alone(noise.covariance(rho, phi, tolerance))]
+            links: Iterable[ChainBlock] = [alone(noise.covariance(self.rho, self.phi, tolerance))]
         else:
             self._order = np.argsort(noise.layout.position, kind="stable")
-            links = links_of(noise, rho, phi, tolerance, self._order, size)
-        self._factor = ChainFactor(links, single=self._order is not None and n > _MANY)
-        noise.forget_whole()
-        self.log_determinant = self._factor.log_determinant
+            links = links_of(noise, self.rho, self.phi, tolerance, self._order, size)
+        factor = ChainFactor(links, single=self._order is not None and n > _MANY)
+        # Noise of another serial correlation shares what it was made of.
+        noise.forget(columns=self.rho == 0)
+        return factor
+
+    def forget(self) -> None:
+        """Free the memory of the factor: who asks for it again has it made again."""
+        self.__dict__.pop("_factor", None)
+        self._of.clear()
+        self.noise.forget(columns=True)
 
     def _is_one(self, size: int) -> bool:
         """Do readings share so many errors that one block of them is as quick as many?"""
@@ -364,5 +387,10 @@ class Whitener:
         return self._of[key]
 
     def replicates(self, rng: np.random.Generator, count: int) -> Array:
-        """Whitened noise, shape (n, count)."""
-        return rng.standard_normal((self.noise.layout.size, count))
+        """Whitened noise, shape (n, count), as precise as tables that are kept."""
+        return np.asarray(rng.standard_normal((self.noise.layout.size, count), self.kept_as))
+
+    @property
+    def kept_as(self) -> type[np.float32] | type[np.float64]:
+        """Precision of whitened tables that are kept: of many readings single."""
+        return np.float32 if self.noise.layout.size > _MANY else np.float64

@@ -15,8 +15,9 @@ import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.pool.search import Many
-from lightfield.diagnosis.search.preparation import Bench, OwnErrors, Prepared, bench
+from lightfield.diagnosis.search.preparation import Bench, Prepared, bench
 from lightfield.diagnosis.search.progress import SILENT, Progress
 from lightfield.diagnosis.search.search import (
     Fitted,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
@@ -87,7 +88,7 @@ def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> 
     test, adequacy = best.test.on(problem), best.adequacy
     if problem.sample is not None and isinstance(test.whiten, Whitener):
         rows, problem = problem.sample
-        test = AdequacyTest(problem, test.whiten.of(rows), {}, test.noise, test.errors_stated)
+        test = AdequacyTest(problem, test.whiten.of(rows), {}, _never_tested, test.errors_stated)
     pool = Pool(Ground(test, adequacy.phi, adequacy.nu))
     own = {c.key: c for c in problem.candidates}
     explanation = tuple(own.get(c.key, c) for c in best.explanation)
@@ -108,6 +109,10 @@ def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> 
     )  # fmt: skip
     finding = replace(finding, many=many)
     return finding if data.problem.sample is not None else _beside(finding, pool, node, best.test)
+
+
+def _never_tested() -> Array:
+    raise AssertionError("a sample ranks, and tests nothing")
 
 
 def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Finding:

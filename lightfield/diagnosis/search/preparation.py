@@ -32,14 +32,9 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Ad
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
-from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
-from lightfield.diagnosis.search.description import Description, describe
-from lightfield.diagnosis.search.own_errors import (
-    from_shapes,
-    refitted,
-    under_own_errors,
-    with_response_error,
-)
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.description import describe
+from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.fitting.least_squares import Fit
 
@@ -80,6 +75,14 @@ class Prepared:
     def whitenings(self) -> dict[float, tuple[Whitener, Mapping[str, Array]]]:
         """Whitening and whitened unknowns by tolerance, once they are made."""
         return {}
+
+    @cached_property
+    def richest(self) -> tuple[Whitener, Fit, Array]:
+        """Whitening by the quoted errors alone, the description under it, and the rich model there."""
+        noise = replace(self.noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+        plain = Whitener(noise, self.serial.rho)
+        fit = self.problem.fit(self.explanation, plain, [self.reference.u])
+        return plain, fit, _rich(self.problem, plain, fit)
 
 
 @dataclass(frozen=True)
@@ -165,14 +168,15 @@ def prepare(
     known : sequence of (explanation, fit)
         Fits to the same readings with another trace of the diffuse light, to begin from.
     """
-    rich = _prepared(problem, quoted, budget, True, known)
+    rich = _prepared(problem, quoted, budget, known)
     if rich.to_trace_per_m or _base_passes(rich, rng, alpha):
         return rich
-    alone = _prepared(problem, quoted, budget, False)
-    if (alone.problem.keep == rich.problem.keep).all():
+    alone = _beside_base(problem, quoted, False)
+    kept, kept_by_rich = alone.problem.keep, rich.problem.keep
+    if (kept == kept_by_rich).all() or kept.sum() < kept_by_rich.sum() - 1:
         return rich
-    few = alone.problem.keep.sum() >= rich.problem.keep.sum() - 1
-    return alone if few and _base_passes(alone, rng, alpha) else rich
+    plain = _settled(alone, (), alone.fit, np.zeros_like(kept), budget, errors_stated(quoted))
+    return plain if _base_passes(plain, rng, alpha) else rich
 
 
 def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> bool:
@@ -182,23 +186,24 @@ def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> 
     return made.test(problem.fit((), made.whiten, starts)).passes(alpha)
 
 
-def _prepared(
-    problem: Problem, quoted: Array, budget: Budget, by_effects: bool, known: Sequence[Fitted] = ()
-) -> Prepared:
-    """Outliers judged beside the rich model (`by_effects`) or beside the base model alone."""
-    usable, stated = problem.keep, errors_stated(quoted)
+def _beside_base(problem: Problem, quoted: Array, by_effects: bool) -> Kept:
+    """Outliers judged beside the base model, and what effects would make of it (`by_effects`) or alone."""
     first = _plain(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
-    kept = _without_outliers(problem, quoted, (), base, usable, by_effects)
+    return _without_outliers(problem, quoted, (), base, problem.keep, by_effects)
+
+
+def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = ()) -> Prepared:
+    """Outliers judged beside the rich model."""
+    usable, stated = problem.keep, errors_stated(quoted)
+    kept = _beside_base(problem, quoted, True)
     problem, whiten, base = kept[:3]
-    law = _law(kept) if stated and by_effects else None
+    law = _law(kept) if stated else None
     if law is not None:
-        return replace(_prepared(replace(problem, keep=usable), law, budget, True, known), doubted=True)
-    described = Description((), base)
-    if by_effects:
-        # The light of another trace moves the fits by it too far to begin from there.
-        same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
-        described = describe(problem, whiten, base, stated, same)
+        return replace(_prepared(replace(problem, keep=usable), law, budget, known), doubted=True)
+    # The light of another trace moves the fits by it too far to begin from there.
+    same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
+    described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
     own: Array = np.zeros_like(usable, float)
     if explanation:
@@ -300,17 +305,14 @@ def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Ben
 
 def _whitening(prepared: Prepared, tolerance: float) -> Whitener:
     """By all errors, the quoted ones scaled to the scatter beside the richest model."""
-    problem, noise, rho = prepared.problem, prepared.noise, prepared.serial.rho
-    quoted_alone = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
-    plain = Whitener(quoted_alone, rho)
-    reference = problem.fit(prepared.explanation, plain, [prepared.reference.u])
-    rich = _rich(problem, plain, reference)
+    problem, noise = prepared.problem, prepared.noise
+    plain, reference, rich = prepared.richest
     about = with_response_error(problem, noise, reference)
     if problem.layout.size <= FEW:
         phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
     else:
         phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep)
-    return Whitener(noise, rho, phi, tolerance)
+    return Whitener(noise, plain.rho, phi, tolerance)
 
 
 def _bench(
@@ -352,49 +354,3 @@ def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
             other = Whitener(whiten.noise, rho, whiten.phi, whiten.tolerance)
             white[:, mine] = whiten(other.coloured(white[:, mine]))
     return white
-
-
-@dataclass(frozen=True)
-class OwnErrors:
-    """Judges explanations by diffuse light, whose response has an error of its own size.
-
-    Parameters
-    ----------
-    main : Bench
-        Of the base model; sets scale and tolerance.
-    """
-
-    prepared: Prepared
-    main: Bench
-    rng: np.random.Generator
-
-    def promise(self, fit: Fit) -> float:
-        """Chi-square and growth of the log determinant where the fit lies now."""
-        problem, main = self.prepared.problem, self.main.whiten
-        noise = with_response_error(problem, self.prepared.noise, fit)
-        whiten = Whitener(noise, main.rho, main.phi, main.tolerance)
-        residual = whiten(problem.keep * (problem.value - fit.prediction))
-        return float(residual @ residual) + whiten.log_determinant - main.log_determinant
-
-    def hopeless(self, fit: Fit, best: Fit) -> bool:
-        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
-        if self.prepared.problem.sample is None:
-            return False
-        rows, problem = self.prepared.problem.sample
-        main = self.main.whiten.of(rows)
-        own = with_response_error(problem, self.prepared.noise.subset(rows), fit)
-        whiten = Whitener(own, main.rho, main.phi, main.tolerance)
-        mine, other = (
-            float((w(problem.keep * (problem.value - f.prediction[rows])) ** 2).sum())
-            for w, f in ((whiten, fit), (main, best))
-        )
-        behind = mine + whiten.log_determinant - main.log_determinant - other
-        return behind > FAR_BEHIND * max(1.0, other / len(problem.value))
-
-    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
-        """Test, fit from where the last one lies, and growth of the log determinant."""
-        settle = from_shapes if len(explanation) == 1 else under_own_errors
-        problem = self.prepared.problem
-        whiten, best = refitted(settle, problem, explanation, fit, self.main.whiten)
-        growth = whiten.log_determinant - self.main.whiten.log_determinant
-        return judged(self.prepared, whiten, self.rng), best, growth

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from lightfield.fitting.parameter import Model
 _POINTS, _STEPS, _LEFT = 9, 15, 1e-2
 #: Steps from every point of a grid before the best is fitted to the end.
 ROUGH_STEPS = 4
+#: Within so many standard errors of a minimum a sample is not asked whether it is far behind.
+_BESIDE = 2.1
 #: Chi-square, in units of the scale, by which a minimum must be lower to be another one.
 _LOWER = 0.1
 #: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
@@ -58,13 +61,16 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, fa
         grid = np.r_[grid, fit.u[i] + sigma * np.array([-2.0, -1.0, 1.0, 2.0])]
     grid = np.unique(np.clip(grid, parameter.low, parameter.high))
     led, out = _leader(problem, fit, whiten), list[Fit]()
+    near = _BESIDE * sigma if known else 0.0
     for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
         row = [fit]
         for value in side:
             held = parameter.held(float(value))
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
-            start, steps = led(model, row[-1].u)
+            start, steps = row[-1].u, _STEPS
+            if abs(value - fit.u[i]) > near:
+                start, steps = led(model, start)
             row.append(least_squares(model, problem.value, whiten, start, problem.keep, steps, _LEFT))
         chi2 = [f.chi2 for f in row] + [np.inf]
         for k in range(1, len(row)):
@@ -80,18 +86,19 @@ def _leader(problem: Problem, fit: Fit, whiten: Whiten) -> Callable[[Model, Arra
     if problem.sample is None or not isinstance(whiten, Whitener):
         return lambda _, start: (start, _STEPS)
     rows, some = problem.sample
-    own = whiten.of(rows)
 
     def rough(model: Model, start: Array, steps: int) -> Fit:
         there = replace(model, forward=some.forward)
-        return least_squares(there, some.value, own, start, some.keep, steps, _LEFT)
+        return least_squares(there, some.value, whiten.of(rows), start, some.keep, steps, _LEFT)
 
-    best = rough(fit.model, fit.u, 0).chi2
-    far = best + FAR_BEHIND * max(1.0, best / len(some.value))
+    @cache
+    def far() -> float:
+        best = rough(fit.model, fit.u, 0).chi2
+        return best + FAR_BEHIND * max(1.0, best / len(some.value))
 
     def led(model: Model, start: Array) -> tuple[Array, int]:
         found = rough(model, start, _STEPS)
-        return (found.u, 0) if found.chi2 > far else (start, _STEPS)
+        return (found.u, 0) if found.chi2 > far() else (start, _STEPS)
 
     return led
 

@@ -45,6 +45,9 @@ _FAR = 3.0
 _NEAR = 1.5
 #: Traces of a ratio have seeds of their own, so many of each diagnosis.
 _SEED, _OF_EACH = 7000, 100
+#: Part of what the readings say of the photons' noise that is taken to be their own at most: of many readings
+#: what they share is known to `noise._LEFT_OUT` alone, and one less a part is what the widening is told by.
+_ALL_PHOTONS = 1 - 1e-4
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12
 
@@ -105,6 +108,9 @@ def settled(
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
         done.append((tried, _settled_from(problem, tried, seed)))
+        test = tried.test
+        if test and test is not finding.level.bench.test and isinstance(test.whiten, Whitener):
+            test.whiten.forget()  # of its own errors, which are others now
     found = _accepted(prepared, finding, done, rng)
     tolerance = prepared.noise.budget.tolerance
     if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
@@ -213,29 +219,46 @@ def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitene
     seed : int
         Of the traces.
     """
-    some, there, own = on_sample(problem, explanation, fit, whiten)
     light = problem.forward.light
-    now, traced = _settled(Settled(some, own, there), explanation, light, seed, [])
+    traced = [_traced(light, fit, PHOTONS, seed, 0)]
+    problem = _in_light(problem, traced)  # of whose nodes a sample has the light too
+    some, there, own = on_sample(problem, explanation, fit, whiten)
+    now, traced = _settled(Settled(some, own, there), explanation, light, seed, traced, PHOTONS)
     if some is not problem:
-        every = with_light(problem, [(scene, ratio) for _, scene, ratio in traced])
+        every = _in_light(problem, traced)
         there = every.fit(explanation, whiten, [now.fit.u], max_steps=0)
-        now, _ = _settled(Settled(every, whiten, there), explanation, light, seed, traced)
+        photons = traced[-1][2].photons
+        now, _ = _settled(Settled(every, whiten, there), explanation, light, seed, traced, photons, _ROUNDS)
     return now
 
 
+def _traced(light: LightSource, fit: Fit, photons: float, seed: int, number: int) -> _Trace:
+    return fit.u, *ratio_at(light, fit.values, photons, _SEED + _OF_EACH * seed + number)
+
+
+def _in_light(problem: Problem, traced: list[_Trace]) -> Problem:
+    return with_light(problem, [(scene, ratio) for _, scene, ratio in traced])
+
+
 def _settled(
-    now: Settled, explanation: Explanation, light: LightSource, seed: int, traced: list[_Trace]
+    now: Settled,
+    explanation: Explanation,
+    light: LightSource,
+    seed: int,
+    traced: list[_Trace],
+    photons: float,
+    first: int = 0,
 ) -> tuple[Settled, list[_Trace]]:
     """The same of the readings of a problem, from what was traced before, for the places of `light`."""
-    photons, first = (traced[-1][2].photons, _ROUNDS) if traced else (PHOTONS, 0)
     for k in range(_ROUNDS):
-        if k > 0 or not traced:
-            number = _SEED + _OF_EACH * seed + first + k
-            scene, ratio = ratio_at(light, now.fit.values, photons, number)
-            traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [(now.fit.u, scene, ratio)]
-        own = with_light(now.problem, [(s, r) for _, s, r in traced])
+        if k > 0:
+            new = _traced(light, now.fit, photons, seed, first + k)
+            traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [new]
+        own = _in_light(now.problem, traced)
         before = now.fit.u
-        whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten)
+        # All readings are fitted from where a sample has led: their errors are known as well as there.
+        rounds = 1 if first and k > 0 else 2
+        whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten, rounds)
         if k == 0 and _moved(fit, before) > _FAR:
             fit = restarted(own, explanation, fit, whiten)
             whiten, fit = under_own_errors(own, explanation, fit, whiten, rounds=1)
@@ -255,13 +278,21 @@ def _moved(fit: Fit, other: Array) -> float:
 
 
 def _widened(now: Settled) -> float:
-    """By which part the photons' noise widens the errors of a fit, at most."""
-    whiten = now.whiten
-    still = Whitener(replace(whiten.noise, photon_modes=None), whiten.rho, whiten.phi, whiten.tolerance)
-    slopes = still(whiten.coloured(now.fit.jacobian))
+    """By which part the photons' noise widens the errors of a fit, at most.
+
+    Without it the covariance C is C - P P^T, whose inverse is that of C and, whitened by C, one matrix as
+    small as P has columns (Woodbury 1950).
+    """
+    slopes, modes = now.fit.jacobian, now.whiten.noise.photon_modes
     norm = np.linalg.norm(slopes, axis=0)
     with_photons = np.diag(now.fit.covariance())
     free = (norm > 0) & np.isfinite(with_photons)
     unit = slopes[:, free] / norm[free]
-    without = np.diag(np.linalg.pinv(unit.T @ unit, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
+    information = unit.T @ unit
+    if modes is not None and modes.size:
+        white = now.whiten(modes)
+        known, directions = np.linalg.eigh(white.T @ white)
+        seen = directions.T @ (white.T @ unit)
+        information += seen.T @ (seen / (1 - np.minimum(known, _ALL_PHOTONS))[:, None])
+    without = np.diag(np.linalg.pinv(information, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
     return float(np.max(np.sqrt(with_photons[free] / without) - 1, initial=0.0))

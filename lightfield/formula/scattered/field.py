@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
@@ -122,6 +124,13 @@ class ScatteredField:
         self._paths = lru_cache(_PATHS)(self._paths_to)
         self._sent = lru_cache(_STEPS)(self._sent_along)
         self._spreads = lru_cache(_SPREADS)(self._spread)
+
+    def some(self, rows: NDArray[np.bool_]) -> ScatteredField:
+        """At some of the places, from the same nodes: what was worked out for all is known there."""
+        out = copy(self)
+        out.x_m, out.y_m, out.z_m = self.x_m[rows], self.y_m[rows], self.z_m[rows]
+        out._seen = lru_cache(_STEPS)(out._seen_from)
+        return out
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.

@@ -99,10 +99,8 @@ class FollowedLight:
 
     def some(self, rows: NDArray[np.bool_]) -> FollowedLight:
         """At some of the readings, from the same traces."""
-        f = self.field
-        field = ScatteredField(f.x_m[rows], f.y_m[rows], f.z_m[rows])
         return replace(
-            self, field=field, response=self.response.some(rows), ratio=self.ratio[:, rows],
+            self, field=self.field.some(rows), response=self.response.some(rows), ratio=self.ratio[:, rows],
             root=self.root[:, rows],
         )  # fmt: skip
 

@@ -12,6 +12,7 @@ from toy_problem import Toy, candidate, layout, waves
 from lightfield.diagnosis.adequacy import score_tests
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, SPANS, VARIANCE_EXCESS
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
+from lightfield.diagnosis.problem import noise as noise_module
 
 
 def toy(one_sided: bool = False, planes: int = 5, across: int = 12) -> Toy:
@@ -156,3 +157,20 @@ def test_an_unknown_that_no_effect_describes_is_seen_by_its_own_test(kind: str) 
     assert found.p == 1 / 200
     own = {"plane": ("~plane", "~all", "~one plane"), "step": ("~time", "~step", "~all")}[kind]
     assert found.worst in own
+
+
+def test_noise_and_unknowns_in_single_precision_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they are kept of many readings: 500 of them, beside doubles."""
+    made = toy(across=100)
+    problem = made.drawn(np.random.default_rng(4), odd=0.1)
+    fit, noise = made.fit(problem), replicates(made, 999)
+    exact = made.test(problem, noise)(fit)
+    monkeypatch.setattr(noise_module, "_MANY", 400)
+    test = made.test(problem, noise.astype(np.float32))
+    assert {columns.dtype for columns in test.unknowns.values()} == {np.dtype(np.float32)}
+    assert made.whiten.replicates(np.random.default_rng(0), 9).dtype == np.float32
+    single = test(fit)
+    assert 0.01 < exact.p < 0.99 and single.p == pytest.approx(exact.p, abs=2e-3)
+    assert (single.nu, single.phi) == (exact.nu, pytest.approx(exact.phi, rel=1e-5))
+    for name, p in exact.tests.items():
+        assert single.tests[name] == pytest.approx(p, rel=1e-3)

@@ -118,13 +118,13 @@ def test_fewer_columns_tell_the_same_covariance_but_for_its_least_directions() -
     Young 1936, doi:10.1007/BF02288367)."""
     rng, allowed = np.random.default_rng(0), 1e-3
     own, columns = 1 + rng.random(400), rng.normal(size=(400, 60)) * np.geomspace(1, 1e-4, 60)
-    kept = fewer(columns, own, allowed)
+    kept = fewer([columns[:, :20], columns[:, 20:]], own, allowed)
     left = (columns @ columns.T - kept @ kept.T) / np.outer(own, own)
     assert 0.1 * allowed < np.diag(left).mean() < 1.001 * allowed
     square = np.linalg.svd(columns / own[:, None], compute_uv=False)[::-1] ** 2
     assert np.linalg.eigvalsh(left).min() > -1e-6 * square[-1]  # rounding of single precision
     assert kept.shape[1] == 60 - int((np.cumsum(square) <= allowed * 400).sum()) < 60
-    assert fewer(columns, own, 0.0).shape == columns.shape
+    assert fewer([columns], own, 0.0).shape == columns.shape
 
 
 def test_many_readings_are_whitened_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -196,3 +196,15 @@ def test_whitening_many_readings_takes_little_memory() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert np.isfinite(white).all() and peak < 8 * n * n
+
+
+@pytest.mark.parametrize("block", [None, 64])
+def test_a_factor_that_was_forgotten_is_made_again(block: int | None) -> None:
+    noise = noise_of(300, 3, 0.003, True, 0.0, 5, 0.01, False)
+    columns = np.random.default_rng(1).normal(size=(300, 5))
+    whiten = Whitener(noise, 0.3, 1.0, 0.003, block)
+    before = whiten(columns)
+    whiten.forget()
+    assert "_factor" not in vars(whiten) and not noise._smooth_columns
+    np.testing.assert_array_equal(whiten(columns), before)
+    np.testing.assert_allclose(whiten.coloured(before), columns, rtol=1e-9, atol=1e-9)

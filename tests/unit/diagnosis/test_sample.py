@@ -20,7 +20,8 @@ from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem import problem as problem_module
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
-from lightfield.diagnosis.search.preparation import OwnErrors, bench
+from lightfield.diagnosis.search.own_judge import OwnErrors
+from lightfield.diagnosis.search.preparation import bench
 from lightfield.diagnosis.search.profile import profiled
 from lightfield.diagnosis.search.rivals import nearest_rival
 from lightfield.diagnosis.search.search import Tried, bic

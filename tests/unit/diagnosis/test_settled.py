@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_readings import readings
+from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
@@ -82,3 +83,23 @@ def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypa
         assert (after.level is not found.finding.level) == (prepared is not found.prepared) == moved
         assert after.size == 0 and after.level in after.levels
         assert after.level.base.chi2 == pytest.approx(found.finding.level.base.chi2)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.02, 3.0])
+def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float) -> None:
+    """Beside the same fit, whitened without it; 400 readings are one block, others are a chain of them."""
+    lay = layout(5, 80)
+    made = Toy.of([candidate(name) for name in waves(lay)], waves(lay), lay)
+    columns = np.stack([made.base, *(made.sigma * wave for wave in waves(lay).values())], axis=1)
+    noise = replace(made.noise_within(0.003), photon_modes=amplitude * columns * [0.01, 1.0, 1.0, 1.0])
+    problem, explanation = made.problem, made.problem.candidates[:2]
+    start = problem.default_start(problem.model().start, explanation)
+    still = Whitener(replace(noise, photon_modes=None), 0.3, 1.0, 0.003)
+    expected = np.diag(problem.fit(explanation, still, [start]).covariance())
+    for block in (None, 64):
+        whiten = Whitener(noise, 0.3, 1.0, 0.003, block)
+        fit = problem.fit(explanation, whiten, [start])
+        widened = np.sqrt(np.diag(fit.covariance()) / expected).max() - 1
+        told = module._widened(module.Settled(problem, whiten, fit))
+        assert told == pytest.approx(widened, rel=1e-3, abs=1e-5)
+        assert (widened > 1) == (amplitude > 1) and (widened > 1e-3) == (amplitude > 0)

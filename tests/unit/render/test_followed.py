@@ -91,3 +91,15 @@ def test_several_waters_at_once_have_the_light_of_each(change: dict[str, Any]) -
     together = light.in_waters(scenes[0], [one.water for one in scenes], [None])
     for found, one in zip(together, scenes, strict=True):
         assert found == pytest.approx(light.light(one, [None]), rel=1e-12)
+
+
+def test_some_places_have_the_light_of_all_and_share_what_was_worked_out() -> None:
+    """The nodes are those of all places; beside nodes of their own, as near as these interpolate."""
+    x, y, z = np.random.default_rng(0).uniform([-1, -1, 3], [1, 1, 8], (200, 3)).T
+    rows = np.random.default_rng(1).random(200) < 0.2
+    every = ScatteredField(x, y, z)
+    light, some = every.light(SCENE, [None]), every.some(rows)
+    np.testing.assert_array_equal(some.light(SCENE, [None]), light[:, rows])
+    assert every._made.cache_info().misses == 1
+    own = ScatteredField(x[rows], y[rows], z[rows])
+    np.testing.assert_allclose(own.light(SCENE, [None]), light[:, rows], rtol=2e-3)

@@ -1,0 +1,33 @@
+"""A stop while workers are being started: what was begun is closed, in its order."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import distributed
+import pytest
+
+from lightfield.sweep.cluster import connected
+
+
+@pytest.mark.parametrize("what", ["LocalCluster", "Client"])
+def test_a_stop_while_it_is_made_closes_it(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A client that is left open waits half a minute for its cluster when it is deleted, and complains."""
+    made: list[Any] = []
+
+    class Stopped(getattr(distributed, what)):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            made.append(self)
+            os.kill(os.getpid(), signal.SIGINT)
+            super().__init__(*args, **kwargs)
+
+    monkeypatch.setattr(distributed, what, Stopped)
+    with pytest.raises(KeyboardInterrupt), connected(tmp_path):
+        pytest.fail("stopped before")
+    (one,) = made
+    assert one.status in ("closed", distributed.core.Status.closed)
