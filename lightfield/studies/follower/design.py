@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
@@ -266,6 +266,7 @@ def optimise(
     scene : Scene
         Its light, noise and array, which the best is compared with.
     elements : int
+        At least as many as a pose has coordinates: fewer readings leave some of it open, wherever they are.
     box_m : float, m
         Side of the square that the elements lie in.
     tilt_max_deg : float
@@ -277,6 +278,8 @@ def optimise(
     ------
     SceneError
         So many elements do not fit.
+    UsageError
+        So few cannot know a pose.
     """
     space = Space.of_scene(scene) if space is None else space
     half = 0.5 * box_m
@@ -284,6 +287,13 @@ def optimise(
     own = elements_of(array_of(scene))
     reach = max((corner, own), key=lambda one: one.reach_m)
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
+    if elements < len(setting.names):
+        raise UsageError(
+            "too few elements to know a pose",
+            where="elements",
+            found=elements,
+            rule=f"at least {len(setting.names)}, one for each of {', '.join(setting.names)}",
+        )
     best = designed(setting, elements, box_m, tilt_max_deg, spacing_m, seed)
     arrays = [judged("the best found", best, setting), judged(scene.name or "this array", own, setting)]
     return Comparison(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
