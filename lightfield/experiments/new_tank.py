@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import radians, tan
 from pathlib import Path
 
 import numpy as np
@@ -308,11 +309,19 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
     What drifts then looks like nothing that depends on the place. Before, between and after them the axis of
     the first plane, again and again: that tells the drift, and how well a place is found again.
     """
-    reach = _CLEAR * 0.5 * scene.plane_size_m[0]
-    x = np.round(np.linspace(-reach, reach, points) if points > 1 else np.zeros(1), 3) + 0.0
+    reach, digits = np.full(len(planes), _CLEAR * 0.5 * scene.plane_size_m[0]), 3
+    if scene.detector.quantity == "radiance":  # a tube along the axis sees the lamp only from near it
+        half = radians(0.5 * scene.detector.full_angle_deg)
+        reach, digits = np.minimum(reach, _CLEAR * tan(half) * np.asarray(planes)), 4
+    sides = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
+    across = [
+        (x, 0.0, z)
+        for z, far in zip(planes, reach, strict=True)
+        for x in (np.round(far * sides, digits) + 0.0).tolist()  # no minus before nothing
+    ]
     again = (0.0, 0.0, planes[0])
-    places = np.random.default_rng(_ORDER).permutation([(side, 0.0, z) for z in planes for side in x])
-    rows = [[again, *places[first : first + len(x)]] for first in range(0, len(places), len(x))]
+    places = np.random.default_rng(_ORDER).permutation(across)
+    rows = [[again, *places[first : first + points]] for first in range(0, len(places), points)]
     return np.array([*(place for some in rows for place in some), again])
 
 

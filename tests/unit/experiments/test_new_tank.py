@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -82,6 +83,9 @@ def test_a_lamp_of_two_peaks_and_a_tube_are_written_as_they_may_be_changed() -> 
     assert made.scene.detector.bands_nm == ((430.0, 560.0),)
     assert "height = 1.0" in made.scene_text and "full_angle_deg = 2.0" in made.scene_text
     assert "full_angle_deg" not in new_tank({}).scene_text
+    rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
+    beside = max(abs(float(row[1])) / float(row[3]) for row in rows)
+    assert 0.5 * math.tan(math.radians(1.0)) < beside < math.tan(math.radians(1.0))
 
 
 @pytest.mark.parametrize(
