@@ -23,7 +23,7 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
-from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, known_nm, molecular_per_m, scattering_per_m
 
 RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
@@ -97,16 +97,22 @@ def take_picture(
     import mitsuba as mi
 
     albedo = scene.reflectances[0]
-    scattering = scattering_per_m(scene.water, RGB_NM)
-    notes = []
+    # A named water may be known for a part of the colours only.
+    water_nm = np.clip(RGB_NM, *known_nm(scene.water))
+    scattering = scattering_per_m(scene.water, water_nm)
+    notes = [
+        f"water at {at:g} nm shown as at {known:g} nm, where its table ends"
+        for at, known in zip(RGB_NM, water_nm, strict=True)
+        if at != known
+    ]
     if lend and scene.tank and albedo < LENT_ALBEDO:
         notes.append(f"walls shown with albedo {LENT_ALBEDO:g} instead of {albedo:g}")
         albedo = LENT_ALBEDO
     if lend and float(scattering.max()) < LENT_SCATTERING:
         notes.append(f"scattering shown as {LENT_SCATTERING:g} 1/m instead of {scattering.max():.2g} 1/m")
         scattering = np.full(3, LENT_SCATTERING)
-    absorption, power = absorption_per_m(scene.water, RGB_NM), spectral_power(scene.lamp, RGB_NM)
-    molecular = molecular_per_m(scene.water, RGB_NM)
+    absorption, power = absorption_per_m(scene.water, water_nm), spectral_power(scene.lamp, RGB_NM)
+    molecular = molecular_per_m(scene.water, water_nm)
     planes = []
     lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
     for k in range(3):

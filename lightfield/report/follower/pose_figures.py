@@ -11,7 +11,6 @@ from lightfield.report.follower.array_figures import SHOWN, WORDS
 from lightfield.report.style import (
     BAD,
     DATA,
-    FORMULA,
     GOOD,
     GRID,
     INK,
