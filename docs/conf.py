@@ -40,4 +40,5 @@ napoleon_use_rtype = False
 
 html_theme = "furo"
 html_title = f"lightfield {release}"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]

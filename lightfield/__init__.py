@@ -123,6 +123,10 @@ class _Room(ModuleType):
         name = self.__name__.rpartition(".")[2]
         return getattr(import_module(f"{__name__}.{PUBLIC[name]}"), name)
 
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]  # `lf.render?` in a notebook asks for it
+        return self.__wrapped__.__doc__
+
 
 def open_room(name: str) -> None:
     """Let a room, by its full name, be called as the public function of its name."""

@@ -86,10 +86,12 @@ class RuleError(ValueError):
         The rule, with what was found.
     remedy : str, optional
         What to do about it.
+    told : bool
+        `rule` is a whole complaint with a rule of its own, about something that the value names.
     """
 
-    def __init__(self, rule: str, remedy: str | None = None) -> None:
-        self.rule, self.remedy = rule, remedy
+    def __init__(self, rule: str, remedy: str | None = None, told: bool = False) -> None:
+        self.rule, self.remedy, self.told = rule, remedy, told
         super().__init__(rule if remedy is None else f"{rule}; remedy: {remedy}")
 
     @classmethod
@@ -98,7 +100,7 @@ class RuleError(ValueError):
         bare = LightfieldError(
             error.what, where=error.where, found=error.found, rule=error.rule, problems=error.problems
         )
-        return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy)
+        return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy, told=True)
 
 
 class SceneWarning(UserWarning):

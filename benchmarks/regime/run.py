@@ -2,7 +2,7 @@
 
 Run from the root: `python benchmarks/regime/run.py [--max-photons N] [--workers N] [--store STORE.zarr]`.
 It is the sweep that `lightfield regime` runs, with more photons; a run that was stopped continues in the same
-store.
+store. `--redraw` makes the figure anew of the values that `regime.csv` has, and computes nothing.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from lightfield import __version__
@@ -74,7 +75,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--store", type=Path, help="keep the sweep here")
     parser.add_argument("--output", type=Path, default=HERE)
+    parser.add_argument("--redraw", action="store_true", help="only the figure, of regime.csv")
     args = parser.parse_args()
+    if args.redraw:
+        save_png(regime_figure(read_values(args.output / "regime.csv")), args.output / "regime.png")
+        return
     settings = SweepSettings(rel_error=0.002, max_photons=args.max_photons, maps=False)
     plan = regime_plan(Scene.from_dict({"name": "regime map"}), settings)
     with tempfile.TemporaryDirectory() as scratch:
@@ -105,6 +110,13 @@ def write_table(data: xr.Dataset, path: Path) -> None:
             value, error = float(point.formula_error), float(point.formula_error_stderr)
             where = (str(point.receiver.values), float(point.albedo), float(point.optical_depth))
             out.writerow([*where, f"{value:.5g}", f"{error:.2g}"])
+
+
+def read_values(path: Path) -> xr.Dataset:
+    """What `write_table` wrote."""
+    values = pd.read_csv(path)
+    places = ["receiver", "albedo", "optical_depth"]
+    return values.set_index(places).to_xarray().sel(receiver=values.receiver.unique())
 
 
 def reach_table(data: xr.Dataset) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import radians, tan
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from lightfield.errors import OutputError, UsageError
 from lightfield.scene import Scene
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
 from lightfield.scene.tank import Tank
-from lightfield.scene.water.library import list_presets
+from lightfield.scene.water.library import list_presets, preset_name
 from lightfield.storage.files import atomic_path
 
 SCENE, LAYOUT, READINGS = "scene.toml", "layout.csv", "readings.csv"
@@ -66,7 +67,10 @@ QUESTIONS = (
         "0 to 0.9: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
     ),
     Question("surface", "Is there a free water surface above", "yes or no", "yes"),
-    Question("lamp", "Spectrum of the lamp", "a name such as led-green, or PEAK/WIDTH in nm", "led-green"),
+    Question(
+        "lamp", "Spectrum of the lamp",
+        "a name such as led-green, or PEAK/WIDTH in nm, or several such with + between", "led-green",
+    ),
     Question("beam", "Half width of the beam at half maximum, degrees", "a number", "10"),
     Question("power", "Light of the lamp, W (not the electrical power)", "a number", "10"),
     Question("water", "Water", "A,B: absorption and scattering in 1/m, pure, or a preset", "0.1,0"),
@@ -76,6 +80,9 @@ QUESTIONS = (
     Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
 )
 # fmt: on
+
+
+_TUBE = 'full_angle_deg = 2.0    # what the tube lets in; aim = "lamp" if it follows the lamp, not the axis'
 
 
 @dataclass(frozen=True)
@@ -177,6 +184,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         "",
         "[detector]",
         f'quantity = "{given["quantity"]}"    # irradiance: a flat collector; radiance: a narrow tube',
+        *([_TUBE] if given["quantity"] == "radiance" else []),
         f"planes_m = [{', '.join(f'{z:g}' for z in planes)}]    # distances that are rendered",
         f"bands_nm = [[{band_toml(given)}]]    # wavelengths that are seen",
         '# response = { peak_nm = 525, fwhm_nm = 10 }    # a filter; or "silicon", or a table',
@@ -234,8 +242,13 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
 def spectrum_toml(answer: str) -> str:
     """The lamp's spectrum as TOML."""
     if "/" in answer:
-        peak, _, width = answer.partition("/")
-        return f"{{ peak_nm = {number(peak, 'lamp')}, fwhm_nm = {number(width, 'lamp')} }}"
+        peaks = [one.partition("/")[::2] for one in answer.split("+")]
+        said = [
+            f"peak_nm = {number(peak, 'lamp')}, fwhm_nm = {number(width, 'lamp')}" for peak, width in peaks
+        ]
+        if len(said) == 1:
+            return f"{{ {said[0]} }}"
+        return f"[{', '.join(f'{{ {one}, height = 1.0 }}' for one in said)}]"
     answer = _NAMED.get(answer, answer)
     if answer not in (*LEDS, "planck", "cie-a"):
         raise UsageError(
@@ -247,6 +260,7 @@ def spectrum_toml(answer: str) -> str:
 
 def water_lines(answer: str) -> list[str]:
     """The water as TOML."""
+    answer = preset_name(answer)
     if answer in ("pure", *list_presets()):
         return [f'base = "{answer}"', "# absorption_per_m = 0.0    # beyond that; it is fitted"]
     values = answer.replace(",", " ").split()
@@ -295,11 +309,19 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
     What drifts then looks like nothing that depends on the place. Before, between and after them the axis of
     the first plane, again and again: that tells the drift, and how well a place is found again.
     """
-    reach = _CLEAR * 0.5 * scene.plane_size_m[0]
-    x = np.round(np.linspace(-reach, reach, points) if points > 1 else np.zeros(1), 3) + 0.0
+    reach, digits = np.full(len(planes), _CLEAR * 0.5 * scene.plane_size_m[0]), 3
+    if scene.detector.quantity == "radiance":  # a tube along the axis sees the lamp only from near it
+        half = radians(0.5 * scene.detector.full_angle_deg)
+        reach, digits = np.minimum(reach, _CLEAR * tan(half) * np.asarray(planes)), 4
+    sides = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
+    across = [
+        (x, 0.0, z)
+        for z, far in zip(planes, reach, strict=True)
+        for x in (np.round(far * sides, digits) + 0.0).tolist()  # no minus before nothing
+    ]
     again = (0.0, 0.0, planes[0])
-    places = np.random.default_rng(_ORDER).permutation([(side, 0.0, z) for z in planes for side in x])
-    rows = [[again, *places[first : first + len(x)]] for first in range(0, len(places), len(x))]
+    places = np.random.default_rng(_ORDER).permutation(across)
+    rows = [[again, *places[first : first + points]] for first in range(0, len(places), points)]
     return np.array([*(place for some in rows for place in some), again])
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
-from skimage.measure import EllipseModel, find_contours
+from skimage.measure import find_contours
 
 from lightfield.arrays import Array
 
@@ -107,24 +107,43 @@ def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, 
     rows, columns = max(around, key=len).T
     x = np.interp(columns, np.arange(x_m.size), x_m)
     y = np.interp(rows, np.arange(y_m.size), y_m)
-    with np.errstate(divide="ignore", invalid="ignore"):  # an exact circle has no direction
-        ellipse = _ellipse(np.column_stack([x, y])[:-1])
+    ellipse = _ellipse(np.column_stack([x, y])[:-1])
     if ellipse is None:
         return nothing, "no ellipse fits the contour at half maximum"
-    centre, (a, b), angle = ellipse[:2], ellipse[2:4], np.nan_to_num(ellipse[4])
-    c, s = np.cos(angle), np.sin(angle)
-    hwhm_x, hwhm_y = 1 / np.hypot(c / a, s / b), 1 / np.hypot(s / a, c / b)
-    return (peak, float(centre[0]), float(centre[1]), float(hwhm_x), float(hwhm_y)), ""
+    return (peak, *ellipse), ""
 
 
-def _ellipse(points: Array) -> tuple[float, ...] | None:
-    """Centre x and y, semi-axes, angle."""
-    if hasattr(EllipseModel, "from_estimate"):
-        found = EllipseModel.from_estimate(points)
-        return (*found.center, *found.axis_lengths, found.theta) if found else None
-    model = EllipseModel()  # scikit-image before 0.26, the last for Python 3.10
-    fits, found = model.estimate(points), model.params
-    return tuple(found) if fits and found is not None else None
+def _ellipse(points: Array) -> tuple[float, float, float, float] | None:
+    """Centre x and y, and half widths along x and y, of the ellipse that fits points, shape (n, 2), best.
+
+    Direct least squares of a conic a x^2 + b x y + c y^2 + d x + e y + f = 0 with 4 a c - b^2 > 0 (Halir and
+    Flusser 1998, Numerically stable direct least squares fitting of ellipses, equations 15 to 29).
+    """
+    origin, scale = points.mean(axis=0), points.std()
+    if not scale > 0:
+        return None
+    x, y = ((points - origin) / scale).T
+    quadratic, linear = np.column_stack([x * x, x * y, y * y]), np.column_stack([x, y, np.ones_like(x)])
+    try:
+        follow = -np.linalg.solve(linear.T @ linear, linear.T @ quadratic)  # d, e, f of a, b, c
+    except np.linalg.LinAlgError:
+        return None
+    scatter = quadratic.T @ (quadratic + linear @ follow)
+    reduced = np.stack([scatter[2] / 2, -scatter[1], scatter[0] / 2])
+    # Its eigenvalues are real; NumPy gives them as complex numbers from 2.5 on.
+    vectors = np.linalg.eig(reduced)[1].real
+    (allowed,) = np.nonzero(4 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0)
+    if len(allowed) != 1:
+        return None
+    conic = vectors[:, allowed[0]]
+    (a, b, c), (d, e, f) = conic, follow @ conic
+    centre = np.linalg.solve([[2 * a, b], [b, 2 * c]], [-d, -e])
+    size = -(f + 0.5 * (d * centre[0] + e * centre[1]))
+    if not (size / a > 0 and size / c > 0):
+        return None
+    where = origin + scale * centre
+    width, height = scale * np.sqrt([size / a, size / c])
+    return float(where[0]), float(where[1]), float(width), float(height)
 
 
 def _peak(value: Array, x_m: Array, y_m: Array) -> tuple[float, tuple[float, float]]:

@@ -23,7 +23,7 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
-from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, known_nm, molecular_per_m, scattering_per_m
 
 RGB_NM = np.array([610.0, 545.0, 460.0])
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
@@ -33,6 +33,8 @@ UNSEEN = 0.5 / 255 / 12.92
 BEAM_PIXELS = 256
 MAX_DEPTH = 10
 MIDDLE, BELOW = 0.25, 0.8
+#: How far the brightest light goes from its colour to white (chosen).
+PALEST = 0.5
 SPARK, SMOOTHING_PIXELS, CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
 
 
@@ -95,16 +97,22 @@ def take_picture(
     import mitsuba as mi
 
     albedo = scene.reflectances[0]
-    scattering = scattering_per_m(scene.water, RGB_NM)
-    notes = []
+    # A named water may be known for a part of the colours only.
+    water_nm = np.clip(RGB_NM, *known_nm(scene.water))
+    scattering = scattering_per_m(scene.water, water_nm)
+    notes = [
+        f"water at {at:g} nm shown as at {known:g} nm, where its table ends"
+        for at, known in zip(RGB_NM, water_nm, strict=True)
+        if at != known
+    ]
     if lend and scene.tank and albedo < LENT_ALBEDO:
         notes.append(f"walls shown with albedo {LENT_ALBEDO:g} instead of {albedo:g}")
         albedo = LENT_ALBEDO
     if lend and float(scattering.max()) < LENT_SCATTERING:
         notes.append(f"scattering shown as {LENT_SCATTERING:g} 1/m instead of {scattering.max():.2g} 1/m")
         scattering = np.full(3, LENT_SCATTERING)
-    absorption, power = absorption_per_m(scene.water, RGB_NM), spectral_power(scene.lamp, RGB_NM)
-    molecular = molecular_per_m(scene.water, RGB_NM)
+    absorption, power = absorption_per_m(scene.water, water_nm), spectral_power(scene.lamp, RGB_NM)
+    molecular = molecular_per_m(scene.water, water_nm)
     planes = []
     lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
     for k in range(3):
@@ -263,14 +271,21 @@ def calm(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def exposure(rgb: np.ndarray) -> float:
-    """Factor that brings four fifths of the lit part of a picture below a quarter of white."""
-    luminance = rgb @ np.array([0.2126, 0.7152, 0.0722])
-    lit_part = luminance[luminance > 0]
+    """Factor that brings four fifths of the lit part of a picture below a quarter of white.
+
+    White is reached by the brightest of the three colours, not by luminance, to which blue adds 7 %: the
+    light of a blue lamp would be fourteen times beyond what a screen can show.
+    """
+    bright = rgb.max(axis=-1)
+    lit_part = bright[bright > 0]
     return float(MIDDLE / np.quantile(lit_part, BELOW)) if lit_part.size else 1.0
 
 
 def tone_mapped(rgb: np.ndarray) -> np.ndarray:
     """Linear light to sRGB bytes: exposure from the brightness of the lit part, highlights rolled off.
+
+    The brighter, the paler, as on film: else the light of a blue lamp, of which a screen shows little, has no
+    shape.
 
     Parameters
     ----------
@@ -283,6 +298,7 @@ def tone_mapped(rgb: np.ndarray) -> np.ndarray:
     exposed = rgb * exposure(rgb)
     bright = exposed.max(axis=-1, keepdims=True)
     rolled = exposed / (1 + bright) * (1 + bright / 25)
-    linear = np.clip(rolled, 0, 1)
+    pale = PALEST * bright**2 / (1 + bright**2)
+    linear = np.clip(rolled + pale * (rolled.max(axis=-1, keepdims=True) - rolled), 0, 1)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.asarray(np.round(255 * curve), np.uint8)

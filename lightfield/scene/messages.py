@@ -80,6 +80,9 @@ def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     rule, remedy = _rule(problem, owner, keys)
     found = "" if kind == "missing" else f"; found {_short(value)}"
     what = {"missing": "missing", "value_error": "not possible"}.get(kind, "wrong value")
+    error = problem.get("ctx", {}).get("error")
+    if isinstance(error, RuleError) and error.told:
+        return f"{path or 'scene'}: {rule}; remedy: {remedy}"
     return (
         f"{path or 'scene'}: {what}{found if kind != 'value_error' else ''}; rule: {rule}; remedy: {remedy}"
     )

@@ -13,6 +13,8 @@ from pathlib import Path
 from lightfield.errors import OutputError
 
 VARIABLE = "LIGHTFIELD_CACHE"
+#: What the compiled kernels of a command take at most, about (a hundred of 40 kB, as renders leave them).
+LEAST_ROOM_BYTES = 4_000_000
 
 
 def cache_dir() -> Path:
@@ -59,6 +61,17 @@ def _problem(folder: Path) -> str:
             return ""
     except OSError as error:
         return error.strerror or str(error)
+
+
+def with_room(folder: Path) -> Path:
+    """A folder in the cache, made when missing; where the disk has no room, one for this process alone."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if shutil.disk_usage(folder).free >= LEAST_ROOM_BYTES:
+            return folder
+    except OSError:
+        pass
+    return _temporary()
 
 
 @functools.cache

@@ -8,6 +8,7 @@ import multiprocessing.resource_tracker
 import os
 import re
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -141,9 +142,30 @@ def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
         # gone before it says so.
         with _deaf_to(signal.SIGINT, signal.SIGTERM):
             client = stack.enter_context(Client(cluster, set_as_default=False))
+        # Also later: a worker that ends is replaced.
+        stack.enter_context(_script_left_alone())
         cluster.scale(max(1, workers))
         client.wait_for_workers(max(1, workers))
         yield client
+
+
+@contextmanager
+def _script_left_alone() -> Iterator[None]:
+    """Processes begun within it do not run the script that began them, which may have no `__main__` guard.
+
+    A new process imports the file of `__main__`, if it has one, for what the script defines; no work of ours
+    is defined there.
+    """
+    main = sys.modules["__main__"]
+    known = {name: getattr(main, name) for name in ("__file__", "__spec__") if hasattr(main, name)}
+    try:
+        main.__spec__ = None
+        if "__file__" in known:
+            del main.__file__
+        yield
+    finally:
+        for name, value in known.items():
+            setattr(main, name, value)
 
 
 @contextmanager

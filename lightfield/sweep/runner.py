@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -304,10 +305,11 @@ def _full_disk(path: Path) -> Iterator[None]:
     except (OSError, OutputError) as error:
         cause = error.__cause__ if isinstance(error, OutputError) else error
         if isinstance(cause, OSError) and cause.errno in NO_ROOM:
+            room = shutil.disk_usage(path if path.exists() else path.parent).free
             raise OutputError(
                 "the disk is full",
                 where=str(path),
-                found=f"{zarrfile.size_on_disk(path)} bytes in the store",
+                found=f"{room / 1e6:.1f} MB free, {zarrfile.size_on_disk(path) / 1e6:.1f} MB in the store",
                 remedy="make room and give the same command again: it continues",
             ) from error
         raise

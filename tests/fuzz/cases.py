@@ -41,7 +41,7 @@ COMMANDS = (
     "attenuation data.csv --scene scene.toml --no-air --no-trace",
     "attenuation data.csv --scene scene.toml --no-trace --report out.html --json out.json -o out.nc",
     "array show scene.toml --no-trace --report out.html",
-    "array optimise scene.toml --no-trace --elements 4",
+    "array optimise scene.toml --no-trace --elements 5",
     "pose estimate data.csv scene.toml --no-trace --filter",
     "pose bias scene.toml --no-trace --scattering 0,0.1",
     "follow scene.toml --no-trace --runs 1 --duration 0.01",

@@ -195,6 +195,13 @@ def test_a_colour_that_the_lamp_lacks_is_black_and_not_traced(monkeypatch):
     assert len(rendered) == 2 and said == ["image 1 of 2", "image 2 of 2"]
 
 
+def test_a_water_whose_table_ends_before_red_is_shown_and_said_so():
+    """Jerlov 5C is known from 300 to 575 nm."""
+    scene = Scene.from_dict({"lamp": {"spectrum": "led-green"}, "water": {"base": "jerlov-5C"}})
+    taken = take_picture(scene, width=16, height=16, samples=2)
+    assert taken.notes == ("water at 610 nm shown as at 575 nm, where its table ends",)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

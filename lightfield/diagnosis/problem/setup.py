@@ -290,12 +290,14 @@ def _check_reach(
     beyond = np.flatnonzero(bright & ~(light > _NO_LIGHT * light.max()))
     if len(beyond):
         x, y, z = (float(getattr(readings, k)[beyond[0]]) for k in ("x_m", "y_m", "z_m"))
+        tube = readings.quantity == "radiance"
+        seen = ", and a lamp within the detector.full_angle_deg of a collimator aimed as the scene says"
         raise FitError(
             "the lamp's light does not reach readings that are bright",
             where=readings.source or None,
             found=f"{len(beyond)} of them, the first at x = {x:g}, y = {y:g}, z = {z:g} m",
-            rule="a beam of about the scene's lamp.hwhm_deg along z, positions in metres",
-            remedy="correct the positions, or the scene's lamp",
+            rule="a beam of about the scene's lamp.hwhm_deg along z, positions in metres" + seen * tube,
+            remedy="correct the positions, or the scene's lamp" + " or collimator" * tube,
         )
 
 

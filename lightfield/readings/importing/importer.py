@@ -142,9 +142,11 @@ def _chosen(entry: Entry, spectra: Sequence[Spectrum], problems: Problems) -> li
         if not chosen and len(spectra) == 1 and not spectra[0].label:
             chosen = list(spectra)
         if not chosen:
+            told = ", ".join(filter(None, names[:SHOWN]))
             problems.add(
                 f"{entry.file}: no such spectrum", place=entry.line, found=entry.spectrum,
-                rule=f"one of {', '.join(names[:SHOWN])}", remedy="correct the column spectrum of the index",
+                rule=f"one of {told}" if told else "its spectra have no names",
+                remedy=f"{'correct the' if told else 'leave out this'} spectrum in the index",
             )  # fmt: skip
         return chosen
     if len(names) > 1:

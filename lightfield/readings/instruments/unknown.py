@@ -18,6 +18,9 @@ _BYTES = (
     (b"\n\n\xfe\xfe", "a file of Bruker OPUS", "export it as text"),
     (b"ASD", "a binary file of an ASD FieldSpec", "convert it with ASD's ViewSpec to text"),
     (b"as7", "a binary file of an ASD FieldSpec", "convert it with ASD's ViewSpec to text"),
+    (b"MATLAB ", "a MATLAB file", "write wavelength and value as text (writematrix)"),
+    (b"\x1f\x8b", "a file packed by gzip", "unpack it"),
+    (b"SIMPLE  =", "a FITS file", "export wavelength and value as columns"),
     (b"SQLite format 3", "a database", "export one spectrum as text"),
 )
 _WORDS = (

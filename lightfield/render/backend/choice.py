@@ -17,7 +17,7 @@ from pathlib import Path
 
 from lightfield.errors import BackendError, LightfieldError
 from lightfield.render.backend import cuda, llvm
-from lightfield.storage.cache import cache_dir
+from lightfield.storage.cache import cache_dir, with_room
 
 __all__ = ["Backend", "cache_dir", "choose", "limited_threads", "prepare", "use_backend"]
 
@@ -187,9 +187,7 @@ def prepare() -> None:
 
 
 def _name_to_drjit(library: Path | None, cache: Path) -> None:
-    kernels = cache / "kernels"
-    kernels.mkdir(exist_ok=True)
-    os.environ.setdefault("DRJIT_CACHE_DIR", str(kernels))
+    os.environ.setdefault("DRJIT_CACHE_DIR", str(with_room(cache / "kernels")))
     if library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
 

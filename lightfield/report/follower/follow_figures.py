@@ -136,7 +136,10 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
         first = cases[0]
         far.plot(first.track.time_s, first.track.goal_m.mean(axis=1), color=GOOD, linewidth=1.4, zorder=1)
         _events(far, first)
-        far.legend(fontsize=8.5, loc="best")
+        if narrow:
+            fig.legend(handles=far.get_legend_handles_labels()[0], loc="outside lower center", fontsize=8.5)
+        else:
+            far.legend(fontsize=8.5, loc="best")
         far.margins(y=0.15)
         label(far, "time (s)", "distance from the lamp (m)", "Distance; green: asked for")
         label(aside, "time (s)", "distance from the axis (cm)", "Off the axis")

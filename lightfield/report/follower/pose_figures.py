@@ -11,7 +11,6 @@ from lightfield.report.follower.array_figures import SHOWN, WORDS
 from lightfield.report.style import (
     BAD,
     DATA,
-    FORMULA,
     GOOD,
     GRID,
     INK,
@@ -118,7 +117,7 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
                 way = np.array([one.pose[at[k]] for one in poses.tracked])
                 wide = SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
                 panel.fill_between(
-                    t, factor * (way - wide), factor * (way + wide), color=FORMULA, alpha=0.2, linewidth=0
+                    t, factor * (way - wide), factor * (way + wide), color=RENDER, alpha=0.2, linewidth=0
                 )
                 panel.plot(t, factor * way, color=RENDER, label="filter")
             for one, moment in zip(poses.estimates, t, strict=True):

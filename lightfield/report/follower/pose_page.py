@@ -102,24 +102,27 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
         rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
     there = len(poses.estimates)
     cut = f" The first {MOST_ROWS} of {there} readings; the figure shows all." if there > MOST_ROWS else ""
-    verdict = f"{len(poses.estimates)} readings: " + (
-        "all fit the light that is believed in."
+    fit = (
+        "all fit the light that is believed in"
         if not poses.lost + poses.misfits
-        else f"{poses.lost} without light, {poses.misfits} that do not fit the light that is believed in."
+        else f"{poses.lost} without light, {poses.misfits} that do not fit the light that is believed in"
     )
+    verdict = f"{poses.last_known}{there} readings: {fit}."
+    followed = " Line and band: the filter, with two standard deviations of all that is not known."
+    strange = " Red: light lost, or readings that do not fit."
+    caption = "Points: every reading by itself, with its noise."
+    caption += followed * (poses.tracked is not None) + strange * bool(poses.lost + poses.misfits)
     sections = [
         section(
             "The way",
             [
                 page_figure(
-                    sequence_figure(poses), "way", "Points: every reading by itself, with its noise. Line "
-                    "and band: the filter, with two standard deviations of all that is not known. Red: light "
-                    "lost, or readings that do not fit.", "Poses over time",
+                    sequence_figure(poses), "way", caption, "Poses over time",
                     sequence_figure(poses, narrow=True),
                 )
             ],
             "Pose, with one standard deviation of all that is not known (noise, gain, water)." + cut,
-            ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "chi2"],
+            ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "fit (chi2)"],
             rows,
         )
     ]  # fmt: skip

@@ -108,3 +108,8 @@ def list_presets() -> dict[str, Preset]:
             for name in names:
                 presets[name] = Preset(name, family, f"{key}: {source}", w, a, b)
     return presets
+
+
+def preset_name(text: str) -> str:
+    """A water's name as the sources write it, of one in capital or small letters; other words as they are."""
+    return {name.casefold(): name for name in list_presets()}.get(text.casefold(), text)

@@ -12,7 +12,7 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
-from lightfield.scene.water.library import list_presets
+from lightfield.scene.water.library import list_presets, preset_name
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, PhaseSpec
 from lightfield.storage.tables import read_columns, readable
 
@@ -146,6 +146,11 @@ class Water(Part):
     )
     settling_time_s: float = number(3600.0, "s", "tau of the settling", Acts.AGEING, above=0.0, high=1e7)
     phase: PhaseSpec = declare(HenyeyGreenstein(), "phase function", Acts.PHASE)
+
+    @field_validator("base")
+    @classmethod
+    def _as_its_source_writes_it(cls, value: str) -> str:
+        return preset_name(value)
 
     @field_validator("absorption_per_m")
     @classmethod

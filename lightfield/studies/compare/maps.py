@@ -344,9 +344,11 @@ def as_text(comparison: Comparison) -> str:
     dark = ", ".join(f"{plane.z_m:g}" for plane in planes if not plane.is_lit)
     unknown = f" No light was rendered at {dark} m: nothing can be compared there." if dark else ""
     first, last = lit[0], lit[-1]
-    lost = f"Of the light on the plane the formula loses {_percent(first.lost)} at {first.z_m:g} m"
+    verbs = ["loses" if plane.lost >= 0 else "adds" for plane in (first, last)]
+    lost = f"Of the light on the plane the formula {verbs[0]} {_percent(abs(first.lost))} at {first.z_m:g} m"
     if last is not first:
-        lost += f" and {_percent(last.lost)} at {last.z_m:g} m"
+        verb = "" if verbs[0] == verbs[1] else f"{verbs[1]} "
+        lost += f" and {verb}{_percent(abs(last.lost))} at {last.z_m:g} m"
     good = [p for p in lit if p.excess_on_axis() <= LEVELS[0]]
     every = "every lit plane" if dark else "every plane"
     if len(good) == len(lit):

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
@@ -283,12 +283,15 @@ def optimise_array(
     scene : Scene
         Its light, noise and array, which the best is compared with.
     elements : int
+        At least as many as a pose has coordinates: fewer readings leave some of it open, wherever they are.
     room : Mounting
 
     Raises
     ------
     SceneError
         So many elements do not fit.
+    UsageError
+        So few cannot know a pose.
     """
     space = Space.of_scene(scene) if space is None else space
     half = 0.5 * room.box_m
@@ -296,6 +299,13 @@ def optimise_array(
     own = elements_of(array_of(scene))
     reach = max((corner, own), key=lambda one: one.reach_m)
     setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
+    if elements < len(setting.names):
+        raise UsageError(
+            "too few elements to know a pose",
+            where="elements",
+            found=elements,
+            rule=f"at least {len(setting.names)}, one for each of {', '.join(setting.names)}",
+        )
     best = designed(setting, elements, room, seed)
     arrays = [
         judged_array("the best found", best, setting),

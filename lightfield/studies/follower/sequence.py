@@ -79,6 +79,21 @@ class Poses:
     traced: bool
 
     @property
+    def last_known(self) -> str:
+        """Where the follower was seen last, as a sentence; nothing where it never was."""
+        times = zip(self.time_s, self.estimates, strict=True)
+        seen = [(time, one.pose, one.total) for time, one in times if not one.lost and one.total is not None]
+        if not seen:
+            return ""
+        time, pose, total = seen[-1]
+        at = f"At {time:.1f} s " if len(self.estimates) > 1 else ""
+        told = " and ".join(
+            f"{value:.2f} ± {total.sigma[name]:.2f} m {where}"
+            for name, value, where in (("z", pose[2], "along the beam"), ("x", pose[0], "aside"))
+        )
+        return f"{at}{told}. ".replace("-", "\N{MINUS SIGN}")
+
+    @property
     def lost(self) -> int:
         return sum(one.lost for one in self.estimates)
 

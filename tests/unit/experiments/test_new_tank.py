@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -76,7 +77,21 @@ def test_words_and_spaces_that_people_write_are_understood() -> None:
     assert new_tank({"lamp": "white"}).scene == new_tank({"lamp": "led-white"}).scene
 
 
-@pytest.mark.parametrize(("answer", "base"), [("pure", "pure"), ("petzold-coastal", "petzold-coastal")])
+def test_a_lamp_of_two_peaks_and_a_tube_are_written_as_they_may_be_changed() -> None:
+    made = new_tank({"lamp": "450/20+525/35", "quantity": "radiance"})
+    assert [(p.peak_nm, p.fwhm_nm) for p in made.scene.lamp.spectrum] == [(450, 20), (525, 35)]
+    assert made.scene.detector.bands_nm == ((430.0, 560.0),)
+    assert "height = 1.0" in made.scene_text and "full_angle_deg = 2.0" in made.scene_text
+    assert "full_angle_deg" not in new_tank({}).scene_text
+    rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
+    beside = max(abs(float(row[1])) / float(row[3]) for row in rows)
+    assert 0.5 * math.tan(math.radians(1.0)) < beside < math.tan(math.radians(1.0))
+
+
+@pytest.mark.parametrize(
+    ("answer", "base"),
+    [("pure", "pure"), ("petzold-coastal", "petzold-coastal"), ("Jerlov-5c", "jerlov-5C")],
+)
 def test_waters_have_names(answer: str, base: str) -> None:
     assert new_tank({"water": answer, "tank": "none"}).scene.water.base == base
     assert new_tank({"tank": "none"}).scene.tank is None

@@ -22,7 +22,7 @@ from lightfield.maps.exr import (
     write_rgb_exr,
     write_spectral_exr,
 )
-from lightfield.render.picture import exposure
+from lightfield.render.picture import exposure, tone_mapped
 from lightfield.report.compare.layers import write_layers
 from lightfield.studies.compare.maps import compare
 
@@ -204,7 +204,17 @@ def test_a_picture_is_exposed_and_says_how(tmp_path):
     with OpenEXR.File(str(path), separate_channels=True) as opened:
         header = dict(opened.header())
         shown = np.stack([opened.channels()[c].pixels for c in "RGB"], axis=-1)
-    luminance = shown @ np.array([0.2126, 0.7152, 0.0722])
-    assert np.quantile(luminance, 0.8) == pytest.approx(0.25, rel=1e-5)
+    assert np.quantile(shown.max(axis=-1), 0.8) == pytest.approx(0.25, rel=1e-5)
     np.testing.assert_allclose(shown / header["lightfield.exposure"][0], rgb, rtol=1e-6)
     assert "relative radiance" in header["lightfield.units"] and header["comments"] == "lent"
+
+
+@pytest.mark.parametrize("colour", range(3))
+def test_the_light_of_a_coloured_lamp_keeps_its_shape_in_a_picture(colour):
+    """Twenty times as bright as four fifths of the picture: not all one white, and never darker again."""
+    rgb = np.zeros((20, 30, 3))
+    rgb[..., colour] = np.geomspace(1e-6, 1e-2, 600).reshape(20, 30)
+    rgb[..., colour] = np.minimum(rgb[..., colour], 20 * np.quantile(rgb[..., colour], 0.8))
+    shown = tone_mapped(rgb).reshape(-1, 3).astype(int)
+    assert (np.diff(shown, axis=0) >= 0).all()
+    assert len(np.unique(shown[480:, colour])) > 50 and (shown[:480, colour] < 160).all()

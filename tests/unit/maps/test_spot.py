@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lightfield.maps.spot import spot_shape
+from lightfield.maps.spot import _ellipse, spot_shape
 
 X = Y = np.linspace(-1, 1, 65)
 
@@ -59,3 +59,20 @@ def test_a_spot_wider_than_the_plane_is_said_and_not_guessed():
 
 def test_a_dark_plane_is_said():
     assert spot_shape(np.zeros((65, 65)), X, Y).problem == "no light on the plane"
+
+
+@pytest.mark.parametrize(
+    ("long", "short", "turn"), [(3.0, 1.0, 0.4), (2.0, 2.0, 0.0), (1.0, 0.2, 2.0), (5e-3, 4e-3, 1.5)]
+)
+def test_an_ellipse_is_found_again_from_points_on_it(long, short, turn):
+    """Half widths along x and y of a turned ellipse: where its equation has y = 0, or x = 0."""
+    t = np.linspace(0.3, 5.9, 40)
+    x = 0.7 + long * np.cos(t) * np.cos(turn) - short * np.sin(t) * np.sin(turn)
+    y = -1.2 + long * np.cos(t) * np.sin(turn) + short * np.sin(t) * np.cos(turn)
+    found = _ellipse(np.column_stack([x, y]))
+    along = [1 / np.hypot(np.cos(turn - q) / long, np.sin(turn - q) / short) for q in (0.0, np.pi / 2)]
+    assert found == pytest.approx((0.7, -1.2, *along), rel=1e-9)
+
+
+def test_one_place_is_no_ellipse():
+    assert _ellipse(np.full((12, 2), 0.3)) is None

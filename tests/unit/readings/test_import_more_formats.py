@@ -219,6 +219,9 @@ SEEMS = {
     "scene.toml": (b"[lamp]\npower_w = 1\n", "a scene"),
     "r.csv": (b"x_m,z_m,value\n0,1,2\n0,2,3\n", "reading table already"),
     "raw.dat": (ramses()[: ramses().index("[Spectrum]", 9)].encode() + b"[Spectrum]\n", "no wavelengths"),
+    "old.mat": (b"MATLAB 5.0 MAT-file, Platform: PCWIN64".ljust(126) + b"IM" + bytes(50), "a MATLAB file"),
+    "a.txt.gz": (b"\x1f\x8b\x08\x00" + bytes(40), "gzip"),
+    "a.fits": (b"SIMPLE  =                    T".ljust(160), "FITS"),
     "shopping.txt": (b"milk\nbread\n", "milk"),
 }  # fmt: skip
 

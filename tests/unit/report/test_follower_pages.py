@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from lightfield.errors import UsageError
 from lightfield.report.follower.page import write_arrays, write_survey
 from lightfield.report.follower.pose_page import write_poses
 from lightfield.scene import Scene
@@ -39,6 +41,8 @@ def test_a_comparison_names_the_best(tmp_path: Path) -> None:
         encoding="utf-8"
     )
     assert "9 elements (good) know the pose" in html
+    with pytest.raises(UsageError, match="at least 5, one for each of x, y, z, yaw, pitch"):
+        optimise_array(good, 4, Mounting(0.3), photons=0)
     found = optimise_array(good, 6, Mounting(0.3), photons=0)
     assert found.arrays[0].name == "the best found"
     assert "Elements of the best found" in write_arrays(found, tmp_path / "o.html").read_text(
@@ -57,3 +61,4 @@ def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     poses = Poses(scene, POSE[:5], 0.1 * np.arange(4), [s.estimate for s in states], states, False)
     html = write_poses(poses, tmp_path / "p.html").read_text(encoding="utf-8")
     assert "1 without light, 0 that do not fit" in html and "light lost" in html
+    assert f"At 0.3 s {states[-1].estimate.pose[2]:.2f} ± " in html and "Line and band: the filter" in html

@@ -172,3 +172,18 @@ def test_a_rule_and_its_remedy_are_two_fields(tmp_path: Path) -> None:
     with pytest.raises(SceneError) as missing:
         Scene.from_toml(f'[lamp]\nprofile = "table"\nintensity_table = "{table}"')
     assert f"rule: no such file: {table}; remedy: give a path" in str(missing.value)
+
+
+def test_the_complaint_of_a_table_is_told_once_with_its_own_rule(tmp_path: Path) -> None:
+    (tmp_path / "lamp.csv").write_text("angle_deg,intensity\n0,1\n10,x\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[lamp]\nprofile = "table"\nintensity_table = "lamp.csv"\n')
+    with pytest.raises(SceneError) as caught:
+        Scene.load(scene)
+    told = str(caught.value)
+    assert told.count("rule: ") == told.count("remedy: ") == 1 and "not possible" not in told
+    assert "lamp.csv: 1 bad line" in told and "10,x" in told
+
+
+def test_a_water_is_known_in_small_letters_too() -> None:
+    assert Scene.from_toml('[water]\nbase = "JERLOV-ia"').water.base == "jerlov-IA"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
 from lightfield.errors import OutputError
+from lightfield.storage import cache
 from lightfield.storage.cache import cache_dir
 
 
@@ -51,3 +54,12 @@ def test_default_that_cannot_be_made_gives_a_temporary_folder(tmp_path, monkeypa
     assert cache_dir().is_dir()
     assert cache_dir() == cache_dir()
     assert tmp_path not in cache_dir().parents
+
+
+def test_a_full_disk_has_a_folder_for_this_process_alone(monkeypatch, tmp_path):
+    """A full cache costs what would be kept, and stops nothing."""
+    assert cache.with_room(tmp_path / "kernels") == tmp_path / "kernels"
+    full = shutil.disk_usage(tmp_path)._replace(free=cache.LEAST_ROOM_BYTES - 1)
+    monkeypatch.setattr(cache.shutil, "disk_usage", lambda folder: full)
+    instead = cache.with_room(tmp_path / "kernels")
+    assert tmp_path not in instead.parents and instead.is_dir()

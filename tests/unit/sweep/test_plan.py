@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from multiprocessing.spawn import get_preparation_data
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep import plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
+from lightfield.sweep.cluster import _script_left_alone
 from lightfield.sweep.estimate import as_text
 from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.sharing import MOST_SPREAD
@@ -240,3 +242,12 @@ def test_the_plan_says_what_it_will_do() -> None:
         "store",
     ):
         assert part in text
+
+
+def test_workers_do_not_run_the_script_that_began_them():
+    """A script without a `__main__` guard is not run a second time; afterwards it is as it was."""
+    before = get_preparation_data("worker")
+    with _script_left_alone():
+        within = get_preparation_data("worker")
+    assert not {"init_main_from_name", "init_main_from_path"} & set(within)
+    assert get_preparation_data("worker").keys() == before.keys()
