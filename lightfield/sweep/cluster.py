@@ -91,11 +91,14 @@ def connected(
         "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
     }
     for name in (
+        "asyncio",
         "distributed",
+        "distributed.client",
         "distributed.nanny",
         "distributed.worker",
         "distributed.scheduler",
         "tornado",
+        "tornado.application",
     ):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
