@@ -47,6 +47,7 @@ REASONS: Mapping[str, str] = {
     "spectral": "needs readings at three wavelengths or more",
     "overlap": "no wavelength is twice another, or more",
     "absolute": "the readings are on a relative scale",
+    "formula_beam": "the scene's beam is a table, which is no Gaussian; how it differs is beam_profile",
     "known_base": "the absorption is free at every wavelength; give the scene a base water spectrum",
 }
 
@@ -94,6 +95,7 @@ class Setting:
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
             "spectral": int(layout.channel.max()) >= 2,
             "overlap": _overlaps(layout.wavelength_nm),
+            "formula_beam": self.scene.lamp.profile != "table",
             # In fewer than three bands it is the bands that are missing, not the spectrum.
             "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
         }[need]
