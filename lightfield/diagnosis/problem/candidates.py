@@ -49,6 +49,7 @@ UNMET: Mapping[str, Hinders] = {
     "spectral": Hinders.FEW_WAVELENGTHS,
     "overlap": Hinders.NO_OVERTONE,
     "absolute": Hinders.RELATIVE,
+    "formula_beam": Hinders.TABLE_BEAM,
     "known_base": Hinders.ABSORPTION_FREE,
 }
 
@@ -96,6 +97,7 @@ class Setting:
             "air_and_water": bool(layout.air.any() and (~layout.air).any()),
             "spectral": int(layout.channel.max()) >= 2,
             "overlap": _overlaps(layout.wavelength_nm),
+            "formula_beam": self.scene.lamp.profile != "table",
             # In fewer than three bands it is the bands that are missing, not the spectrum.
             "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
         }[need]

@@ -22,6 +22,7 @@ class Hinders(str, Enum):
     FEW_WAVELENGTHS = "fewer than three wavelengths"
     NO_OVERTONE = "no wavelength twice another"
     RELATIVE = "relative scale"
+    TABLE_BEAM = "beam is a table"
     ABSORPTION_FREE = "absorption free at every wavelength"
     NOT_TRACED = "not traced"
     LAMP = "light of this lamp cannot be followed"
@@ -80,6 +81,7 @@ _WORDS = {
     Hinders.FEW_WAVELENGTHS: "needs readings at three wavelengths or more",
     Hinders.NO_OVERTONE: "no wavelength is twice another, or more",
     Hinders.RELATIVE: "the readings are on a relative scale",
+    Hinders.TABLE_BEAM: "the scene's beam is a table, which is no Gaussian; how it differs is beam_profile",
     Hinders.ABSORPTION_FREE: "the absorption is free at every wavelength; give the scene a base water "
     "spectrum",
     Hinders.NOT_TRACED: "scattered and reflected light was not traced",

@@ -34,6 +34,7 @@ Need = Literal[
     "spectral",
     "overlap",
     "known_base",
+    "formula_beam",
     "off_axis",
     "absolute",
 ]

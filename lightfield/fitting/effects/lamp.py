@@ -70,7 +70,7 @@ EFFECTS = (
         "The beam is flatter or more peaked than a Gaussian.",
         "A function of the angle alone: sign changes at the half-width, largest in the wings.",
         "Measure the lamp in air at one range with a fine angular step and use that table.",
-        needs=("off_axis",),
+        needs=("off_axis", "formula_beam"),
     ),
     Effect(
         "beam_skirt",
@@ -85,7 +85,7 @@ EFFECTS = (
         "Light that misses the reflector or is scattered in the lamp adds a wide, weak beam.",
         "A function of the angle alone: excess in the wings.",
         "Measure the lamp in air at large angles; a baffle tube removes it.",
-        needs=("off_axis",),
+        needs=("off_axis", "formula_beam"),
     ),
     Effect(
         "beam_ellipticity",

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
-from lightfield.fitting.effects import Effect, Form, Free, registry
+from lightfield.fitting.effects import Effect, Form, Free, lamp, registry
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
+from lightfield.scene.lamp.profile import radial_intensity
+
+TABLE = Path(__file__).parents[3] / "scenes" / "dive_lamp" / "true_lamp.csv"
 
 WITH_TANK = Scene.from_dict({"tank": {}})
 REQUIRED = set(
@@ -187,3 +192,14 @@ def test_a_curve_is_never_beside_what_it_contains() -> None:
     assert curve.is_free_form and not shape.is_free_form
     assert not curve.combines_with(shape) and not shape.combines_with(curve)
     assert curve.combines_with(tilt) and tilt.combines_with(curve)
+
+
+def test_shapes_of_a_gaussian_need_a_beam_that_is_one():
+    """With a measured beam the parameters of both change nothing (`radial_intensity`)."""
+    needs = {one.name: one.needs for one in lamp.EFFECTS}
+    assert all("formula_beam" in needs[name] for name in ("beam_shape", "beam_skirt"))
+    named = {"lamp.shape_exponent": 4.0, "lamp.skirt_fraction": 0.3}
+    measured = Scene.from_dict({"lamp": {"profile": "table", "intensity_table": str(TABLE)}})
+    angles = np.linspace(0, 0.3, 7) ** 2
+    same = radial_intensity(measured.with_values(named).lamp, angles)
+    np.testing.assert_array_equal(same, radial_intensity(measured.lamp, angles))
