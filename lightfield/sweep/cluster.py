@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -180,11 +181,19 @@ def _deaf_to(*stops: signal.Signals) -> Iterator[None]:
     """
     # Would be begun with the first worker, and let Ctrl-C in again.
     multiprocessing.resource_tracker.ensure_running()
+    heard: list[int] = []
+    # A thread from before may still take the stop, and Python would pass it on to the main thread at once.
+    is_main = threading.current_thread() is threading.main_thread()
+    usual = {stop: signal.signal(stop, lambda number, _: heard.append(number)) for stop in stops if is_main}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, stops)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for stop, handler in usual.items():
+            signal.signal(stop, handler)
+        for number in heard[:1]:
+            signal.raise_signal(number)
 
 
 def _check_keys(scheduler: str) -> None:

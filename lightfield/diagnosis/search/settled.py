@@ -281,7 +281,7 @@ def _widened(now: Settled) -> float:
     """By which part the photons' noise widens the errors of a fit, at most.
 
     Without it the covariance C is C - P P^T, whose inverse is that of C and, whitened by C, one matrix as
-    small as P has columns (Woodbury 1950).
+    small as P has columns, or readings (Woodbury 1950).
     """
     slopes, modes = now.fit.jacobian, now.whiten.noise.photon_modes
     norm = np.linalg.norm(slopes, axis=0)
@@ -291,8 +291,12 @@ def _widened(now: Settled) -> float:
     information = unit.T @ unit
     if modes is not None and modes.size:
         white = now.whiten(modes)
-        known, directions = np.linalg.eigh(white.T @ white)
-        seen = directions.T @ (white.T @ unit)
+        if white.shape[1] < len(white):
+            known, directions = np.linalg.eigh(white.T @ white)
+            seen = directions.T @ (white.T @ unit)
+        else:  # more photons' modes than readings: the same from the other side
+            known, directions = np.linalg.eigh(white @ white.T)
+            seen = np.sqrt(np.maximum(known, 0.0))[:, None] * (directions.T @ unit)
         information += seen.T @ (seen / (1 - np.minimum(known, _ALL_PHOTONS))[:, None])
     without = np.diag(np.linalg.pinv(information, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
     return float(np.max(np.sqrt(with_photons[free] / without) - 1, initial=0.0))

@@ -86,12 +86,16 @@ def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypa
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.02, 3.0])
-def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float) -> None:
+@pytest.mark.parametrize("many", [False, True])
+def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float, many: bool) -> None:
     """Beside the same fit, whitened without it; 400 readings are one block, others are a chain of them."""
     lay = layout(5, 80)
     made = Toy.of([candidate(name) for name in waves(lay)], waves(lay), lay)
     columns = np.stack([made.base, *(made.sigma * wave for wave in waves(lay).values())], axis=1)
-    noise = replace(made.noise_within(0.003), photon_modes=amplitude * columns * [0.01, 1.0, 1.0, 1.0])
+    modes = amplitude * columns * [0.01, 1.0, 1.0, 1.0]
+    if many:  # the same covariance by more modes than there are readings
+        modes = np.tile(modes, 150) / np.sqrt(150)
+    noise = replace(made.noise_within(0.003), photon_modes=modes)
     problem, explanation = made.problem, made.problem.candidates[:2]
     start = problem.default_start(problem.model().start, explanation)
     still = Whitener(replace(noise, photon_modes=None), 0.3, 1.0, 0.003)

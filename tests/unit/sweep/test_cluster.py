@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,18 @@ import pytest
 from lightfield.sweep.cluster import connected
 
 
+@pytest.fixture
+def another_thread() -> Iterator[None]:
+    """One from before, which the kernel may give the stop to."""
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait)
+    thread.start()
+    yield
+    done.set()
+    thread.join()
+
+
+@pytest.mark.usefixtures("another_thread")
 @pytest.mark.parametrize("what", ["LocalCluster", "Client"])
 def test_a_stop_while_it_is_made_closes_it(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
