@@ -47,10 +47,11 @@ _UPWARDS = 0.5
 #: Of walls and floor: albedo over that of the brighter of the two.
 Shares = tuple[float, float]
 #: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
-KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 100e6, 8
+KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
-#: worked out for a water that was asked for so often: that costs as much as to follow ten lamps.
-LARGER, OFTEN = 2, 10
+#: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
+#: follow ten lamps.
+LARGER, OFTEN, AT_ONCE_BYTES = 2, 10, 100e6
 
 
 class ReflectedLight:
@@ -165,7 +166,7 @@ class Room:
         self._operator = lru_cache(int(np.clip(KEPT_BYTES / size, FEWEST, KEPT)))(self._operator_in)
         size = 4 * REFLECTIONS * len(places) * len(self.patches.centre)
         few = REFLECTIONS * len(places) <= LARGER * len(self.patches.centre)
-        self._most_at_once = int(KEPT_BYTES / size) if few else 0
+        self._most_at_once = int(AT_ONCE_BYTES / size) if few else 0
         self._at_once: dict[tuple[float, float, Shares], AtOnce] = {}
         self._asked = Counter[tuple[float, float, Shares]]()
         self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
