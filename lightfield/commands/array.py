@@ -90,7 +90,16 @@ def _show(scene: Scene, args: argparse.Namespace) -> int:
 def _compare(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.studies.follower.design import compare_arrays
 
-    others = {str(path): Scene.load(path) for path in args.others}
+    others: dict[str, Scene] = {}
+    for path in args.others:
+        other = Scene.load(path)
+        name = other.name or path.stem
+        if name in {scene.name, *others}:
+            raise UsageError(
+                "two arrays of one name", where=str(path), found=name,
+                rule="every scene has a name of its own", remedy="change the name in one of them",
+            )  # fmt: skip
+        others[name] = other
     space = space_of(scene, args)
     with progress_of("array"):
         found = compare_arrays(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)

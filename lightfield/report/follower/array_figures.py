@@ -33,6 +33,7 @@ from lightfield.studies.follower.survey import DOCKING, Survey
 SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
 LEVELS = 13  # of a map
 MOST_ARRAYS = 4  # side by side
+_NARROW, _WIDE = 16, 24  # letters of a name in a line
 WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
 
 
@@ -151,14 +152,14 @@ def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Fi
             draw_array(axis, one.elements)
             axis.set_xlim(-reach, reach)
             axis.set_ylim(-reach, reach)
-            axis.set_title(f"{one.name}\n{len(one.elements)} elements", fontsize=9)
+            axis.set_title(f"{fill(one.name, _WIDE)}\n{len(one.elements)} elements", fontsize=9)
         axis = lower.subplots()
         if len(shown) < len(arrays):
             upper.suptitle(f"the best {len(shown)} of {len(arrays)} arrays", fontsize=9, color=MUTED)
         values = [one.criterion for one in shown]
         colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
         axis.barh(range(len(shown)), values, color=colours)
-        axis.set_yticks(range(len(shown)), [fill(one.name, 16) if narrow else one.name for one in shown])
+        axis.set_yticks(range(len(shown)), [fill(one.name, _NARROW if narrow else _WIDE) for one in shown])
         for k, value in enumerate(values):
             axis.annotate(f"{value:.3g}", (value, k), (4, 0), textcoords="offset points", va="center")
         axis.set_xscale("log")
