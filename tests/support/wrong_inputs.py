@@ -241,7 +241,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("array show array.toml --max-photons 1", ["--max-photons", "1e3 to 1e12"]),
     ("array show array.toml --report folder --no-trace", ["folder", "a file"]),
     ("array", ["required: TASK"]),
-    ("array compare array.toml --with array.toml --with array.toml --no-trace", ["array.toml", "of one name"]),
+    ("array compare array.toml --with array.toml --with array.toml --no-trace", ["of one name"]),
     ("array compare array.toml --with scene.toml --no-trace", ["no array"]),
     ("array compare array.toml", ["required: --with"]),
     ("array optimise array.toml --elements 0 --no-trace", ["--elements", "2 to 200"]),
