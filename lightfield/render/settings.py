@@ -14,6 +14,8 @@ OnProgress = Callable[
 
 #: Least and most pixels of a side of a camera view, and paths per pixel and colour.
 PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)
+#: Relative error, the least that may be asked for, of a trace that ends with its photons.
+BY_PHOTONS = 1e-5
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from lightfield.formula.scattered.nodes import half_width_rad
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference
+from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import beam_axes
@@ -104,7 +105,13 @@ def traced_ratio(
     a, b = coefficients_in(water, wavelengths_nm, share)
     reference = Reference(float(a.min()), float(b.max()), 0.0, 0.0, share)
     rendering = render_scene(
-        black, grid=grid, reference=reference, rel_error=1e-5, max_photons=photons, seed=seed, symmetry=True
+        black,
+        grid=grid,
+        reference=reference,
+        rel_error=BY_PHOTONS,
+        max_photons=photons,
+        seed=seed,
+        symmetry=True,
     )
     return _fitted(scene, rendering, a, b, span, most)
 

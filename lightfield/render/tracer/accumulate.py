@@ -19,7 +19,7 @@ from lightfield.render.response.response import (
     light_classes,
 )
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
-from lightfield.render.settings import OnProgress, Settings
+from lightfield.render.settings import BY_PHOTONS, OnProgress, Settings
 from lightfield.render.tracer.build import Setup, assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
@@ -82,6 +82,7 @@ def trace_until(
         if progress:
             progress(spent, reached, settings.rel_error)
         if reached <= settings.rel_error or spent >= settings.max_photons:
+            tell("", 1.0)  # what follows is no trace
             return (
                 response_from(sums, counted(first, mirrored), spent, setup),
                 average(books, shares),
@@ -95,7 +96,8 @@ def trace_until(
 def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
     """Say how far a trace is whose error was `reached` when `judged` photons had been sent."""
     by_now = reached * (judged / sent) ** 0.5 if judged else reached
-    error = f", error {100 * reached:.2g} % of {100 * settings.rel_error:.2g} % asked for" if judged else ""
+    goal = f" of {100 * settings.rel_error:.2g} % asked for" if settings.rel_error > BY_PHOTONS else ""
+    error = f", error {100 * reached:.2g} %{goal}" if judged else ""
     part = part_of_trace(sent, by_now, settings.rel_error, settings.max_photons)
     tell(f"{sent:.3g} photons{error}", part)
 
