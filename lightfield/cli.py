@@ -161,11 +161,14 @@ def _again_soon(number: int) -> None:
 
 
 def _not_swallowed(ignored: Any) -> None:
-    """A stop that was raised where Python ignores exceptions, such as in `__del__`, comes again."""
-    if _stops and issubclass(ignored.exc_type, KeyboardInterrupt | SystemExit):
-        _again_soon(_stops[0])
-    else:
+    """A stop that was raised where Python ignores exceptions, such as in `__del__`, comes again.
+
+    After a stop, what half-made objects complain of as they go is not printed.
+    """
+    if not _stops:
         sys.__unraisablehook__(ignored)
+    elif issubclass(ignored.exc_type, KeyboardInterrupt | SystemExit):
+        _again_soon(_stops[0])
 
 
 _stops: list[int] = []  # signals that have been raised as exceptions
