@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
-from lightfield.render.reflected.light import ReflectedLight, Room
+from lightfield.render.reflected.light import OFTEN, ReflectedLight, Room
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
 
@@ -193,6 +193,25 @@ def test_what_is_remembered_is_not_mistaken() -> None:
             if key not in fresh:
                 fresh[key] = ReflectedLight(scene, *places).evaluate(asked, attenuation)
             assert kept.evaluate(asked, attenuation) == pytest.approx(fresh[key], rel=1e-12), change
+
+
+def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
+    """Also of a floor that is no wall, and of a lamp that comes after a water was often asked for."""
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.8, "tank.floor_over_walls": 0.4})
+    places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
+    room = ReflectedLight(scene, *places).room(True)
+    followed = room._operator(0.1, 0.0, (1.0, 0.4))
+    rng = np.random.default_rng(0)
+    lit = rng.random((len(room.before), followed.first.shape[1] // len(room.before))).astype(np.float32)
+    whole = rng.random(len(room.patches.centre)).astype(np.float32)
+    np.testing.assert_allclose(followed.at_once().apply(lit, whole), followed.apply(lit, whole), rtol=2e-5)
+
+    light = ReflectedLight(scene, *places)
+    lamps = [scene.with_values({"lamp.hwhm_deg": 15.0 + 0.1 * k}) for k in range(OFTEN + 3)]
+    often = [light.evaluate(lamp, 0.1) for lamp in lamps]
+    assert light.room(True)._at_once, "no water was asked for often enough"
+    alone = [ReflectedLight(scene, *places).evaluate(lamp, 0.1) for lamp in lamps[-2:]]
+    np.testing.assert_allclose(often[-2:], alone, rtol=2e-5)
 
 
 def test_opaque_water_stays_dark() -> None:

@@ -35,7 +35,7 @@ from lightfield.scene import Lamp, Scene, Tank, receiver
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
 #: Step of attenuation, m^-1, between which orders of light are interpolated: in a closed white tow tank to
-#: 0.1 % for a narrow beam (twice the step: 0.5 %), elsewhere to 0.02 % (`benchmarks/constants`).
+#: 0.1 % for a beam of 4 degrees (twice the step: 0.7 %), in other tanks to 0.03 % (beside a quarter of it).
 C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
 #: Part of the light of waves that met two facets in a row: 0 to 7 % of it for slopes of 2 to 12 degrees, a
 #: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/test_waves.py`); the middle of that.
