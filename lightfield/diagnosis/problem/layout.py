@@ -89,6 +89,16 @@ class Layout:
             kernel *= self.air[a][:, None] == self.air[b][None]
         return kernel
 
+    def lag_of(self, rows: Labels) -> NDArray[np.int32]:
+        """Readings that lie between two of some in the scan, shape (len(rows), len(rows))."""
+        position = self.position[rows].astype(np.int32)
+        return np.asarray(np.abs(np.subtract.outer(position, position)))
+
+    @cached_property
+    def lag(self) -> NDArray[np.int32]:
+        """Between two of all: asked for where they are few, and for every covariance of them."""
+        return self.lag_of(np.arange(self.size))
+
     @cached_property
     def one_channel(self) -> bool:
         """Are all readings of one channel?"""

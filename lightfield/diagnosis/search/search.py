@@ -12,7 +12,10 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.following import can_follow, scatters
+from lightfield.diagnosis.search.own_errors import on_sample
 from lightfield.diagnosis.search.profile import ROUGH_STEPS, profiled, restarted
 from lightfield.fitting.least_squares import Fit
 
@@ -349,17 +352,35 @@ def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
 
 
 def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
-    """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors."""
+    """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors.
+
+    Of many readings the minima of what scatters are told apart by a sample: its light is traced anew where
+    the fit lies, and its errors are profiled there.
+    """
     out = []
     for i, one in enumerate(found):
         if i < _PROFILED and one.test is not None and one.adequacy is not None:
-            phi = one.adequacy.phi
-            fit, errors = profiled(problem, one.explanation, one.fit, one.test.whiten, phi)
+            phi, whiten = one.adequacy.phi, one.test.whiten
+            followed = problem.sample is not None and can_follow(problem) and scatters(problem, one.fit)
+            if followed and isinstance(whiten, Whitener):
+                fit, errors = _lowest_of_sample(problem, one, whiten), one.errors
+            else:
+                fit, errors = profiled(problem, one.explanation, one.fit, whiten, phi)
             gain = (one.fit.chi2 - fit.chi2) / phi
             tested = one.test(fit) if gain > 0 else one.adequacy
             one = replace(one, fit=fit, errors=errors, bic=one.bic - gain, adequacy=tested)
         out.append(one)
     return sorted(out, key=lambda t: t.bic)
+
+
+def _lowest_of_sample(problem: Problem, one: Tried, whiten: Whitener) -> Fit:
+    """The fit, or a better one where a sample has a lower minimum over the shapes."""
+    some, there, own = on_sample(problem, one.explanation, one.fit, whiten)
+    lowest, _ = profiled(some, one.explanation, there, own, 1.0)
+    if lowest is there:
+        return one.fit
+    other = problem.fit(one.explanation, whiten, [lowest.u])
+    return other if other.chi2 < one.fit.chi2 else one.fit
 
 
 def weights(explanations: list[Tried]) -> list[float]:

@@ -46,7 +46,7 @@ _NEAR = 1.5
 #: Traces of a ratio have seeds of their own, so many of each diagnosis.
 _SEED, _OF_EACH = 7000, 100
 #: Part of what the readings say of the photons' noise that is taken to be their own at most: of many readings
-#: what they share is known to `noise._LEFT_OUT` alone, and one less a part is what the widening is told by.
+#: what they share is known to a part alone, and one less a part is what the widening is told by.
 _ALL_PHOTONS = 1 - 1e-4
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12
@@ -223,12 +223,15 @@ def settle(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitene
     traced = [_traced(light, fit, PHOTONS, seed, 0)]
     problem = _in_light(problem, traced)  # of whose nodes a sample has the light too
     some, there, own = on_sample(problem, explanation, fit, whiten)
-    now, traced = _settled(Settled(some, own, there), explanation, light, seed, traced, PHOTONS)
-    if some is not problem:
+    many = some is not problem
+    now, traced = _settled(Settled(some, own, there), explanation, light, seed, traced, PHOTONS, of_many=many)
+    if many:
         every = _in_light(problem, traced)
         there = every.fit(explanation, whiten, [now.fit.u], max_steps=0)
         photons = traced[-1][2].photons
-        now, _ = _settled(Settled(every, whiten, there), explanation, light, seed, traced, photons, _ROUNDS)
+        now, _ = _settled(
+            Settled(every, whiten, there), explanation, light, seed, traced, photons, _ROUNDS, many
+        )
     return now
 
 
@@ -248,6 +251,7 @@ def _settled(
     traced: list[_Trace],
     photons: float,
     first: int = 0,
+    of_many: bool = False,
 ) -> tuple[Settled, list[_Trace]]:
     """The same of the readings of a problem, from what was traced before, for the places of `light`."""
     for k in range(_ROUNDS):
@@ -256,8 +260,8 @@ def _settled(
             traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [new]
         own = _in_light(now.problem, traced)
         before = now.fit.u
-        # All readings are fitted from where a sample has led: their errors are known as well as there.
-        rounds = 1 if first and k > 0 else 2
+        # Many readings are fitted from where a sample has led, and that leads on: errors are known nearly.
+        rounds = 1 if of_many and k > 0 else 2
         whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten, rounds)
         if k == 0 and _moved(fit, before) > _FAR:
             fit = restarted(own, explanation, fit, whiten)

@@ -7,6 +7,7 @@ Here 400 readings count as many, so that both ways can be gone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -20,11 +21,13 @@ from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem import problem as problem_module
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
+from lightfield.diagnosis.search import search as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.preparation import bench
 from lightfield.diagnosis.search.profile import profiled
 from lightfield.diagnosis.search.rivals import nearest_rival
-from lightfield.diagnosis.search.search import Tried, bic
+from lightfield.diagnosis.search.search import Tried, at_lowest_minima, bic
+from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
 
 FEW = 120
@@ -86,6 +89,17 @@ def wave(whole: bool) -> tuple[Problem, Any, Whitener, list[int]]:
     return problem, shaped, Whitener(noise), calls
 
 
+@dataclass(frozen=True)
+class Passing:
+    """A test that every fit passes."""
+
+    whiten: Whitener
+    passed: Any
+
+    def __call__(self, fit: Fit) -> Any:
+        return self.passed
+
+
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_profile_that_a_sample_leads_has_the_errors_of_the_full_one(many: None, whole: bool) -> None:
     """Whether there is one valley or two alike: what is far behind in the sample adds nothing to an error."""
@@ -101,6 +115,34 @@ def test_a_profile_that_a_sample_leads_has_the_errors_of_the_full_one(many: None
     assert led.chi2 == pytest.approx(full.chi2, abs=0.1)
     assert errors == pytest.approx(all_errors, rel=0.02)
     assert some < 0.9 * every
+
+
+def test_a_sample_leads_scattered_light_to_its_lowest_minimum(
+    many: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit that lies in the valley of twice the frequency is fetched from there as the full profile would,
+    with few predictions of all places; one at the bottom stays where it is."""
+    problem, shaped, whiten, calls = wave(whole=False)
+    # What is told apart by a sample is light that is followed; this one is not, but its valleys are.
+    for name in ("can_follow", "scatters"):
+        monkeypatch.setattr(search_module, name, lambda *_: True)
+    stuck = problem.fit((shaped,), whiten, [np.array([1.0, 0.1, 2.2])])
+    best = problem.fit((shaped,), whiten, [np.array([1.0, 0.4, OMEGA])])
+    assert best.chi2 < stuck.chi2 - 50.0
+    told = []
+    for begun in (stuck, best):
+        passed = cast(Any, SimpleNamespace(phi=1.0))
+        tried = Tried((shaped,), begun, begun.chi2, passed, cast(Any, Passing(whiten, passed)))
+        calls.clear()
+        (found,) = at_lowest_minima(problem, [tried])
+        told.append((found, calls.count(problem.layout.size)))
+    (fetched, some), (stayed, none) = told
+    assert fetched.fit.chi2 == pytest.approx(best.chi2, abs=0.01)
+    assert fetched.bic == pytest.approx(fetched.fit.chi2)
+    assert stayed.fit is best
+    calls.clear()
+    profiled(in_full(problem), (shaped,), stuck, whiten, 1.0)
+    assert none <= 2 < some < 0.5 * calls.count(problem.layout.size)
 
 
 def toy(**more: np.ndarray) -> Toy:
