@@ -15,6 +15,7 @@ from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
 from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 from lightfield.storage.inputs import SPECTRUM
@@ -85,7 +86,7 @@ def read(data: bytes, where: str) -> Spectrum:
         electric_dark_corrected=_flag(said.get("correctForElectricalDark")),
         nonlinearity_corrected=_flag(said.get("correctForNonLinearity")),
         stray_light_corrected=_flag(said.get("correctForStrayLight")),
-        notes=("the program calls it saturated",) if said.get("saturated") == "true" else (),
+        notes=(Oddity(Odd.CALLED_SATURATED),) if said.get("saturated") == "true" else (),
     )
 
 
