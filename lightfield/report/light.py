@@ -91,5 +91,5 @@ def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:
     """Write a camera view as PNG and, exposed alike, its linear light as EXR beside it, each whole."""
     return (
         save_pixels(tone_mapped(taken.rgb), path),
-        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, taken.notes),
+        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, [str(note) for note in taken.notes]),
     )

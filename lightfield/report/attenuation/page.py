@@ -16,6 +16,7 @@ from lightfield.studies.attenuation.text import (
     content_sentences,
     fit_sentence,
     headline,
+    note_sentences,
     published_sentences,
     scattered_sentences,
     scene_sentences,
@@ -53,7 +54,7 @@ def attenuation_page(found: Attenuation) -> str:
     if found.content is not None:
         sections.append(_content(found.content))
     if found.notes:
-        sections.append(Section("Assumed, or left out", text=found.notes))
+        sections.append(Section("Assumed, or left out", text=note_sentences(found)))
     scene = first.ratios.scene
     lead = (
         "Readings in water divided by readings in air at the same places, or by the formula where there "

@@ -10,6 +10,7 @@ import numpy as np
 from lightfield.arrays import jsonable
 from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
+from lightfield.studies.working_range.text import POSE_WORDS
 
 
 def headline(found: Link) -> str:
@@ -121,7 +122,10 @@ def as_data(found: Link) -> dict[str, Any]:
     data = found.dataset
     return {
         "reaches": {
-            name: {k: jsonable(v) for k, v in {**vars(r), "docking": vars(r.docking)}.items()}
+            name: {
+                **{k: jsonable(v) for k, v in vars(r).items() if k != "docking"},
+                "docking": jsonable({"rule": POSE_WORDS[r.docking.name], **vars(r.docking)}),
+            }
             for name, r in found.reaches.items()
         },
         "reported_by_others": [r._asdict() for r in REPORTED],

@@ -9,7 +9,7 @@ import xarray as xr
 from lightfield.errors import OutputError, UsageError
 from lightfield.maps.dataset import plane_image, to_dataset
 from lightfield.maps.exr import SpectralImage, read_spectral_exr, write_spectral_exr
-from lightfield.maps.spot import spot_shape
+from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
 from lightfield.report.light import light_figure
@@ -75,7 +75,7 @@ def test_a_spot_is_measured_where_its_contour_is_known():
     cut = spot_shape(np.where(x[:, None] > 0.6, np.nan, light), x, x)
     assert (cut.hwhm_m, cut.centre_y_m) == (pytest.approx(whole.hwhm_m), pytest.approx(0, abs=1e-6))
     beyond = spot_shape(np.where(x[:, None] > 0.2, np.nan, light), x, x)
-    assert "beyond the edge" in beyond.problem
+    assert beyond.problem is Unmeasured.BEYOND_EDGE
     assert beyond.peak == pytest.approx(1.0, rel=1e-3)
 
 
