@@ -123,7 +123,7 @@ def link_page(found: Link) -> str:
     )  # fmt: skip
     others = Table(
         "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
-        reported_rows(),
+        reported_rows(), (1, 2),
     )  # fmt: skip
     sections = [
         Section("How far", (reach,), (ASKED,), (table, others)),
