@@ -74,7 +74,7 @@ def _page(report: FitReport, args: argparse.Namespace) -> Path:
     from lightfield.report.compare.readings_page import readings_page
     from lightfield.report.page import write_page
 
-    known = ledger.fingerprint(report.model.forward.readings)
+    known = ledger.readings_hash(report.model.forward.readings)
     rungs = [entry for entry in ledger.entries(args.output) if entry.get("readings") == known]
     title = f"{args.what.name}, climbed by hand"
     return write_page(readings_page(report, rungs, title), args.output / "index.html")

@@ -93,7 +93,7 @@ def verdict_data(v: Verdict) -> dict[str, object]:
                 "name": _named([one.effect]),
                 "level": one.level,
                 "words": words.level(one),
-                "size": words.size(one),
+                "size": words.effect_size(one),
                 "sigma": one.sigma_to_remove,
                 "rival": _named(one.rival),
                 "gap": one.gap,

@@ -18,7 +18,7 @@ DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
 
 
-def light_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
+def planes_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
     """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
 
     What is left out is said. `narrow`: one wavelength, and a plane a row.

@@ -149,7 +149,7 @@ def _numbers(line: int, words: str, problems: Problems) -> list[float]:
     out = []
     for word in words.split():
         try:
-            out.append(text.number(word))
+            out.append(text.parsed_number(word))
         except ValueError as error:
             problems.add(f"{word!r:.40} {error}", place=line, remedy="copy the calibration again")
             out.append(float("nan"))

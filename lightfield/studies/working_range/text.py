@@ -26,7 +26,7 @@ def headline(found: WorkingRange) -> str:
     light, share = found.reaches[0], 100 * found.share
     return (
         f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
-        f"the formula says {metres(light.formula_m)}."
+        f"the formula says {distance_or_none(light.formula_m)}."
     )
 
 
@@ -88,7 +88,9 @@ def rules(found: WorkingRange) -> dict[str, str]:
 def rows(found: WorkingRange) -> list[list[str]]:
     """Rule, distance with its error, and that of the formula, as text."""
     words = rules(found)
-    return [[words[reach.name], distance(reach), metres(reach.formula_m)] for reach in found.reaches]
+    return [
+        [words[reach.name], distance(reach), distance_or_none(reach.formula_m)] for reach in found.reaches
+    ]
 
 
 def distance(reach: Reach) -> str:
@@ -96,10 +98,10 @@ def distance(reach: Reach) -> str:
     if np.isfinite(reach.from_m):
         return f"{reach.from_m:.2f} m to {distance(replace(reach, from_m=float('nan')))}"
     error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
-    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
+    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
 
 
-def metres(value: float) -> str:
+def distance_or_none(value: float) -> str:
     """A distance that may lie beyond what was asked."""
     return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
 

@@ -12,7 +12,7 @@ from lightfield.maps.exr import SpectralImage, read_spectral_exr, write_spectral
 from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
-from lightfield.report.light import light_figure
+from lightfield.report.light import planes_figure
 from lightfield.studies.compare.maps import as_text, compare
 from lightfield.sweep.derived import derive
 
@@ -95,7 +95,7 @@ def test_numbers_of_a_sweep_leave_out_what_is_outside(maps):
 def test_figures_show_the_tank_alone(maps):
     data = maps(True)
     planes = compare(data).planes
-    for figure in (light_figure(data), maps_figure(planes, "", "irradiance"), radial_figure(planes),
+    for figure in (planes_figure(data), maps_figure(planes, "", "irradiance"), radial_figure(planes),
                    axial_figure(planes)):  # fmt: skip
         shown = [np.ma.getmaskarray(image.get_array()) for axis in figure.axes for image in axis.images]
         maps_shown = [mask for mask in shown if mask.shape == (40, 40)]

@@ -115,7 +115,7 @@ def _note_header(header: dict[str, str], number: int, line: str) -> None:
     header[name] = value.strip()
 
 
-def numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
+def block_numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
     """The numbers of a block, shape (n_lines, width); nan where a cell says that there is none.
 
     What cannot be read is noted in `problems`, with its line.
@@ -144,7 +144,7 @@ def numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
             if c > 0 and (cell in _HOLE or text.NOT_A_NUMBER.fullmatch(cell)):
                 continue
             try:
-                out[k, c] = text.number(cell, mark)
+                out[k, c] = text.parsed_number(cell, mark)
             except ValueError as error:
                 problems.add(f"{cell!r:.40} {error}", place=number, remedy="export it again")
     return out
@@ -187,7 +187,7 @@ def spectrum(
         )
         problems.raise_any(f"not a usable {name} file")
         raise AssertionError  # not reached
-    table = numbers(block, 1 + len(columns), problems)
+    table = block_numbers(block, 1 + len(columns), problems)
     wavelength = table[:, 0]
     _check_axis(wavelength, block, header, problems)
     notes = _check_complete(document, block, table, problems)

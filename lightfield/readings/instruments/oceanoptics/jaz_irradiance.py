@@ -10,7 +10,7 @@ import re
 from dataclasses import replace
 
 from lightfield.readings.instruments.oceanoptics import jaz
-from lightfield.readings.instruments.oceanoptics.document import Document, numbers
+from lightfield.readings.instruments.oceanoptics.document import Document, block_numbers
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -44,7 +44,7 @@ def read(document: Document) -> Spectrum:
         return replace(found, processed_unit=unit, notes=(*notes, Oddity(Odd.NO_CALIBRATION)))
     named = re.fullmatch(r"\[(.*)\]", block.lines[0][1])
     rows = replace(block, lines=block.lines[1:] if named else block.lines)
-    calibration = numbers(rows, 1, problems)[:, 0]
+    calibration = block_numbers(rows, 1, problems)[:, 0]
     if len(calibration) != len(found) and not problems:
         problems.add(
             "the calibration does not fit the spectrum",

@@ -153,7 +153,7 @@ def _numbers(element: ElementTree.Element, problems: Problems) -> Array:
         if text.NOT_A_NUMBER.fullmatch(cell):
             continue
         try:
-            out[k] = text.number(cell)
+            out[k] = text.parsed_number(cell)
         except ValueError as error:
             problems.add(f"{element.tag}: {cell!r:.40} {error}", remedy=_REMEDY)
     return out
@@ -161,7 +161,7 @@ def _numbers(element: ElementTree.Element, problems: Problems) -> Array:
 
 def _number(cell: str) -> float:
     try:
-        return text.number(cell)
+        return text.parsed_number(cell)
     except ValueError:
         return float("nan")
 
