@@ -91,9 +91,10 @@ def _fit(
         options["seed"] = options["seed"] % LARGEST_SEED + 1
     source = None
     if not args.no_trace:
+        from lightfield.render.diffuse.directed import Keeper
         from lightfield.render.diffuse.source import response_for
 
-        source = partial(response_for, cache=not args.no_cache)
+        source = partial(response_for, keeper=Keeper(not args.no_cache))
     with progress_of("compare"):
         report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))

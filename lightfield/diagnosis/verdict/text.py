@@ -46,16 +46,14 @@ def _found(verdict: Verdict) -> words.Said:
     noise = words.at_noise(verdict.noise_percent, verdict.errors_stated, verdict.variance_scale)
     own = {entry.effect for entry in verdict.stated}
     limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
-
     many = found_words.said_of_many(verdict.verdict, verdict.found, verdict.ladder, verdict.misfit)
+    curve = any(found_words.follows_any(one) for one in verdict.found)
+    on = words.Grounds(limits, verdict.misfit, within, verdict.determined, noise, curve)
 
     def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
         if many is not None:
             return many
-        return words.said(
-            verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise,
-            any(found_words.follows_any(one) for one in verdict.found),
-        )  # fmt: skip
+        return words.said(verdict.verdict, told, rival, on)
 
     return stated.with_stated(
         verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say
