@@ -241,10 +241,11 @@ def import_(
     )
 
 
-def diffuse_source(trace: bool) -> DiffuseSource | None:
-    """Where scattered and reflected light comes from: the renderer, or nowhere."""
+def diffuse_source(trace: bool, cache: bool = True) -> DiffuseSource | None:
+    """Where scattered and reflected light comes from: the renderer, with its cache or without, or nowhere."""
     if not trace:
         return None
+    from lightfield.render.diffuse.directed import Keeper
     from lightfield.render.diffuse.source import response_for
 
-    return response_for
+    return partial(response_for, keeper=Keeper(cache))

@@ -60,7 +60,10 @@ class Range(Result[ranging.WorkingRange]):
         """How far, by every rule."""
         import pandas as pd
 
-        return pd.DataFrame([asdict(reach) for reach in self.details.reaches])
+        rules = range_text.rules(self.details)
+        return pd.DataFrame([
+            {"name": reach.name, "rule": rules[reach.name], **asdict(reach)} for reach in self.details.reaches
+        ])  # fmt: skip
 
     def report(self, path: AnyPath) -> Path:
         from lightfield.report.working_range import write_range

@@ -74,7 +74,7 @@ def _page(report: FitReport, args: argparse.Namespace) -> Path:
     from lightfield.report.compare.readings_page import readings_page
     from lightfield.report.page import write_page
 
-    known = ledger.fingerprint(report.model.forward.readings)
+    known = ledger.readings_hash(report.model.forward.readings)
     rungs = [entry for entry in ledger.entries(args.output) if entry.get("readings") == known]
     title = f"{args.what.name}, climbed by hand"
     return write_page(readings_page(report, rungs, title), args.output / "index.html")
@@ -91,9 +91,10 @@ def _fit(
         options["seed"] = options["seed"] % LARGEST_SEED + 1
     source = None
     if not args.no_trace:
+        from lightfield.render.diffuse.directed import Keeper
         from lightfield.render.diffuse.source import response_for
 
-        source = partial(response_for, cache=not args.no_cache)
+        source = partial(response_for, keeper=Keeper(not args.no_cache))
     with progress_of("compare"):
         report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
     print(as_text(report))

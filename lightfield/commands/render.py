@@ -60,10 +60,10 @@ def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: ar
     if not args.no_exr and planes:
         written += write_exr_planes(dataset, folder)
     if not args.no_figures and planes:
-        from lightfield.report.light import light_figure
+        from lightfield.report.light import planes_figure
         from lightfield.report.style import save_png
 
-        written.append(save_png(light_figure(dataset), folder / "maps.png"))
+        written.append(save_png(planes_figure(dataset), folder / "maps.png"))
     print(as_text(rendering))
     if not planes and not (args.no_exr and args.no_figures):
         print("single positions have no images: no EXR, no PNG")

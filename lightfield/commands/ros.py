@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     photons = photons_of(args)
     from lightfield.robots.ros import Bridge, ros
-    from lightfield.robots.ros import run as spin
+    from lightfield.robots.ros import spin as spin
     from lightfield.studies.follower.light import light_of
     from lightfield.studies.follower.pose import Estimator
     from lightfield.studies.follower.survey import array_of

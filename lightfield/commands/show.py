@@ -12,7 +12,7 @@ from lightfield.commands._options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.studies.following.metrics import METRICS
-from lightfield.sweep.estimate import size
+from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.results import axes_of, chosen_cases, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
 
@@ -88,7 +88,7 @@ def _runs(data: xr.Dataset, args: argparse.Namespace) -> int:
 def as_text(data: xr.Dataset, path: Path) -> str:
     """Dimensions, cases, traces and size."""
     axes = axes_of(data)
-    lines = [f"{path}: {data.attrs['title']}, {size(size_on_disk(path))}"]
+    lines = [f"{path}: {data.attrs['title']}, {byte_size(size_on_disk(path))}"]
     for name in axes:
         steps = data[name].values
         span = f"{steps[0]:g} to {steps[-1]:g}" if steps.dtype.kind in "fi" else ", ".join(map(str, steps))

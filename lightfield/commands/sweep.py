@@ -21,7 +21,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.estimate import size
+from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
@@ -108,11 +108,11 @@ def run(args: argparse.Namespace) -> int:
     if args.output is None:
         raise UsageError("no store given", remedy="-o STORE.zarr, or --dry-run")
     output_folder(args.output.parent)
-    needed = estimate.estimate(plan).memory_bytes
+    needed = estimate.sweep_cost(plan).memory_bytes
     if args.memory is not None and needed > 1e9 * args.memory:
         raise UsageError(
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
-            rule=f"about {size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
+            rule=f"about {byte_size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
         )  # fmt: skip
     with cases_bar() as report:
         done = run_sweep(
@@ -146,7 +146,9 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
 
 def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
-    lines = [f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {size(size_on_disk(path))}"]
+    lines = [
+        f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {byte_size(size_on_disk(path))}"
+    ]
     if done.failed:
         lines.append(f"{done.failed} cases failed: `message` in the store says why")
     if done.repaired:
@@ -169,7 +171,9 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
         )
     if done.workers:
         many = "process" if len(done.workers) == 1 else "processes"
-        lines.append(f"memory: {len(done.workers)} {many}, at most {size(max(done.workers.values()))} each")
+        lines.append(
+            f"memory: {len(done.workers)} {many}, at most {byte_size(max(done.workers.values()))} each"
+        )
     return "\n".join(lines)
 
 
@@ -179,7 +183,7 @@ def cases_bar(name: str = "sweep") -> Iterator[Report]:
     output = console(stderr=True)
     if not output.is_terminal:
         with status_lines(name) as note:
-            yield lambda progress: note(in_words(progress), progress.part)
+            yield lambda progress: note(progress_in_words(progress), progress.part)
         return
     columns = (
         TextColumn("{task.description}"),
@@ -204,7 +208,7 @@ def cases_bar(name: str = "sweep") -> Iterator[Report]:
         yield report
 
 
-def in_words(progress: SweepProgress) -> str:
+def progress_in_words(progress: SweepProgress) -> str:
     """How far a sweep is."""
     done = progress.cases_before + progress.cases_done
     told = [f"{done} of {progress.cases} cases"]

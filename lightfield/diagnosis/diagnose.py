@@ -17,7 +17,7 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of,
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.search import Data
-from lightfield.diagnosis.search.preparation import Prepared, prepare
+from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.truncation import with_truncation
@@ -191,7 +191,7 @@ class Diagnosis:
         """
         target = Path(folder)
         rows = []
-        known = ledger.fingerprint(self.readings)
+        known = ledger.readings_hash(self.readings)
         number = ledger.runs(target, known) + 1
         verdict = self.verdict.model_copy(update={"run": number})
         for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
@@ -216,7 +216,7 @@ class Diagnosis:
                 )
         with atomic_path(target / VERDICT) as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        ledger.append(target, rows, command, known)
+        ledger.add_rungs(target, rows, command, known)
         return replace(self, verdict=verdict)
 
 
@@ -305,7 +305,7 @@ def _diagnose(
         by_shape = calibration.by_shape(problem)
         # Curves come only where no named effect will do.
         data = Data(by_shape.with_curves(), quoted, budget)
-        prepared = prepare(by_shape, quoted, budget, rng, alpha, known)
+        prepared = prepare_problem(by_shape, quoted, budget, rng, alpha, known)
         traces.asked, known = prepared.to_trace_per_m, prepared.known
         if traces.asked is not None and traces.left:
             continue

@@ -20,7 +20,7 @@ from lightfield.readings import Readings
 NAME = "ledger.jsonl"
 
 
-def fingerprint(readings: Readings) -> str:
+def readings_hash(readings: Readings) -> str:
     """Hash of the readings themselves (places and values), independent of the file that holds them."""
     digest = hashlib.sha256()
     for name in ("x_m", "y_m", "z_m", "wavelength_nm", "value"):
@@ -49,7 +49,7 @@ def runs(folder: Path, readings_hash: str) -> int:
     return len({entry.get("run") for entry in entries(folder) if entry.get("readings") == readings_hash})
 
 
-def append(folder: Path, rows: Sequence[Mapping[str, Any]], command: str, readings_hash: str) -> int:
+def add_rungs(folder: Path, rows: Sequence[Mapping[str, Any]], command: str, readings_hash: str) -> int:
     """Add the rungs of one run.
 
     Parameters

@@ -161,8 +161,8 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     if tank:
         near = ["[detector]", "planes_m = [1e-6]"]  # to see the tank by itself
         ahead = Scene.from_toml("\n".join([*tank, *near]), where="the new scene").tank
-    planes = numbers(given["planes"], "planes", ",") if given["planes"] else proposed_planes(ahead)
-    points = int(numbers(given["points"], "points", ",", whole=True)[0])
+    planes = typed_numbers(given["planes"], "planes", ",") if given["planes"] else proposed_planes(ahead)
+    points = int(typed_numbers(given["points"], "points", ",", whole=True)[0])
     if not 1 <= points <= 201:
         raise UsageError("impossible number of readings", where="points", found=points, rule="1 to 201")
     lines = [
@@ -172,8 +172,9 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         "",
         "[lamp]",
         f"spectrum = {spectrum_toml(given['lamp'])}",
-        f"hwhm_deg = {number(given['beam'], 'beam')}    # half width at half maximum: a guess, it is fitted",
-        f"power_w = {number(given['power'], 'power')}    # counts for absolute readings alone",
+        f"hwhm_deg = {typed_number(given['beam'], 'beam')}    # half width at half maximum: "
+        "a guess, it is fitted",
+        f"power_w = {typed_number(given['power'], 'power')}    # counts for absolute readings alone",
         "# radius_m = 0.02    # of the window, where it is large",
         "",
         "[water]",
@@ -211,7 +212,7 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
     """The scene's tank; nothing for open water."""
     if given["tank"].lower() == "none":
         return []
-    sizes = numbers(given["tank"].lower(), "tank", "x")
+    sizes = typed_numbers(given["tank"].lower(), "tank", "x")
     if len(sizes) != 3:
         raise UsageError(
             "not the sizes of a tank",
@@ -228,13 +229,13 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
         f"# lamp_depth_m = {half}    # from the surface down to the beam's axis: half the depth unless given"
     )
     if given["lamp_depth"]:
-        depth = f"lamp_depth_m = {number(given['lamp_depth'], 'lamp_depth')}"
+        depth = f"lamp_depth_m = {typed_number(given['lamp_depth'], 'lamp_depth')}"
     return [
         "[tank]",
         *(f"{name} = {value:g}" for name, value in named),
         depth,
         f"behind_lamp_m = {min(_BEHIND_M, 0.1 * sizes[2]):g}    # from the wall behind to the lamp's window",
-        f"wall_albedo = {number(given['walls'], 'walls')}    # what walls and floor reflect",
+        f"wall_albedo = {typed_number(given['walls'], 'walls')}    # what walls and floor reflect",
         f'surface = "{top}"    # flat: water against air; none: a lid like the walls',
     ]
 
@@ -244,7 +245,8 @@ def spectrum_toml(answer: str) -> str:
     if "/" in answer:
         peaks = [one.partition("/")[::2] for one in answer.split("+")]
         said = [
-            f"peak_nm = {number(peak, 'lamp')}, fwhm_nm = {number(width, 'lamp')}" for peak, width in peaks
+            f"peak_nm = {typed_number(peak, 'lamp')}, fwhm_nm = {typed_number(width, 'lamp')}"
+            for peak, width in peaks
         ]
         if len(said) == 1:
             return f"{{ {said[0]} }}"
@@ -269,7 +271,7 @@ def water_lines(answer: str) -> list[str]:
             "not a water", where="water", found=answer,
             rule=f"A,B in 1/m, pure, or one of {', '.join(list_presets())}",
         )  # fmt: skip
-    a, b = (number(value, "water") for value in values)
+    a, b = (typed_number(value, "water") for value in values)
     return [
         f"absorption_per_m = {a}    # a guess, it is fitted",
         f"scattering_per_m = {b}    # a diagnosis asks whether there is any",
@@ -279,7 +281,7 @@ def water_lines(answer: str) -> list[str]:
 def band_toml(given: Mapping[str, str]) -> str:
     """The detector's band as TOML: as answered, or all that an LED gives."""
     if given["band"]:
-        ends = numbers(given["band"], "band", ":")
+        ends = typed_numbers(given["band"], "band", ":")
     elif _NAMED.get(given["lamp"], given["lamp"]) in LEDS or "/" in given["lamp"]:
         text = f"[lamp]\nspectrum = {spectrum_toml(given['lamp'])}"
         peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
@@ -350,13 +352,13 @@ def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
     return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat{names}", *rows]) + "\n"
 
 
-def number(text: str, where: str) -> str:
+def typed_number(text: str, where: str) -> str:
     """A number as it was written."""
-    numbers(text, where, None)
+    typed_numbers(text, where, None)
     return text.strip()
 
 
-def numbers(text: str, where: str, separator: str | None, *, whole: bool = False) -> list[float]:
+def typed_numbers(text: str, where: str, separator: str | None, *, whole: bool = False) -> list[float]:
     """Numbers between separators.
 
     Raises

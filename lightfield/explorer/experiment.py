@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
-from lightfield.diagnosis.search.preparation import bench, prepare
+from lightfield.diagnosis.search.preparation import bench, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
 from lightfield.explorer.places import SIDE, MapPlaces
@@ -153,7 +153,7 @@ def explored(
         problem, untestable = problem_of(forward, readings, every, reason)
         problem = by_shape(problem)
         rng = np.random.default_rng(0)
-        prepared = prepare(problem, quoted, budget, rng)
+        prepared = prepare_problem(problem, quoted, budget, rng)
         traces.asked = None if dense_per_m is not None else prepared.to_trace_per_m
     made = bench(prepared, 0.0, rng)
     sigma = np.sqrt(prepared.noise.variance(1.0, 0.0))

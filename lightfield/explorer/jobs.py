@@ -12,6 +12,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.explorer.beside import Tell
 from lightfield.explorer.experiment import all_lit, explored
 from lightfield.readings import Readings
+from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.maps import render_scene
 from lightfield.report.diagnosis.drawn import view_of
@@ -37,7 +38,7 @@ class Diagnosed:
 
 def trace_maps(scene: Scene, readings: Readings | None, dense_per_m: float | None, tell: Tell) -> None:
     """Leave in the cache what the maps and the readings of an experiment need."""
-    experiment = explored(scene, readings, partial(response_for, told=tell), dense_per_m, tell)
+    experiment = explored(scene, readings, partial(response_for, keeper=Keeper(told=tell)), dense_per_m, tell)
     tell("scattered and reflected light for the maps")
     values = {p.path: p.value(p.start) for p in experiment.problem.base} | all_lit(experiment)
     experiment.maps[0].predict(values)
@@ -47,7 +48,7 @@ def diagnosed(scene: Scene, readings: Readings, traced: bool, tell: Tell) -> Dia
     """Diagnose readings, with or without traced light, and draw the report."""
     from lightfield.report.diagnosis.page import diagnosis_page
 
-    source = partial(response_for, told=tell) if traced else None
+    source = partial(response_for, keeper=Keeper(told=tell)) if traced else None
     found = diagnose(readings, scene, diffuse=source, progress=tell)
     if found.steps[1:] and traced:
         tell("rendering the explained scene afresh")
@@ -93,7 +94,7 @@ def verdict_data(v: Verdict) -> dict[str, object]:
                 "name": _named([one.effect]),
                 "level": one.level,
                 "words": words.level(one),
-                "size": words.size(one),
+                "size": words.effect_size(one),
                 "sigma": one.sigma_to_remove,
                 "rival": _named(one.rival),
                 "gap": one.gap,
@@ -153,7 +154,7 @@ def climbed(
     from lightfield.report.compare.readings_page import readings_page
 
     tell("fitting what is shown")
-    source = partial(response_for, told=tell) if traced else None
+    source = partial(response_for, keeper=Keeper(told=tell)) if traced else None
     report = fit_readings(readings, scene, effects, diffuse=source)
     tell("drawing the report")
     s = report.statistics

@@ -19,6 +19,7 @@ from lightfield.explorer.state import History, State
 from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
+from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.listed import OWN_FIELD
@@ -72,7 +73,9 @@ class Session:
     def __post_init__(self) -> None:
         # One memory of traces for all experiments with these scene and places. What is traced is traced in
         # another process: Mitsuba and its tallies would stay in this one's memory.
-        given = partial(response_for, elsewhere=self._elsewhere) if self.diffuse == "trace" else self.diffuse
+        given, beside = self.diffuse, Keeper(elsewhere=self._elsewhere)
+        if given == "trace":
+            given = partial(response_for, keeper=beside)
         self._source = remembered(None if isinstance(given, str) else given)
 
     def _elsewhere(self, work: Callable[..., None]) -> None:

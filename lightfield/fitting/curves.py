@@ -114,6 +114,33 @@ class Basis:
         return np.array([values.get(path, 0.0) for path in self.paths])
 
 
+@dataclass(frozen=True, eq=False)
+class _Family:
+    """Curves on nodes, and which of them are rough.
+
+    Parameters
+    ----------
+    place : array, shape (n_nodes,)
+    rough : array, shape (k, n_nodes)
+        Square root of the roughness of a curve by its nodes.
+    smooth : list of array, shape (n_nodes,)
+        All that is not rough.
+    known : int
+        So many of them the base model has; the others are functions too.
+    """
+
+    place: Array
+    rough: Array
+    smooth: list[Array]
+    known: int
+
+
+def _bent(at: Array) -> _Family:
+    """Curves over a coordinate that are rough where they bend; the base model has their level."""
+    place = np.linspace(at.min(), at.max(), NODES)
+    return _Family(place, np.diff(np.eye(NODES), 2, axis=0), _LINES, 1)
+
+
 def path_of(field: str, k: int) -> str:
     """Name of the k-th amplitude of a curve, k = 1, 2..."""
     return f"{field}.{k}"
@@ -222,9 +249,9 @@ class Curves:
             rough[i, i - 1 : i + 2] += ring * np.array([1.0, -2.0, 1.0])
             rough[i, [i - 1, i + 1]] += ring * np.array([0.5, -0.5]) * step / x[i]
         # A table's width is not fitted: there the angle's square is a function like others.
-        base = [np.ones(NODES), x**2]
         known = 1 if lamp.profile == "table" else 2
-        return self._basis(PROFILE, place, theta, value_at, rough, base, known)
+        family = _Family(place, rough, [np.ones(NODES), x**2], known)
+        return self._basis(PROFILE, family, theta, value_at)
 
     def _absorption(self) -> Basis | None:
         r = self.readings
@@ -241,18 +268,15 @@ class Curves:
         def depth(nodes: Nodes, at: Array) -> Array:
             return np.asarray(-integral_to(nodes, at) * steep)
 
-        rough = np.diff(np.eye(NODES), axis=0)
-        one = np.zeros(len(z), int)
-        return self._basis(ABSORPTION, place, z, depth, rough, [np.ones(NODES)], 1, gains=one)
+        family = _Family(place, np.diff(np.eye(NODES), axis=0), [np.ones(NODES)], 1)
+        return self._basis(ABSORPTION, family, z, depth, gains=np.zeros(len(z), int))
 
     def _power(self) -> Basis | None:
         time = np.asarray(self.readings.time_s, float)
         known = np.isfinite(time)
         if not known.all() or np.ptp(time) <= 0:
             return None
-        place = np.linspace(time.min(), time.max(), NODES)
-        rough = np.diff(np.eye(NODES), 2, axis=0)
-        return self._basis(POWER, place, time, value_at, rough, _LINES, 1)
+        return self._basis(POWER, _bent(time), time, value_at)
 
     @cached_property
     def _colours(self) -> Array | None:
@@ -265,8 +289,7 @@ class Curves:
         wave = self._colours
         if wave is None or self.readings.scale != "absolute":
             return None
-        place = np.linspace(wave.min(), wave.max(), NODES)
-        found = self._basis(SPECTRUM, place, wave, value_at, np.diff(np.eye(NODES), 2, axis=0), _LINES, 1)
+        found = self._basis(SPECTRUM, _bent(wave), wave, value_at)
         return found and self._by_its_readings(found, wave)
 
     def _colour(self) -> Basis | None:
@@ -281,11 +304,9 @@ class Curves:
         def depth(nodes: Nodes, at: Array) -> Array:
             return np.asarray(-value_at(nodes, at) * way)
 
-        place = np.linspace(wave.min(), wave.max(), NODES)
-        rough = np.diff(np.eye(NODES), 2, axis=0)
         every = np.unique(wave, return_inverse=True)[1]
         gains = np.zeros(len(wave), int) if r.scale == "absolute" else every
-        found = self._basis(COLOUR, place, wave, depth, rough, _LINES, 1, gains=gains)
+        found = self._basis(COLOUR, _bent(wave), wave, depth, gains)
         return found and self._by_its_readings(found, wave)
 
     def _by_its_readings(self, found: Basis, wave: Array) -> Basis:
@@ -300,40 +321,30 @@ class Curves:
         if not 2 < len(place) <= MOST[PLANES] + 2 or used < _EACH * len(place):
             return None
         smooth = [np.ones(len(place)), place - place.mean()]
-        found = self._basis(PLANES, place, z, value_at, np.eye(len(place)), smooth, 2)
+        found = self._basis(PLANES, _Family(place, np.eye(len(place)), smooth, 2), z, value_at)
         # What could contradict them is not other planes, but the other readings of each.
         return found and replace(found, told=used - len(smooth))
 
     def _basis(
         self,
         field: str,
-        place: Array,
+        family: _Family,
         at: Array,
         acts: Callable[[Nodes, Array], Array],
-        rough: Array,
-        smooth: list[Array],
-        known: int,
         gains: NDArray[np.int_] | None = None,
     ) -> Basis | None:
         """Functions of Demmler and Reinsch on nodes.
 
         Parameters
         ----------
-        place : array, shape (n_nodes,)
         at : array, shape (n,)
             Coordinate of every reading.
         acts : callable
             What nodes change in the logarithm of the readings: `acts(nodes, at)`, linear in their values.
-        rough : array, shape (k, n_nodes)
-            Square root of the roughness of a curve by its nodes.
-        smooth : list of array, shape (n_nodes,)
-            All that is not rough.
-        known : int
-            So many of them the base model has; the others are functions too.
         gains : array of int, shape (n,), optional
             Readings that share a gain, which the base model has as well: no curve is one.
         """
-        weight = self._weight
+        weight, place = self._weight, family.place
         count = len(place)
         design = np.empty((len(at), count))
         for j in range(count):
@@ -347,20 +358,20 @@ class Curves:
         metric = design.T @ (weight[:, None] * design) / weight.sum()
         functions: list[Array] = []
         taken: list[Array] = []
-        for k, one in enumerate(smooth):
+        for k, one in enumerate(family.smooth):
             rest = one - sum((t * (t @ metric @ one) for t in taken), np.zeros(count))
             size = float(np.sqrt(max(rest @ metric @ rest, 0.0)))
             if size <= _SAME * float(np.abs(design @ one).max()):
                 return None
             taken.append(rest / size)
-            if k >= known:
+            if k >= family.known:
                 functions.append(rest / size)
         # All that is orthogonal to what is not rough; there the roughness is a metric too.
         others = linalg.null_space(np.array(taken) @ metric)
-        change, roughness = others.T @ metric @ others, (r := rough @ others).T @ r
+        change, roughness = others.T @ metric @ others, (r := family.rough @ others).T @ r
         share, vectors = linalg.eigh(change, roughness)
         share, vectors = share[::-1], vectors[:, ::-1]
-        told = _levels(at[weight > 0]) - known - int(field == ABSORPTION)
+        told = _levels(at[weight > 0]) - family.known - int(field == ABSORPTION)
         most = min(told, MOST[field]) - len(functions)
         more = min(most, int((share > _ROUNDING * share[0]).sum()))
         functions += [others @ vectors[:, k] / np.sqrt(share[k]) for k in range(max(more, 0))]

@@ -286,7 +286,7 @@ def _to_file(rows_upwards: ArrayLike) -> NDArray[np.float32]:
 PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
 
 
-def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: tuple[str, ...]) -> Path:
+def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: Sequence[str]) -> Path:
     """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
     path = beside.with_suffix(".exr")
     header = {

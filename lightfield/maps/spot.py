@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -13,6 +14,14 @@ from lightfield.arrays import Array
 REPLICATES = 24  # of the noise, for the standard errors: their own error is 15 %
 # Parts of the maximum above which log E is taken for a quadratic form: the highest that has pixels enough.
 LEVELS, ENOUGH = (0.95, 0.9, 0.85, 0.8, 0.7), 40
+
+
+class Unmeasured(Enum):
+    """Why a spot has no shape."""
+
+    DARK = "no light on the plane"
+    BEYOND_EDGE = "half of the maximum lies beyond the edge of the plane, or the spot is under two pixels"
+    NO_ELLIPSE = "no ellipse fits the contour at half maximum"
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,7 @@ class Spot:
     hwhm_x_m: float
     hwhm_y_m: float
     stderr: dict[str, float]
-    problem: str = ""
+    problem: Unmeasured | None = None
 
     @property
     def ellipticity(self) -> float:
@@ -91,26 +100,25 @@ def smoothed(value: Array, sigma: float, truncate: float = 4.0) -> Array:
     return np.where(known, weighed(np.where(known, value, 0.0)) / weight, np.nan)
 
 
-def _measure(value: Array, x_m: Array, y_m: Array) -> tuple[tuple[float, float, float, float, float], str]:
+def _measure(
+    value: Array, x_m: Array, y_m: Array
+) -> tuple[tuple[float, float, float, float, float], Unmeasured | None]:
     peak, at = _peak(value, x_m, y_m)
     nothing = (peak, np.nan, np.nan, np.nan, np.nan)
     if not peak > 0:
-        return nothing, "no light on the plane"
+        return nothing, Unmeasured.DARK
     contours = find_contours(value, 0.5 * peak)
     closed = [c for c in contours if len(c) > 8 and np.array_equal(c[0], c[-1])]
     around = [c for c in closed if _encloses(c, at)]
     if not around:
-        return (
-            nothing,
-            "half of the maximum lies beyond the edge of the plane, or the spot is under two pixels",
-        )
+        return nothing, Unmeasured.BEYOND_EDGE
     rows, columns = max(around, key=len).T
     x = np.interp(columns, np.arange(x_m.size), x_m)
     y = np.interp(rows, np.arange(y_m.size), y_m)
     ellipse = _ellipse(np.column_stack([x, y])[:-1])
     if ellipse is None:
-        return nothing, "no ellipse fits the contour at half maximum"
-    return (peak, *ellipse), ""
+        return nothing, Unmeasured.NO_ELLIPSE
+    return (peak, *ellipse), None
 
 
 def _ellipse(points: Array) -> tuple[float, float, float, float] | None:

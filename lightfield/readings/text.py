@@ -117,7 +117,7 @@ def decimal_mark(cells: Iterable[str]) -> str:
     return "," if comma else "."
 
 
-def number(cell: str, mark: str = ".") -> float:
+def parsed_number(cell: str, mark: str = ".") -> float:
     """A finite number.
 
     Raises

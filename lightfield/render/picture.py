@@ -19,6 +19,7 @@ from lightfield.errors import RenderError
 from lightfield.formula.own import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
+from lightfield.render.shown_as import Shown, ShownAs
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
@@ -46,12 +47,12 @@ class Picture:
     ----------
     rgb : array, shape (height, width, 3)
         Linear light, relative: row 0 is the top.
-    notes : tuple of str
+    notes : tuple of ShownAs
         What was lent to the scene so that there is something to see.
     """
 
     rgb: np.ndarray
-    notes: tuple[str, ...]
+    notes: tuple[ShownAs, ...]
 
 
 def take_picture(
@@ -101,15 +102,15 @@ def take_picture(
     water_nm = np.clip(RGB_NM, *known_nm(scene.water))
     scattering = scattering_per_m(scene.water, water_nm)
     notes = [
-        f"water at {at:g} nm shown as at {known:g} nm, where its table ends"
+        ShownAs(Shown.WAVELENGTH, float(at), float(known))
         for at, known in zip(RGB_NM, water_nm, strict=True)
         if at != known
     ]
     if lend and scene.tank and albedo < LENT_ALBEDO:
-        notes.append(f"walls shown with albedo {LENT_ALBEDO:g} instead of {albedo:g}")
+        notes.append(ShownAs(Shown.ALBEDO, float(albedo), LENT_ALBEDO))
         albedo = LENT_ALBEDO
     if lend and float(scattering.max()) < LENT_SCATTERING:
-        notes.append(f"scattering shown as {LENT_SCATTERING:g} 1/m instead of {scattering.max():.2g} 1/m")
+        notes.append(ShownAs(Shown.SCATTERING, float(scattering.max()), LENT_SCATTERING))
         scattering = np.full(3, LENT_SCATTERING)
     absorption, power = absorption_per_m(scene.water, water_nm), spectral_power(scene.lamp, RGB_NM)
     molecular = molecular_per_m(scene.water, water_nm)

@@ -79,7 +79,7 @@ def band_page(found: Bands) -> str:
     table = Table(
         "500 to 550 nm, as in the tow tank experiment, against the best band (for attenuation: the least "
         "over its own).",
-        ("at", "rule", "best band", "500–550 nm has"), rows(found),
+        ("at", "rule", "best band", "500–550 nm has"), rows(found), (1,),
     )  # fmt: skip
     title = f"{found.scene.name or 'Water'}: bands of {found.width_nm:g} nm"
     return study_page(

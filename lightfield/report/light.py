@@ -18,7 +18,7 @@ DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
 
 
-def light_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
+def planes_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
     """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
 
     What is left out is said. `narrow`: one wavelength, and a plane a row.
@@ -91,5 +91,5 @@ def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:
     """Write a camera view as PNG and, exposed alike, its linear light as EXR beside it, each whole."""
     return (
         save_pixels(tone_mapped(taken.rgb), path),
-        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, taken.notes),
+        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, [str(note) for note in taken.notes]),
     )

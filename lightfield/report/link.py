@@ -72,7 +72,7 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
     return fig
 
 
-def light_figure(found: Link, narrow: bool = False) -> Figure:
+def arrival_figure(found: Link, narrow: bool = False) -> Figure:
     """Left: received power. Right: bandwidth that the lengths of the paths leave."""
     data, z = found.dataset, found.dataset.z_m.values
     with panels(2, 3.6, narrow=narrow) as (fig, (left, right)):
@@ -115,15 +115,15 @@ def link_page(found: Link) -> str:
         "Errors per bit against distance, and ranges for data and docking", reach_figure(found, narrow=True),
     )  # fmt: skip
     light = page_figure(
-        light_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
-        "Received power and bandwidth against distance", light_figure(found, narrow=True),
+        arrival_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
+        "Received power and bandwidth against distance", arrival_figure(found, narrow=True),
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", HEAD, rows(found),
     )  # fmt: skip
     others = Table(
         "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
-        reported_rows(),
+        reported_rows(), (1, 2),
     )  # fmt: skip
     sections = [
         Section("How far", (reach,), (ASKED,), (table, others)),

@@ -18,6 +18,14 @@ _FOLDER = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True)
+class SideBySide:
+    """What to see in two panels, which stand one above the other on a telephone."""
+
+    left: str
+    right: str
+
+
+@dataclass(frozen=True)
 class PageFigure:
     """A figure on a page.
 
@@ -25,7 +33,7 @@ class PageFigure:
     ----------
     svg : str
         SVG element.
-    caption : str
+    caption : str or SideBySide
         One or two sentences: what to see.
     alt : str
         What it shows, for those who cannot see it.
@@ -34,18 +42,13 @@ class PageFigure:
     """
 
     svg: str
-    caption: str
+    caption: str | SideBySide
     alt: str
     narrow: str = ""
 
-    @property
-    def caption_narrow(self) -> str:
-        """The caption where what stands side by side stands one above the other."""
-        return self.caption.replace("Left:", "Above:").replace("Right:", "Below:")
-
 
 def page_figure(
-    drawing: Figure, name: str, caption: str, alt: str, narrow: Figure | None = None
+    drawing: Figure, name: str, caption: str | SideBySide, alt: str, narrow: Figure | None = None
 ) -> PageFigure:
     """Figure made ready for a page; `name` is different for every figure of the page."""
     return PageFigure(

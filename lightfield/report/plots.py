@@ -120,7 +120,7 @@ def plot_picture(ax: Axes | None, taken: Picture) -> Axes:
     ax = axes_for(ax)
     ax.imshow(tone_mapped(taken.rgb))
     ax.set_axis_off()
-    ax.set_title("; ".join(taken.notes), fontsize=8, fontweight="normal")
+    ax.set_title("; ".join(map(str, taken.notes)), fontsize=8, fontweight="normal")
     return ax
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -60,10 +61,15 @@ def write_result(
     ]
     table = answer.summary()
     rows = [[_cell(value) for value in row] for row in table.head(MOST_ROWS).itertuples(index=False)]
+    words = [k for k, name in enumerate(table.columns) if any(map(_is_text, table[name]))]
     rest = f" The first {MOST_ROWS} of {len(table)} rows." if len(table) > MOST_ROWS else ""
-    shown = Table(f"The numbers.{rest}", [str(name) for name in table.columns], rows)
+    shown = Table(f"The numbers.{rest}", [str(name) for name in table.columns], rows, words)
     section = Section("Answer", drawn, (), (shown,))
     return write_study(study_page(title, answer.headline, (), [section], scene_toml), path)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str | bool | np.bool_)
 
 
 def _cell(value: object) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,20 +17,8 @@ class Table:
     caption: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-
-    @property
-    def texts(self) -> list[bool]:
-        """Which columns hold words, which are read from the left."""
-        cells = ([row[k] for row in self.rows if k < len(row)] for k in range(len(self.head)))
-        return [any(_is_text(cell) for cell in column) for column in cells]
-
-
-#: A cell with a number and its unit begins so.
-_NUMBER = re.compile(r"[\d+\-\N{MINUS SIGN}\N{EN DASH}<>±~(.]|$|beyond|never|unknown|none|about|not ")
-
-
-def _is_text(cell: str) -> bool:
-    return _NUMBER.match(cell.strip()) is None
+    #: Which columns beside the first hold words: those, too, are read from the left.
+    words: Collection[int] = ()
 
 
 @dataclass(frozen=True)

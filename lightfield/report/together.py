@@ -56,7 +56,7 @@ def together_page(made: Together) -> str:
         chances_figure(made), "chances", "All effects act at once; of each, the worst rival decides.",
         "Chance of every effect to be certain", chances_figure(made, narrow=True),
     )  # fmt: skip
-    table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()])
+    table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()], (5,))
     sizes = "; ".join(made.sizes(one) for one in made.expected)
     told = [f"Asked about: {sizes}."]
     if made.assumed:

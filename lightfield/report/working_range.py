@@ -25,14 +25,14 @@ from lightfield.report.style import (
 )
 from lightfield.studies.working_range.reaches import POSE_RULES
 from lightfield.studies.working_range.study import WorkingRange
-from lightfield.studies.working_range.text import array_sentence, distance, headline, metres, rows
+from lightfield.studies.working_range.text import array_sentence, distance, distance_or_none, headline, rows
 
 #: Errors are drawn this many times as wide as one standard error.
 SIGMAS = 3.0
 DASH = (0, (5, 2))
 
 
-def light_figure(found: WorkingRange, narrow: bool = False) -> Figure:
+def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     """Normalised intensity against distance (left) and the radius of half intensity (right)."""
     data, z = found.dataset, found.dataset.z_m.values
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
@@ -55,7 +55,7 @@ def light_figure(found: WorkingRange, narrow: bool = False) -> Figure:
         left.axhline(found.share, color=MUTED, linewidth=0.9)
         for at, shade, words, side in (
             (rule.z_m, RENDER, distance(rule), 8),
-            (rule.formula_m, FORMULA, metres(rule.formula_m), -8),
+            (rule.formula_m, FORMULA, distance_or_none(rule.formula_m), -8),
         ):
             if np.isfinite(at):
                 left.plot([at, at], [0, found.share], color=shade, linewidth=1)
@@ -119,9 +119,9 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
 def range_page(found: WorkingRange) -> str:
     """The page."""
     light = page_figure(
-        light_figure(found), "light",
+        fall_figure(found), "light",
         f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
-        "Light on the axis and radius of half intensity against distance", light_figure(found, narrow=True),
+        "Light on the axis and radius of half intensity against distance", fall_figure(found, narrow=True),
     )  # fmt: skip
     pose = page_figure(
         pose_figure(found), "pose",

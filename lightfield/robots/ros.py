@@ -157,7 +157,7 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
     return node
 
 
-def run(bridge: Bridge, frame: str = FRAME) -> None:
+def spin(bridge: Bridge, frame: str = FRAME) -> None:
     """Spin a node until it is interrupted."""
     rclpy = ros()["rclpy"]
     rclpy.init()

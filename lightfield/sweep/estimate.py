@@ -26,7 +26,7 @@ class Cost:
     memory_bytes: float
 
 
-def estimate(plan: SweepPlan) -> Cost:
+def sweep_cost(plan: SweepPlan) -> Cost:
     """Cost of a plan, photon budgets spent in full."""
     values = float(plan.cases.count) * plan.cells * plan.bands
     maps = 2 * BYTES_PER_VALUE * values if plan.settings.maps else 0.0
@@ -49,7 +49,7 @@ def _tally_bytes(plan: SweepPlan, trace: Trace) -> float:
 
 def as_text(plan: SweepPlan) -> str:
     """The plan in a few lines for people."""
-    cost, cases = estimate(plan), plan.cases
+    cost, cases = sweep_cost(plan), plan.cases
     axes = " x ".join(f"{axis.name} ({axis.size})" for axis in cases.axes)
     lines = [f"cases: {cases.count} = {axes}"]
     if plan.problems:
@@ -68,13 +68,13 @@ def as_text(plan: SweepPlan) -> str:
     lines.append(
         f"estimate for one core: tracing {duration(cost.trace_seconds)} "
         f"({plan.settings.max_photons:.3g} photons each), "
-        f"evaluating {duration(cost.block_seconds)}; store {size(cost.disk_bytes)}; "
-        f"memory {size(cost.memory_bytes)} per worker"
+        f"evaluating {duration(cost.block_seconds)}; store {byte_size(cost.disk_bytes)}; "
+        f"memory {byte_size(cost.memory_bytes)} per worker"
     )
     return "\n".join(lines)
 
 
-def size(count: float) -> str:
+def byte_size(count: float) -> str:
     """A number of bytes in the unit that suits it."""
     for unit in ("B", "kB", "MB", "GB"):
         if count < 1000:

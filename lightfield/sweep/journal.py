@@ -30,7 +30,7 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
-def append(store: Path, entry: Entry) -> None:
+def add_entry(store: Path, entry: Entry) -> None:
     """Add a line; it is on disk when this returns."""
     with (store / NAME).open("ab") as file:
         file.write(_line(entry))
@@ -44,7 +44,7 @@ def rewrite(store: Path, entries: Iterable[Entry]) -> None:
         temporary.write_bytes(b"".join(map(_line, entries)))
 
 
-def read(store: Path) -> tuple[list[Entry], int]:
+def journal_entries(store: Path) -> tuple[list[Entry], int]:
     """Entries, and how many lines are damaged.
 
     A last line without its end is no damage: the process was killed, and what the line said did not happen.

@@ -61,7 +61,7 @@ def verify(path: str | Path) -> Soundness:
             remedy="copy the store with its hidden folder, or run its sweep again",
         )  # fmt: skip
     for _ in range(2):  # a sweep that runs may write between the first reading of the journal and of a file
-        entries, lost = journal.read(store)
+        entries, lost = journal.journal_entries(store)
         blocks = {entry["block"] for entry in entries if "block" in entry}
         expected = [entry["complete"] for entry in entries if "complete" in entry]
         problems = journal.damaged_files(store, entries)

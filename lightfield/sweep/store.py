@@ -85,7 +85,7 @@ class SweepStore:
                         where=str(self.path),
                         remedy="wait for it, or choose another name",
                     ) from None
-                self.journal, lost = journal.read(self.path)
+                self.journal, lost = journal.journal_entries(self.path)
                 # Without a plan, our own folder is what a killed process left before it had begun.
                 started = (self.path / journal.PLAN).exists() or self._plans()
                 self._take_up(lost) if started else self._create()
@@ -108,7 +108,7 @@ class SweepStore:
 
     def record(self, **entry: Any) -> None:
         """Append a line to the journal; it is on disk when this returns."""
-        journal.append(self.path, entry)
+        journal.add_entry(self.path, entry)
         self.journal.append(entry)
 
     def drop_trace(self, number: int) -> None:
@@ -142,7 +142,7 @@ class SweepStore:
 
     def finish(self) -> None:
         """Mark the store as complete and remove the traces."""
-        zarrfile.remove_leftovers(self.path)  # of workers that died
+        zarrfile.remove_unfinished_chunks(self.path)  # of workers that died
         self.summarise()
         shutil.rmtree(self.traces, ignore_errors=True)
         self._write(self._metadata("yes"), complete=len(self.plan.blocks))
@@ -160,7 +160,7 @@ class SweepStore:
 
     def _take_up(self, lost: int) -> None:
         """Check all that is there, and forget what is damaged: it is done again."""
-        zarrfile.remove_leftovers(self.path)
+        zarrfile.remove_unfinished_chunks(self.path)
         bad = set(journal.damaged_files(self.path, self.journal))
         self._check_plan(journal.PLAN in bad)
         if lost or bad or not self._plans():

@@ -147,7 +147,7 @@ def write_chunk(
     return file, digest(packed)
 
 
-def remove_leftovers(path: Path) -> None:
+def remove_unfinished_chunks(path: Path) -> None:
     """Remove what a killed process left of chunks that it had not finished."""
     for leftover in path.rglob(".*.*"):
         if leftover.is_dir():

@@ -14,6 +14,7 @@ from scipy import stats
 from lightfield.render.at_readings import render_positions
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
+from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.errors import LEFT_OUT
 from lightfield.render.diffuse.source import DiffuseResponse, response_for
 from lightfield.render.maps import render_scene
@@ -21,6 +22,7 @@ from lightfield.render.response.grid import cell_of
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import relative_intensity
 
+AFRESH = Keeper(cache=False)
 PLACES = np.array([(x, 0.0, z) for z in (4.5, 8.5) for x in (-0.6, -0.3, 0.0, 0.3, 0.6)])
 SCENE = Scene.from_dict(
     {
@@ -37,13 +39,13 @@ OPEN_WATER = Scene.from_dict({**SCENE.to_dict(), "tank": None})
 @pytest.fixture(scope="module")
 def response() -> DiffuseResponse:
     """Traced once: four values of g, a lid and a water surface."""
-    return response_for(SCENE, *PLACES.T, photons=400_000, cache=False)
+    return response_for(SCENE, *PLACES.T, photons=400_000, keeper=AFRESH)
 
 
 @pytest.fixture(scope="module")
 def denser(response: DiffuseResponse) -> DiffuseResponse:
     """With a second trace, in water that scatters 0.75 per metre."""
-    dense = response_for(SCENE, *PLACES.T, photons=1_600_000, dense_per_m=0.75, cache=False)
+    dense = response_for(SCENE, *PLACES.T, photons=1_600_000, dense_per_m=0.75, keeper=AFRESH)
     return response.with_denser(dense)
 
 
@@ -134,7 +136,7 @@ def test_slopes_of_fournier_and_forand() -> None:
     phase = {"type": "fournier-forand", "n": 1.1, "mu": 3.5835}
     water = {"absorption_per_m": 0.08, "scattering_per_m": 0.15, "phase": phase}
     scene = Scene.from_dict({**OPEN_WATER.to_dict(), "water": water})
-    response = response_for(scene, *PLACES.T, photons=300_000, cache=False)
+    response = response_for(scene, *PLACES.T, photons=300_000, keeper=AFRESH)
     for mu in (3.4, 3.9):
         asked = scene.with_values({"water.phase.mu": mu})
         value, error = response.evaluate(asked)
@@ -161,7 +163,7 @@ def test_bright_walls_of_a_narrow_tank() -> None:
     z, y, x = (v.ravel() for v in np.meshgrid([2.0, 4.0, 6.0], line, line, indexing="ij"))
     places = {"positions_m": np.stack([x, y, z], axis=1).tolist()}
     asked = Scene.from_dict({**BRIGHT.to_dict(), "detector": places})
-    response = response_for(asked, x, y, z, photons=600_000, g_nodes=(0.924,), cache=False)
+    response = response_for(asked, x, y, z, photons=600_000, g_nodes=(0.924,), keeper=AFRESH)
     light, _ = response.evaluate(asked)
     modes, smooth = response.errors(asked, [None], np.zeros(len(x), int))
     known = {"rel_error": 1e-3, "max_photons": 6e5, "symmetry": True, "cache": False}
@@ -250,7 +252,7 @@ OTHERS: dict[str, dict[str, Any]] = {
 def traced() -> list[DiffuseResponse]:
     """Twelve seeds in open water, one g."""
     return [
-        response_for(OPEN_WATER, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, cache=False)
+        response_for(OPEN_WATER, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, keeper=AFRESH)
         for seed in range(12)
     ]
 
@@ -307,7 +309,7 @@ def test_another_layout_and_another_water_need_no_new_kernel() -> None:
     def kernels(places: np.ndarray, photons: int, dense_per_m: float | None = None) -> set[int]:
         dr.kernel_history_clear()
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-            made = response_for(SCENE, *places.T, photons=photons, dense_per_m=dense_per_m, cache=False)
+            made = response_for(SCENE, *places.T, photons=photons, dense_per_m=dense_per_m, keeper=AFRESH)
             made.clear.own_top.trace()
         return {kernel["hash"] for kernel in dr.kernel_history([dr.KernelType.JIT])}
 

@@ -16,6 +16,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lightfield.render.at_readings import rendered_light
+from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import render_scene
@@ -23,6 +24,7 @@ from lightfield.scene import Scene
 
 Places = list[tuple[int, int]]
 PIXELS, PIXEL_M = 35, 0.03
+AFRESH = Keeper(cache=False)
 PLANES = [3.0, 4.5]
 #: Numbers of pixels from the axis, with two more on every side of each place.
 NUMBER = st.integers(-15, 15)
@@ -86,7 +88,7 @@ def spread_out(places: Places) -> np.ndarray:
 def scores_of_fast_light(scene: Scene, reference: Reference, places: Places, photons: int) -> np.ndarray:
     """Deviations in units of all that is stated: Monte Carlo errors of both, and the response's other one."""
     x, y, z = spread_out(places)
-    response = response_for(scene, x, y, z, photons=photons, g_nodes=(0.92,), seed=3, cache=False)
+    response = response_for(scene, x, y, z, photons=photons, g_nodes=(0.92,), seed=3, keeper=AFRESH)
     modes, smooth = response.errors(scene, [None], np.zeros(len(x), int))
     mean, stderr = reference(places)
     return (response.light(scene, [None])[0] - mean) / np.sqrt((modes**2).sum(axis=1) + smooth**2 + stderr**2)

@@ -169,7 +169,7 @@ def test_whatever_a_sweep_writes_is_accepted(tmp_path: Path, dtype: str) -> None
 def test_a_journal_names_no_file_outside_the_store(store: Path) -> None:
     for name in ("../secret", "/etc/passwd", "a/../../secret"):
         journal.rewrite(store, [{"files": {name: "0" * 32}}])
-        assert journal.read(store) == ([], 1)
+        assert journal.journal_entries(store) == ([], 1)
 
 
 @pytest.mark.parametrize("content", [b"", b"no Blosc", b"\x02\x01\x21\x08" + 60 * b"\xff"])

@@ -15,6 +15,7 @@ from lightfield.maps.dataset import read_netcdf
 from lightfield.maps.exr import read_spectral_exr
 from lightfield.render.backend import use_backend
 from lightfield.render.picture import take_picture
+from lightfield.render.shown_as import Shown, ShownAs
 from lightfield.scene import Scene
 
 SCENE = """
@@ -199,7 +200,8 @@ def test_a_water_whose_table_ends_before_red_is_shown_and_said_so():
     """Jerlov 5C is known from 300 to 575 nm."""
     scene = Scene.from_dict({"lamp": {"spectrum": "led-green"}, "water": {"base": "jerlov-5C"}})
     taken = take_picture(scene, width=16, height=16, samples=2)
-    assert taken.notes == ("water at 610 nm shown as at 575 nm, where its table ends",)
+    assert taken.notes == (ShownAs(Shown.WAVELENGTH, 610.0, 575.0),)
+    assert str(taken.notes[0]) == "water at 610 nm shown as at 575 nm, where its table ends"
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,11 @@ from lightfield.explorer.saved.page import page_html, some_places
 from lightfield.explorer.session import Session
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
+from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 
+AFRESH = Keeper(cache=False)
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 SCENE = Scene.from_dict(
     {
@@ -54,7 +56,7 @@ MOVES: list[dict[str, float]] = [
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    session = Session(SCENE, diffuse=partial(response_for, photons=20_000, cache=False))
+    session = Session(SCENE, diffuse=partial(response_for, photons=20_000, keeper=AFRESH))
     session.begin()
     return session
 
@@ -136,7 +138,7 @@ def test_every_wavelength_moves_as_python_moves_it(tmp_path: Path) -> None:
     )
     bands = tuple((w - 10.0, w + 10.0) for w in (480.0, 520.0, 560.0))
     scene = SCENE.with_values({"detector.bands_nm": bands})
-    session = Session(scene, readings, diffuse=partial(response_for, photons=20_000, cache=False))
+    session = Session(scene, readings, diffuse=partial(response_for, photons=20_000, keeper=AFRESH))
     session.begin()
     session.maps_ready = True
     values = session.evaluator.values(session.now)

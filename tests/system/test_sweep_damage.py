@@ -111,7 +111,7 @@ def test_the_same_sweep_makes_random_damage_good(scene: Path, sound: Path, store
     code = run(scene, store)
     # Without the journal and with a damaged plan nobody knows what the store is for.
     if code == 2:
-        assert not (store / journal.NAME).exists() or journal.read(store)[1]
+        assert not (store / journal.NAME).exists() or journal.journal_entries(store)[1]
         return
     assert code == 0
     assert verify(store).complete
@@ -187,7 +187,7 @@ def test_every_damaged_file_is_named(store: Path) -> None:
 
 def test_a_kill_between_journal_and_file_is_no_damage(store: Path) -> None:
     """The digest of a summary is noted before the summary is written: the older one is still sound."""
-    journal.append(store, {"files": {"status/0.0.0": "0" * 32}})
+    journal.add_entry(store, {"files": {"status/0.0.0": "0" * 32}})
     assert verify(store).complete
 
 

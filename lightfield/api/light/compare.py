@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -212,10 +211,10 @@ def compare(
         )
     if "seed" in asked:  # another than that of the response which the render is to check
         asked["seed"] += 1
-    known, light = scene_of(scene, effects_file), diffuse_source(trace)
+    known, light = scene_of(scene, effects_file), diffuse_source(trace, cache)
     report = fitting.fit_readings(
         readings_of(what, known), known, named(with_), solver=solver, tracing=asked,
-        diffuse=None if light is None else partial(light, cache=cache),
+        diffuse=light,
     )  # fmt: skip
     return Fit(report)
 

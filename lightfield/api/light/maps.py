@@ -120,12 +120,12 @@ class Maps(Result[xr.Dataset]):
         return pd.DataFrame(rows)
 
     def report(self, path: AnyPath) -> Path:
-        from lightfield.report.light import light_figure
+        from lightfield.report.light import planes_figure
         from lightfield.report.result import write_result
 
         if "z_m" not in self.details.dims:
             return write_result(self, path, "Rendered light", None, self.details.attrs["scene_toml"])
-        wide, narrow = light_figure(self.details), light_figure(self.details, 3, narrow=True)
+        wide, narrow = planes_figure(self.details), planes_figure(self.details, 3, narrow=True)
         scene = self.details.attrs["scene_toml"]
         return write_result(self, path, "Rendered light", [wide], scene, [narrow])
 

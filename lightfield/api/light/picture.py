@@ -29,11 +29,15 @@ class Picture(Result[camera.Picture]):
 
     @property
     def headline(self) -> str:
+        return "; ".join([self._size, *map(str, self.details.notes)])
+
+    @property
+    def _size(self) -> str:
         height, width, _ = self.details.rgb.shape
-        return f"a camera view of {width} x {height} pixels" + "".join(f"; {n}" for n in self.details.notes)
+        return f"a camera view of {width} x {height} pixels"
 
     def as_text(self) -> str:
-        return "\n".join([self.headline.partition(";")[0], *(f"note: {n}" for n in self.details.notes)])
+        return "\n".join([self._size, *(f"note: {n}" for n in self.details.notes)])
 
     def as_data(self) -> dict[str, Any]:
         height, width, _ = self.details.rgb.shape
@@ -41,7 +45,8 @@ class Picture(Result[camera.Picture]):
             "width": width,
             "height": height,
             "exposure": camera.exposure(self.details.rgb),
-            "notes": list(self.details.notes),
+            "notes": [str(note) for note in self.details.notes],
+            "shown_as": [note.as_data() for note in self.details.notes],
         }
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -59,7 +64,7 @@ class Picture(Result[camera.Picture]):
             coords={"colour": list(COLOURS)},
             attrs=about,
         )
-        return light.to_dataset(name="rgb").assign_attrs(notes="; ".join(self.details.notes))
+        return light.to_dataset(name="rgb").assign_attrs(notes="; ".join(map(str, self.details.notes)))
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per pixel: row, column, and a column per colour."""

@@ -141,7 +141,7 @@ def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> 
     return best[0], unit.shape[1], best[1]
 
 
-def coordinates(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> list[Coordinate]:
+def free_factors(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> list[Coordinate]:
     """Families of free factors, best first.
 
     Parameters

@@ -199,7 +199,7 @@ def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance:
     return columns
 
 
-def fewer(parts: Sequence[Array], own: Array, left_out: float) -> Array:
+def fewer_columns(parts: Sequence[Array], own: Array, left_out: float) -> Array:
     """As few columns as tell the same covariance, but for its least directions, shape (n, fewer).
 
     In single precision: what is left out is far above its rounding.

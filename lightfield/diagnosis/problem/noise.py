@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.chain import ChainBlock, ChainFactor, alone, fewer, low_rank
+from lightfield.diagnosis.problem.chain import ChainBlock, ChainFactor, alone, fewer_columns, low_rank
 from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
 
@@ -219,8 +219,8 @@ class Noise:
         if tolerance not in self._smooth_columns:
             parts = self._parts(tolerance) if self._few_modes else [self._of_low_rank(tolerance)]
             if self.layout.size > _MANY:  # of the first alone, then of what is left of it and the other
-                parts[0] = fewer(parts[:1], self.sigma, 0.5 * _LEFT_OUT_OF_MANY)
-                parts = [fewer(parts, self.sigma, 0.5 * _LEFT_OUT_OF_MANY)]
+                parts[0] = fewer_columns(parts[:1], self.sigma, 0.5 * _LEFT_OUT_OF_MANY)
+                parts = [fewer_columns(parts, self.sigma, 0.5 * _LEFT_OUT_OF_MANY)]
             self._smooth_columns[tolerance] = np.hstack(parts)
         return self._smooth_columns[tolerance]
 

@@ -145,7 +145,7 @@ def _without_outliers(
     return Kept(problem, whiten, fit)
 
 
-def prepare(
+def prepare_problem(
     problem: Problem,
     quoted: Array,
     budget: Budget,

@@ -83,7 +83,7 @@ def with_stated(
     return told.after(f"{against}.") if wrong else told
 
 
-def lines(stated: Sequence[StatedEffect]) -> list[str]:
+def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:
     """What the verdict says of each of them, a line each; those held fixed share one."""
     out = []
     for entry in stated:

@@ -32,7 +32,10 @@ def words_of(verdict: Verdict) -> words.Said:
 def warnings_of(verdict: Verdict) -> list[str]:
     """What to be warned of, in words."""
     best = verdict.explanations[0].parameters if verdict.explanations else {}
-    return [*(one.sentence for one in verdict.cautions), *found_words.unnamed(verdict.unnamed, best)]
+    return [
+        *(one.sentence for one in verdict.cautions),
+        *found_words.unnamed_sentences(verdict.unnamed, best),
+    ]
 
 
 def _found(verdict: Verdict) -> words.Said:
@@ -43,16 +46,14 @@ def _found(verdict: Verdict) -> words.Said:
     noise = words.at_noise(verdict.noise_percent, verdict.errors_stated, verdict.variance_scale)
     own = {entry.effect for entry in verdict.stated}
     limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
-
-    many = found_words.said(verdict.verdict, verdict.found, verdict.ladder, verdict.misfit)
+    many = found_words.said_of_many(verdict.verdict, verdict.found, verdict.ladder, verdict.misfit)
+    curve = any(found_words.follows_any(one) for one in verdict.found)
+    on = words.Grounds(limits, verdict.misfit, within, verdict.determined, noise, curve)
 
     def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
         if many is not None:
             return many
-        return words.said(
-            verdict.verdict, told, rival, limits, verdict.misfit, within, verdict.determined, noise,
-            any(found_words.follows_any(one) for one in verdict.found),
-        )  # fmt: skip
+        return words.said(verdict.verdict, told, rival, on)
 
     return stated.with_stated(
         verdict.verdict, verdict.explanations, verdict.nearest_rival, verdict.stated, say
@@ -75,7 +76,7 @@ def as_text(verdict: Verdict) -> str:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
-    lines += found_words.lines(verdict.found)
+    lines += found_words.found_lines(verdict.found)
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(
             f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
@@ -103,7 +104,7 @@ def as_text(verdict: Verdict) -> str:
         lines.append(f"set aside: {aside_words.place(one, waves)}: {aside_words.off(one)}")
     if (more := len(verdict.set_aside) - _LISTED) > 0:
         lines.append(f"set aside: {more} more")
-    lines += stated.lines(verdict.stated)
+    lines += stated.stated_lines(verdict.stated)
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
@@ -75,21 +75,16 @@ def join(names: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
-def said(
-    kind: str,
-    explanations: Sequence[AcceptedExplanation],
-    rival: NearestRival | None,
-    limits: Mapping[str, DetectionLimit],
-    misfit: Misfit | None,
-    within: str,
-    determined: bool,
-    noise: str = "",
-    follows_any: bool = False,
-) -> Said:
-    """One or two sentences that say what was found and how sure it is.
+@dataclass(frozen=True)
+class Grounds:
+    """What a verdict rests on beside its explanations.
 
     Parameters
     ----------
+    limits : mapping
+        The smallest sizes that would have been seen, by effect.
+    misfit : Misfit, optional
+        What nothing explains.
     within : str
         "" or the tolerance that the statement needs.
     determined : bool
@@ -99,8 +94,22 @@ def said(
     follows_any : bool
         The explanation has a curve that would follow nearly any readings at these places.
     """
+
+    limits: Mapping[str, DetectionLimit] = field(default_factory=dict)
+    misfit: Misfit | None = None
+    within: str = ""
+    determined: bool = True
+    noise: str = ""
+    follows_any: bool = False
+
+
+def said(
+    kind: str, explanations: Sequence[AcceptedExplanation], rival: NearestRival | None, on: Grounds
+) -> Said:
+    """One or two sentences that say what was found and how sure it is."""
+    within = on.within
     if kind == "none":
-        return Said.of(f"No missing effect detectable{within}.", f"{_sentence(_seen(limits, noise))}.")
+        return Said.of(f"No missing effect detectable{within}.", f"{_sentence(_seen(on.limits, on.noise))}.")
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -117,12 +126,12 @@ def said(
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "the evidence against chance is weak"
-            if follows_any:
+            if on.follows_any:
                 doubt = "so would it nearly any readings at these places: it is a curve as free as they are"
             reasons = {e.reason for e in explanations[0].parameters.values()}
             if Reason.AT_BOUNDARY in reasons:
                 doubt = "only with a parameter at the edge of what is plausible"
-            elif not determined:
+            elif not on.determined:
                 doubt = "with as many parameters as there are readings anything can"
             elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
                 doubt = "these readings do not determine its size"
@@ -137,7 +146,7 @@ def said(
             return Said.of(f"{what}{within}.")
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
         return Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
-    return Said.of(f"Unexplained by any known effects; {unexplained_about(misfit)}.")
+    return Said.of(f"Unexplained by any known effects; {unexplained_about(on.misfit)}.")
 
 
 def unexplained_about(misfit: Misfit | None) -> str:

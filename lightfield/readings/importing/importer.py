@@ -20,6 +20,7 @@ from lightfield.readings.importing.replicates import BandValue, joined_rows
 from lightfield.readings.importing.request import Bands, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
+from lightfield.readings.instruments.oddity import Odd
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
@@ -184,7 +185,8 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
         exposure = header if np.isfinite(header) else stated
         if needed and not np.isfinite(exposure):
             told = next(
-                (note for note in shot.spectrum.notes if "exposure" in note), "the exposure is not known"
+                (note for note in shot.spectrum.notes if note.odd is Odd.EXPOSURE_UNKNOWN),
+                "the exposure is not known",
             )
             problems.add(
                 f"{shot.entry.called}: {told}",

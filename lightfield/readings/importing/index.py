@@ -129,7 +129,7 @@ def _number(name: str, cell: str, mark: str, line: int, problems: Problems) -> f
     if cell == "":
         return NAN
     try:
-        return text.number(cell, mark)
+        return text.parsed_number(cell, mark)
     except ValueError as error:
         problems.add(
             f"{name} {error}", place=line, found=cell, remedy="correct it, or leave it blank for not known"

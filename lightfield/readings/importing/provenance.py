@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
+from lightfield.readings.instruments.oddity import Oddity
 from lightfield.readings.load_warning import LoadWarning, Remarks, Value
 
 # Columns of a table made by import beside those of every reading table.
@@ -97,12 +98,13 @@ def doubts_of_files(
             found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
     if unit != "counts" and not all(np.isfinite(s.exposure_s) for s in sequence):
         found.append(LoadWarning(Remarks.NO_EXPOSURE))
-    odd: dict[str, list[str]] = {}
+    odd: dict[Oddity, list[str]] = {}
     for shot in shots:
         for note in shot.spectrum.notes:
             odd.setdefault(note, []).append(shot.entry.called)
     found += [
-        LoadWarning(Remarks.ODD_FILE, {"note": note, "files": tuple(files)}) for note, files in odd.items()
+        LoadWarning(Remarks.ODD_FILE, {"oddity": note.odd.value, "note": str(note), "files": tuple(files)})
+        for note, files in odd.items()
     ]
     return found
 

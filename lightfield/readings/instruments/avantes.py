@@ -8,6 +8,7 @@ from lightfield.arrays import Array
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.columns import check_axis, find_table, header_of, wavelength_column
 from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -63,11 +64,11 @@ def read(document: Document) -> Spectrum:
             "no column of the sample", found=", ".join(table.names), remedy="export it with the counts"
         )
     problems.raise_any(f"not a usable {NAME} file")
-    notes = []
+    notes: list[Oddity] = []
     if not document.ended:
         for values in columns.values():
             values[-1] = float("nan")
-        notes.append("the file ends within a line; its last pixel is not used")
+        notes.append(Oddity(Odd.CUT_LINE))
     header = header_of(document.lines[: table.lines[0] - 1])
     exposure = _after(header, r"int(egration|\.) ?time.*")
     unit = {"ms": 1e-3, "us": 1e-6, "s": 1.0}.get(_unit(*exposure), 1e-3) if exposure else 1.0

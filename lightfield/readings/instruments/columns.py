@@ -70,7 +70,7 @@ class NumberBlock:
             if not whole and (not cell or text.NOT_A_NUMBER.fullmatch(cell)):
                 continue
             try:
-                out[k] = text.number(cell, self.mark)
+                out[k] = text.parsed_number(cell, self.mark)
             except ValueError as error:
                 problems.add(f"{cell!r:.40} {error}", place=self.lines[k], remedy="export it again")
         return out

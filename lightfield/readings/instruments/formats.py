@@ -51,7 +51,7 @@ def read_spectra(path: str | Path, mapping: Mapping[str, str] | None = None) -> 
     try:
         content = decode(data, where)
     except MeasurementError as error:
-        what, remedy = unknown.describe(data, where)
+        what, remedy = unknown.what_it_seems(data, where)
         if what:
             raise _refused(where, what, remedy) from error
         if data.count(0) * MOST_PADDING > len(data):
@@ -74,7 +74,7 @@ def unknown_archive(data: bytes) -> bool:
 
 
 def _text(document: Document, data: bytes) -> tuple[Spectrum, ...]:
-    what, remedy = unknown.describe(data, document.where)
+    what, remedy = unknown.what_it_seems(data, document.where)
     for reader in READERS:
         if what and reader not in OWN_WORDS and not document.blocks:
             break  # it may have columns of numbers, but they are no spectrum

@@ -19,6 +19,7 @@ from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text, units
 from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 from lightfield.storage.inputs import CALIBRATION
@@ -148,7 +149,7 @@ def _numbers(line: int, words: str, problems: Problems) -> list[float]:
     out = []
     for word in words.split():
         try:
-            out.append(text.number(word))
+            out.append(text.parsed_number(word))
         except ValueError as error:
             problems.add(f"{word!r:.40} {error}", place=line, remedy="copy the calibration again")
             out.append(float("nan"))
@@ -182,7 +183,7 @@ def _decoded(data: bytes, calibration: Calibration, where: str) -> list[Spectrum
         unit = units.canonical(calibration.unit)
     except ValueError:
         unit = ""
-    notes = (f"{damaged} damaged frames are left out",) if damaged else ()
+    notes = (Oddity(Odd.DAMAGED_FRAMES, damaged),) if damaged else ()
     with np.errstate(divide="ignore", invalid="ignore"):
         values = np.where(exposure[:, None] > 0, a1 * (counts - a0) * full / exposure[:, None], np.nan)
     label = calibration.header.decode()

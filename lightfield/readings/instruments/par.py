@@ -8,6 +8,7 @@ import numpy as np
 
 from lightfield.readings.instruments.columns import NumberBlock, find_table, header_of
 from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -15,7 +16,6 @@ NAME = "PAR logger"
 #: Photosynthetically active radiation, by definition.
 BAND_NM = (400.0, 700.0)
 _NAMED = re.compile(r"(?<![a-z])(par|ppfd|pfd|qntm|quantum)(?![a-z])|[uµμ]mol", re.IGNORECASE)
-_PHOTONS = "it counts photons of 400-700 nm, which the colour of the water changes otherwise than power"
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -64,7 +64,7 @@ def read(document: Document) -> list[Spectrum]:
             label=table.names[k],
             band_nm=BAND_NM,
             photons=True,
-            notes=(_PHOTONS,),
+            notes=(Oddity(Odd.PHOTONS),),
         )
         for k in chosen
         for row in range(len(table.cells))

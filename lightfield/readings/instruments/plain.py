@@ -17,6 +17,7 @@ from lightfield.readings.instruments.columns import (
     wavelength_column,
 )
 from lightfield.readings.instruments.oceanoptics.document import Document
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -86,12 +87,12 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
             for k in wanted
         ]  # fmt: skip
     problems.raise_any("not a usable file of columns")
-    notes: tuple[str, ...] = ()
+    notes: tuple[Oddity, ...] = ()
     if not document.ended:
         for _, columns, _ in sets:
             for values in columns.values():
                 values[-1] = np.nan
-        notes = ("the file ends within a line; its last pixel is not used",)
+        notes = (Oddity(Odd.CUT_LINE),)
     return [
         _spectrum(document, table, wavelength, columns, label, unit, notes) for label, columns, unit in sets
     ]
@@ -134,7 +135,7 @@ def _spectrum(
     columns: Mapping[str, Array],
     label: str,
     unit: str,
-    notes: tuple[str, ...],
+    notes: tuple[Oddity, ...],
 ) -> Spectrum:
     header = header_of(table.head)
     exposure = labels.lookup(header, "integration")
@@ -143,7 +144,7 @@ def _spectrum(
         try:
             seconds = labels.seconds(*exposure)
         except ValueError as error:
-            notes = (*notes, f"the exposure is not known: {exposure[0]!r} {error}")
+            notes = (*notes, Oddity(Odd.EXPOSURE_UNKNOWN, label=exposure[0], why=str(error)))
     try:
         known = units.canonical(unit) if unit else ""
     except ValueError:

@@ -131,5 +131,7 @@ def _spectrum(
 
 def _number(cell: str) -> float:
     return (
-        float("nan") if text.NOT_A_NUMBER.fullmatch(cell) else text.number(cell, "," if "," in cell else ".")
+        float("nan")
+        if text.NOT_A_NUMBER.fullmatch(cell)
+        else text.parsed_number(cell, "," if "," in cell else ".")
     )

@@ -123,7 +123,7 @@ def _rows(
 
 def _value(cell: str) -> float:
     try:
-        return text.number(cell)
+        return text.parsed_number(cell)
     except ValueError:
         return float("nan")
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from lightfield.arrays import Array
+from lightfield.readings.instruments.oddity import Oddity
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class Spectrum:
         The instrument has no spectrum but one number for this band; the two pixels are its edges.
     photons : bool
         The number counts photons, not power.
-    notes : tuple of str
+    notes : tuple of Oddity
         What is odd about the file but does not prevent its use.
     """
 
@@ -67,7 +68,7 @@ class Spectrum:
     immersion: Array | None = None
     band_nm: tuple[float, float] | None = None
     photons: bool = False
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Oddity, ...] = ()
 
     def __len__(self) -> int:
         return len(self.wavelength_nm)

@@ -50,7 +50,7 @@ _SUFFIXES = {
 }
 
 
-def describe(data: bytes, where: str = "") -> tuple[str, str]:
+def what_it_seems(data: bytes, where: str = "") -> tuple[str, str]:
     """What it seems to be, and the remedy; "" where nothing is known of it."""
     suffix = re.search(r"\.\w+$", where.lower())
     if b"\0" in data[:200] and suffix and suffix[0] in _SUFFIXES:

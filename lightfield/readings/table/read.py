@@ -193,7 +193,7 @@ def _value(name: str, cell: str, mark: str) -> Any:
         if cell.lower() not in (*_TRUE, *_FALSE):
             raise ValueError("is neither 0 nor 1")
         return cell.lower() in _TRUE
-    return text.number(cell, mark)
+    return text.parsed_number(cell, mark)
 
 
 def _remedy(name: str) -> str:

@@ -140,7 +140,8 @@ class Keeper:
     told : callable, optional
         Follows a trace that is made here.
     elsewhere : callable, optional
-        Makes traces in another process, see `source.response_for`.
+        Makes traces in another process, so that their memory and Mitsuba's are not this one's; what comes of
+        them comes by the cache, without which they are made here.
     """
 
     cache: bool = True

@@ -127,7 +127,7 @@ def _by_plane(
                     rows.append(mine @ np.hstack([r[cells, None] * images for r in root]))
                 columns.append(np.vstack(rows))
         modes = per_light[:, cells].reshape(-1, 1) * np.hstack(columns)
-        modes = fewer(modes).reshape(waters, len(cells), -1)
+        modes = fewer_modes(modes).reshape(waters, len(cells), -1)
         found = np.zeros((len(channel), modes.shape[2]))
         for water in np.unique(channel):
             mine = here & (channel == water)
@@ -136,7 +136,7 @@ def _by_plane(
     return np.hstack(every)
 
 
-def fewer(modes: Array) -> Array:
+def fewer_modes(modes: Array) -> Array:
     """Modes of nearly the same covariance, as few as that takes; a variance loses `LEFT_OUT` of it at most.
 
     Cholesky decomposition with pivots (Harbrecht, Peters and Schneider 2012, Appl. Numer. Math. 62, 428).

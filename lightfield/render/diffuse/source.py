@@ -14,7 +14,7 @@ from lightfield.errors import RenderError
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.between_g import SHAPES, BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
-from lightfield.render.diffuse.directed import DirectedTrace, Elsewhere, Keeper, Told
+from lightfield.render.diffuse.directed import DirectedTrace, Keeper
 from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
@@ -56,6 +56,7 @@ MOST_FINE = 1500
 #: Photons for receivers of a narrow view, whose cells are small: so many times more at most (chosen: 2 % of
 #: noise behind a collimator of 2 degrees, 4.5 m away, for 6 s of one processor).
 MOST_SENT = 8.0
+_CACHED = Keeper()
 
 
 def response_for(
@@ -69,9 +70,7 @@ def response_for(
     dense_per_m: float | None = None,
     g_nodes: Sequence[float] | None = None,
     seed: int = 0,
-    cache: bool = True,
-    told: Told | None = None,
-    elsewhere: Elsewhere | None = None,
+    keeper: Keeper = _CACHED,
 ) -> DiffuseResponse:
     """Trace, or fetch from the cache, the diffuse light of a scene at the places of a measurement.
 
@@ -89,12 +88,8 @@ def response_for(
     g_nodes : sequence of float, optional
         Of what shapes the phase function, in place of those of `between_g.SHAPES`.
     seed : int
-    cache : bool
-    told : callable, optional
-        Follows a trace that is made here.
-    elsewhere : callable, optional
-        Makes traces in another process, so that their memory and Mitsuba's are not this one's; what comes of
-        them comes by the cache, without which they are made here.
+    keeper : Keeper
+        Where traces come from.
 
     Returns
     -------
@@ -132,7 +127,6 @@ def response_for(
     reference = Reference(REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
     grid = _grid_for(scene, places, width)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
-    keeper = Keeper(cache, told, elsewhere)
 
     def one(of: Scene, shapes: tuple[float, ...], classes: Sequence[int], photons: int) -> TracedLight:
         sent_to = _sent(shapes, photons)

@@ -84,8 +84,7 @@ def histories_of(
         path_nodes=path_nodes or (COARSE_NODES if coarse else PATH_NODES),
         wall_nodes=told,
         clearer_per_m=CLEARER_PER_M if nodes is not None else 0.0,
-        emission_nodes=1 if nodes is None else nodes.size,
-        n_phi=1 if nodes is None else nodes.n_phi,
+        nodes=nodes,
     )
 
 

@@ -16,6 +16,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightfield.render.response.grid import AngleNodes
+
 
 @dataclass(frozen=True)
 class WallNodes:
@@ -58,10 +60,8 @@ class Histories:
     longest_excess_m : float, m
         Last node of the excess path; nodes lie at longest (j / (n - 1))^3.
     path_nodes : int
-    emission_nodes : int
-        Nodes of the direction of emission (1: not kept).
-    n_phi : int
-        How many of them share one polar angle.
+    nodes : AngleNodes, optional
+        Of the direction of emission; None: it is not kept.
     wall_nodes : WallNodes, optional
         Numbers of wall hits that are told apart, in place of `max_walls` and that bound.
     clearer_per_m : float, m^-1
@@ -84,8 +84,7 @@ class Histories:
         max_scatterings_reflected: int = 5,
         longest_excess_m: float = 8.0,
         path_nodes: int = 28,
-        emission_nodes: int = 1,
-        n_phi: int = 1,
+        nodes: AngleNodes | None = None,
         wall_nodes: WallNodes | None = None,
         clearer_per_m: float = 0.0,
     ) -> None:
@@ -95,10 +94,12 @@ class Histories:
         self.wall_nodes = wall_nodes
         self.max_scatterings, self.max_walls, self.max_surfaces = max_scatterings, max_walls, max_surfaces
         self.longest_excess_m, self.path_nodes = longest_excess_m, path_nodes
-        self.emission_nodes, self.n_phi = emission_nodes, n_phi
+        self.emission_nodes, self.n_phi = (1, 1) if nodes is None else (nodes.size, nodes.n_phi)
         # In variables, not literals: another water needs no new kernel.
         self._most = [dr.opaque(mi.UInt32, most) for most in (max_scatterings, max_walls, max_surfaces)]
-        self._last, self._directions = (dr.opaque(mi.UInt32, n) for n in (path_nodes - 1, emission_nodes))
+        self._last, self._directions = (
+            dr.opaque(mi.UInt32, n) for n in (path_nodes - 1, self.emission_nodes)
+        )
         self._longest = dr.opaque(mi.Float, longest_excess_m)
         self._clearer = dr.opaque(mi.Float, clearer_per_m) if clearer_per_m else None
         self.excess_m = longest_excess_m * (np.arange(path_nodes) / (path_nodes - 1)) ** 3

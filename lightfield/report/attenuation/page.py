@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from lightfield.report.attenuation.figures import content_figure, hidden_figure, lines_figure, percent_figure
-from lightfield.report.page import page_figure
+from lightfield.report.page import SideBySide, page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.study import Attenuation, Content
@@ -16,6 +16,7 @@ from lightfield.studies.attenuation.text import (
     content_sentences,
     fit_sentence,
     headline,
+    note_sentences,
     published_sentences,
     scattered_sentences,
     scene_sentences,
@@ -40,9 +41,10 @@ def attenuation_page(found: Attenuation) -> str:
         drawing, narrow = (
             hidden_figure(first, found.scattered, found.content, one_a_row) for one_a_row in (False, True)
         )
-        caption = (
-            "Left: scattered light that still arrives hides a part of the loss, so K lies between absorption "
-            "and beam attenuation. Right: the waters that the layout allows, with one standard error."
+        caption = SideBySide(
+            "scattered light that still arrives hides a part of the loss, so K lies between absorption "
+            "and beam attenuation.",
+            "the waters that the layout allows, with one standard error.",
         )
         hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told", narrow)
         sections.append(
@@ -53,7 +55,7 @@ def attenuation_page(found: Attenuation) -> str:
     if found.content is not None:
         sections.append(_content(found.content))
     if found.notes:
-        sections.append(Section("Assumed, or left out", text=found.notes))
+        sections.append(Section("Assumed, or left out", text=note_sentences(found)))
     scene = first.ratios.scene
     lead = (
         "Readings in water divided by readings in air at the same places, or by the formula where there "
@@ -100,8 +102,11 @@ def _apparent(one: Apparent, number: int) -> Section:
             page_figure(
                 lines_figure(one),
                 f"lines{number}",
-                "Left: logarithms of the ratios with their fitted lines. Right: what the lines leave, and in "
-                "orange the error of each stay that all wavelengths share, as fitted.",
+                SideBySide(
+                    "logarithms of the ratios with their fitted lines.",
+                    "what the lines leave, and in orange the error of each stay that all wavelengths share, "
+                    "as fitted.",
+                ),
                 "Logarithm of water over air against distance, and residuals",
                 lines_figure(one, narrow=True),
             ),

@@ -80,13 +80,18 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
                          _percent(rung.held_out_percent), rung.scene]
                         for rung in rungs
                     ],
+                    (4,),
                 )
             ],
         ),
         Section("Readings and model", figures=seen),
         Section(
             "What was fitted",
-            tables=[Table("The newest rung.", ("parameter", "value", "error", "unit", "note"), parameters)],
+            tables=[
+                Table(
+                    "The newest rung.", ("parameter", "value", "error", "unit", "note"), parameters, (3, 4)
+                )
+            ],
         ),
     ]  # fmt: skip
     return study_page(title, verdict, lead, sections, model.scene.to_toml())

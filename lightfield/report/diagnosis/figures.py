@@ -62,10 +62,10 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
             unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
             value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
             base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=plain(view.predictions[0].label))
+            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=spaced(view.predictions[0].label))
             if explained:
                 upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-                upper.plot(at, best, color=RENDER, label=plain(view.predictions[-1].label))
+                upper.plot(at, best, color=RENDER, label=spaced(view.predictions[-1].label))
             upper.errorbar(
                 at[~out],
                 value[~out],
@@ -242,7 +242,7 @@ def signature_figure(view: DiagnosisView, most: int = 4, narrow: bool = False) -
                     linestyle="none" if view.is_scattered else STYLES[k % len(STYLES)],
                     marker=MARKS[k % len(MARKS)] if view.is_scattered else None,
                     markersize=3.5,
-                    label=plain(signature.label),
+                    label=spaced(signature.label),
                 )
             axis.grid(False, axis="y")
             across = "r (m), from the axis" if view.is_scattered else AXIS_NAMES[view.scan_axis]
@@ -293,11 +293,11 @@ def _spread(z_m: np.ndarray, wavelength_nm: np.ndarray, medium: Sequence[str]) -
     return z_m + step * np.array([place[m, float(w)] for m, w in zip(medium, wavelength_nm, strict=True)])
 
 
-def plain(text: str) -> str:
+def spaced(text: str) -> str:
     return text.replace("_", " ")
 
 
 def short(text: str) -> str:
     """A name that fits beside a panel: of many effects their number."""
     effects = text.count(" + ")
-    return plain(text) if effects < 2 else f"with {effects} effects"
+    return spaced(text) if effects < 2 else f"with {effects} effects"

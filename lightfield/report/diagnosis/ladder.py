@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from lightfield.diagnosis.verdict.parts import Rung
-from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, plain
+from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, spaced
 from lightfield.report.diagnosis.view import Separation
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
 
@@ -130,4 +130,4 @@ def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
 
 
 def _wrapped(text: str) -> str:
-    return plain(text).replace(" + ", "\n+ ")
+    return spaced(text).replace(" + ", "\n+ ")

@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from pathlib import Path
 
-from lightfield.diagnosis.verdict.found.words import instead, size
+from lightfield.diagnosis.verdict.found.words import effect_size, instead
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -16,7 +16,7 @@ from lightfield.diagnosis.verdict.parts import (
     SetAside,
     WaterAndBeam,
 )
-from lightfield.diagnosis.verdict.stated import lines
+from lightfield.diagnosis.verdict.stated import stated_lines
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
@@ -146,7 +146,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
         unseen=[_words(name) for name, each in verdict.detection_limits.items() if not each.within_range],
         untestable=[(_words(name), reason) for name, reason in verdict.untestable.items()],
-        stated=lines(verdict.stated),
+        stated=stated_lines(verdict.stated),
         assumed=verdict.assumed,
         warnings=verdict.warnings,
         aside=[_aside(each) for each in verdict.set_aside],
@@ -228,7 +228,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
         "level": one.level,
         "kind": "good" if one.level in ("certain", "simplest") else "open",
         "instead": instead(one) or "–",
-        "size": size(one),
+        "size": effect_size(one),
         "numbers": [*numbers, f"{one.weight:.2f}", *less],
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from lightfield.report.follower.array_figures import (
     map_figure,
     survey_figure,
 )
-from lightfield.report.page import PageFigure, fill, page_figure, write_page
+from lightfield.report.page import PageFigure, SideBySide, fill, page_figure, write_page
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Arrays
@@ -35,9 +35,10 @@ def section(
     caption: str = "",
     head: Sequence[str] = (),
     rows: Sequence[Sequence[str]] = (),
+    words: Collection[int] = (),
 ) -> Section:
     """A heading, its figures, and a table where there are rows for it."""
-    return Section(title, figures, tables=[Table(caption, head, rows)] if rows else ())
+    return Section(title, figures, tables=[Table(caption, head, rows, words)] if rows else ())
 
 
 def write(
@@ -99,8 +100,11 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
                 page_figure(
                     survey_figure(survey),
                     "array",
-                    "Left: the elements and where they face. Right: the smallest error any method can have "
-                    "(Cramer-Rao), as a part of what docking allows; numbers in mm and degrees.",
+                    SideBySide(
+                        "the elements and where they face.",
+                        "the smallest error any method can have (Cramer-Rao), as a part of what docking "
+                        "allows; numbers in mm and degrees.",
+                    ),
                     "Array and bounds",
                     survey_figure(survey, narrow=True),
                 )

@@ -124,6 +124,7 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
             "Pose, with one standard deviation of all that is not known (noise, gain, water)." + cut,
             ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "fit (chi2)"],
             rows,
+            (1 + len(poses.names),),
         )
     ]  # fmt: skip
     lead = [f"{one.as_text().capitalize()}." for one in poses.losses]

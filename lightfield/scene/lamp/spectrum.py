@@ -75,7 +75,7 @@ def knots_nm(lamp: Lamp) -> Array:
     """Wavelengths between which the spectrum is smooth, nm: of a table, of peaks, none of a black body."""
     bends = np.array([at for at, _ in lamp.spectrum_departure])
     if found := peaks.peaks_of(lamp.spectrum):
-        return np.concatenate([peaks.knots_nm(found), bends])
+        return np.concatenate([peaks.peak_knots_nm(found), bends])
     if lamp.spectrum != "table":
         return bends
     return np.concatenate([read_columns(str(lamp.spectrum_table), ("wavelength_nm", "power"))[0], bends])

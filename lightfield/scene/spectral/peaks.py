@@ -74,7 +74,7 @@ def density_per_nm(peaks: Sequence[Peak], wavelength_nm: ArrayLike) -> Array:
     return heights(peaks, wavelength_nm) / (_AREA * sum(p.height * p.fwhm_nm for p in peaks))
 
 
-def knots_nm(peaks: Sequence[Peak]) -> Array:
+def peak_knots_nm(peaks: Sequence[Peak]) -> Array:
     """Wavelengths between which the sum is smooth, nm, rising."""
     steps = np.arange(-_REACH, _REACH + 0.5 * _STEP, _STEP)
     return np.unique(np.concatenate([p.peak_nm + steps * p.fwhm_nm for p in peaks]))

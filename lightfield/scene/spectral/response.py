@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-from lightfield.scene.spectral.peaks import heights, knots_nm, peaks_of
+from lightfield.scene.spectral.peaks import heights, peak_knots_nm, peaks_of
 from lightfield.storage.tables import read_columns
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def response_knots_nm(detector: Detector) -> Array:
     if response is None:
         return np.zeros(0)
     if peaks := peaks_of(response):
-        return knots_nm(peaks)
+        return peak_knots_nm(peaks)
     if response == "silicon":
         return np.array(SILICON[0])
     return read_columns(str(detector.response_table), COLUMNS)[0]

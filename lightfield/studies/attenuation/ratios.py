@@ -24,6 +24,7 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without
+from lightfield.studies.attenuation.remark import Remark, Studied
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
@@ -57,7 +58,7 @@ class Ratios:
         delta, already subtracted from y: what window and geometry make of a lamp in lossless water over air.
     reference : "air" or "formula"
         What the readings in water are divided by.
-    notes : tuple of str
+    notes : tuple of Remark
         What was assumed or left out.
     published : tuple of (low_nm, high_nm, K in 1/m)
         What the table's head says was published of this water (`published_attenuation`), to compare with.
@@ -75,7 +76,7 @@ class Ratios:
     stderr: Array
     geometry: Array
     reference: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     published: tuple[tuple[float, float, float], ...] = ()
 
     @property
@@ -117,10 +118,9 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         )
     places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
     colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
-    shape, notes = (len(places), len(colours)), []
+    shape = (len(places), len(colours))
     light = (table.value - scene.detector.background) / time_factor(scene, table.time_s)
-    relative, assumed = _relative_errors(table, light, place * len(colours) + colour, air)
-    notes += assumed
+    relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
     x, y, z = places.T
     lossless = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
     clear = direct_field(lossless, x, y, z)
@@ -140,20 +140,16 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     )
     both = np.isfinite(water) & np.isfinite(other)
     if lost := int((both & ~bright).sum()):
-        notes.append(
-            f"{lost} of {int(both.sum())} pairs are fainter than {_FAINT_SIGMA:g} of their errors: left out"
-        )
+        notes.append(Remark(Studied.FAINT, lost, int(both.sum()), _FAINT_SIGMA))
     if alone := int((np.isfinite(water) & ~np.isfinite(other)).sum()):
-        notes.append(f"{alone} readings in water have none in air at their place and wavelength: left out")
+        notes.append(Remark(Studied.NOT_IN_AIR, alone))
     with np.errstate(invalid="ignore", divide="ignore"):
         ln = np.where(bright, np.log(water / other), np.nan) - geometry[:, None]
         error = np.where(bright, np.hypot(water_error / water, other_error / other), np.nan)
     distances, stay = np.unique(places[:, 2], return_inverse=True)
     budget = budget_of(table)
     if not budget.gain_stated:
-        notes.append(
-            f"plane_gain_percent = {100 * budget.plane_gain:.2g} assumed for every stay at a distance"
-        )
+        notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
     variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
     found = Ratios(
         scene, x, y, z, path, stay, np.sqrt(variance), colours[:, 0], ln, error,
@@ -199,7 +195,7 @@ def _labels(*columns: Array, decimals: int) -> tuple[Array, NDArray[np.int_]]:
 
 def _relative_errors(
     table: Readings, light: Array, group: NDArray[np.int_], air: NDArray[np.bool_]
-) -> tuple[Array, list[str]]:
+) -> tuple[Array, list[Remark]]:
     """Standard error over each reading, from the table, from repeats, or assumed; and what was assumed."""
     with np.errstate(divide="ignore", invalid="ignore"):
         stated = np.abs(table.stderr / light)
@@ -213,10 +209,10 @@ def _relative_errors(
     if count.max() >= _FEWEST_REPEATS and free > 0:
         deviation = light / mean[label] - 1
         scatter = float(np.sqrt((deviation**2).sum() / free))
-        note = f"{int(missing.sum())} readings without stderr: {100 * scatter:.2g} % from their repeats"
+        studied = Studied.STDERR_FROM_REPEATS
     else:
-        scatter = ASSUMED_RELATIVE
-        note = f"{int(missing.sum())} readings without stderr: {100 * scatter:g} % assumed"
+        scatter, studied = ASSUMED_RELATIVE, Studied.STDERR_ASSUMED
+    note = Remark(studied, int(missing.sum()), percent=100 * scatter)
     return np.where(missing, scatter, stated), [note]
 
 
@@ -267,9 +263,7 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
         )
     places = known[:, keep].any(axis=1)
     dropped = int((~keep).sum())
-    more = (
-        (f"{dropped} wavelengths were not read at {FEWEST_DISTANCES} distances: left out",) if dropped else ()
-    )
+    more = (Remark(Studied.FEW_DISTANCES, dropped, limit=FEWEST_DISTANCES),) if dropped else ()
     used, stay = np.unique(found.stay[places], return_inverse=True)
     return replace(
         found,

@@ -20,6 +20,7 @@ from lightfield.studies.attenuation.constituents import (
 )
 from lightfield.studies.attenuation.excess import no_excess
 from lightfield.studies.attenuation.ratios import ratios_of, same_water
+from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.scattered import (
     Scattered,
     Stack,
@@ -61,14 +62,14 @@ class Attenuation:
         Where scattered light was traced.
     content : Content, optional
         Where there are wavelengths enough.
-    notes : tuple of str
+    notes : tuple of Remark
         What was assumed or left out.
     """
 
     apparent: tuple[Apparent, ...]
     scattered: Scattered | None
     content: Content | None
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
 
 def attenuation(
@@ -120,15 +121,15 @@ def attenuation(
                 others = other_phases(apparent, trace)
             scattered = scattered_light(apparent, stack, others)
         except RenderError as error:
-            notes.append(f"scattered light could not be traced: {error}")
+            notes.append(Remark(Studied.NOT_TRACED, why=str(error)))
     content = None
     if len(ratios[0].wavelength_nm) < FEWEST_COLOURS:
-        notes.append(f"constituents need {FEWEST_COLOURS} wavelengths")
+        notes.append(Remark(Studied.FEW_COLOURS, limit=FEWEST_COLOURS))
     else:
         try:
             content = _content(apparent, stack, others)
         except SceneError as error:
-            notes.append(f"constituents were not looked for: {error}")
+            notes.append(Remark(Studied.NO_CONSTITUENTS, why=str(error)))
     return Attenuation(apparent, scattered, content, tuple(dict.fromkeys(notes)))
 
 

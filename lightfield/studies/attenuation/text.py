@@ -33,7 +33,7 @@ def as_text(found: Attenuation) -> str:
         lines += scene_sentences(found)
     if found.content is not None:
         lines += ["", "Constituents:", *content_lines(found.content), *content_sentences(found.content)]
-    lines += [f"note: {note}" for note in found.notes]
+    lines += [f"note: {note}" for note in note_sentences(found)]
     return "\n".join(lines)
 
 
@@ -43,8 +43,14 @@ def as_data(found: Attenuation) -> dict[str, Any]:
         "apparent": [_apparent_data(one) for one in found.apparent],
         "scattered_light": None if found.scattered is None else _scattered_data(found.scattered),
         "constituents": None if found.content is None else _content_data(found.content),
-        "notes": list(found.notes),
+        "notes": note_sentences(found),
+        "remarks": [note.as_data() for note in found.notes],
     }
+
+
+def note_sentences(found: Attenuation) -> list[str]:
+    """What was assumed or left out, each once."""
+    return list(dict.fromkeys(map(str, found.notes)))
 
 
 def headline(one: Apparent) -> str:

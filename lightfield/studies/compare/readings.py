@@ -19,7 +19,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.following import can_follow, scatters
-from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare
+from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
 from lightfield.diagnosis.search.settled import settle
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution
@@ -135,7 +135,7 @@ class FitReport:
             The stored scene.
         """
         target = Path(folder)
-        known = ledger.fingerprint(self.model.forward.readings)
+        known = ledger.readings_hash(self.model.forward.readings)
         number = len(list(target.glob("rung*.toml"))) if target.is_dir() else 0
         while (target / f"rung{number}.toml").exists():
             number += 1
@@ -151,7 +151,7 @@ class FitReport:
             "held_out_percent": self.statistics.held_out_percent,
             "scene": path.name,
         }
-        ledger.append(target, [row], command, known)
+        ledger.add_rungs(target, [row], command, known)
         return path
 
 
@@ -289,7 +289,7 @@ def _refit(
         if not any(c.effect.instead_of for c in explanation):
             problem = by_shape(problem)
         rng = np.random.default_rng(seed)
-        prepared = prepare(problem, quoted, budget, rng)
+        prepared = prepare_problem(problem, quoted, budget, rng)
         made = bench(prepared, 0.0, rng)
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])

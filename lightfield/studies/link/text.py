@@ -10,6 +10,7 @@ import numpy as np
 from lightfield.arrays import jsonable
 from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
+from lightfield.studies.working_range.text import POSE_WORDS
 
 
 def headline(found: Link) -> str:
@@ -17,8 +18,8 @@ def headline(found: Link) -> str:
     r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
     far = float(found.dataset.z_m[-1])
     return (
-        f"{rate / 1e6:g} Mbit/s reach {metres(r.data_m, r.data_stderr_m, most=far)} in the scene's water; "
-        f"exp(−cz) says {metres(r.data_formula_m, most=far)}."
+        f"{rate / 1e6:g} Mbit/s reach {reached(r.data_m, r.data_stderr_m, most=far)} in the scene's water; "
+        f"exp(−cz) says {reached(r.data_formula_m, most=far)}."
     )
 
 
@@ -52,10 +53,11 @@ def rows(found: Link) -> list[list[str]]:
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
         docking, near = r.docking, DOCKING_TO_M
         table.append([
-            name, f"{a:.3g}, {b:.3g}", metres(r.data_m, r.data_stderr_m, most=far),
-            metres(r.data_with_echoes_m, most=far), metres(r.data_formula_m, most=far),
-            metres(docking.z_m, docking.stderr_m, docking.from_m, near), metres(docking.formula_m, most=near),
-            metres(r.seen_m, r.seen_stderr_m, most=far), metres(r.seen_formula_m, most=far),
+            name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far),
+            reached(r.data_with_echoes_m, most=far), reached(r.data_formula_m, most=far),
+            reached(docking.z_m, docking.stderr_m, docking.from_m, near),
+            reached(docking.formula_m, most=near),
+            reached(r.seen_m, r.seen_stderr_m, most=far), reached(r.seen_formula_m, most=far),
         ])  # fmt: skip
     return table
 
@@ -103,12 +105,12 @@ def reported_rows() -> list[list[str]]:
     return [[r.as_text(), r.water, r.source] for r in REPORTED]
 
 
-def metres(
+def reached(
     value: float, stderr: float = float("nan"), from_m: float = float("nan"), most: float = 0.0
 ) -> str:
     """A distance with its error, or that it lies beyond what was asked; and where it begins to hold."""
     if np.isfinite(from_m):
-        return f"{from_m:.1f} m to {metres(value, stderr, most=most)}"
+        return f"{from_m:.1f} m to {reached(value, stderr, most=most)}"
     if np.isnan(value):
         return "nowhere"
     if np.isinf(value):
@@ -121,7 +123,10 @@ def as_data(found: Link) -> dict[str, Any]:
     data = found.dataset
     return {
         "reaches": {
-            name: {k: jsonable(v) for k, v in {**vars(r), "docking": vars(r.docking)}.items()}
+            name: {
+                **{k: jsonable(v) for k, v in vars(r).items() if k != "docking"},
+                "docking": jsonable({"rule": POSE_WORDS[r.docking.name], **vars(r.docking)}),
+            }
             for name, r in found.reaches.items()
         },
         "reported_by_others": [r._asdict() for r in REPORTED],

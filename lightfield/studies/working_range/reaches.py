@@ -22,11 +22,8 @@ POSE_RULES = {
     "along": (("z",), "m", DOCKING["z"]),
     "turned": (("yaw", "pitch"), "deg", float(np.degrees(DOCKING["yaw"]))),
 }
-_WORDS = {
-    "across": "position across the beam",
-    "along": "position along the beam",
-    "turned": "yaw and pitch",
-}
+#: Ends of the names of what is known by relative readings only.
+RELATIVE = "_relative"
 #: Part of a bound by which two ways of smoothing one trace differ (0.5 % at 9 m, 1.3 % at 15 m): beside what
 #: the photons leave.
 SMOOTHED = 0.01
@@ -42,7 +39,8 @@ class Reach:
 
     Parameters
     ----------
-    name, rule : str
+    name : str
+        "light", "signal", "pose" or "pose_" and one of `POSE_RULES`, these also with `RELATIVE`.
     z_m, stderr_m : float
         With scattered and reflected light; infinite where it still holds at the farthest distance asked.
     formula_m : float
@@ -52,7 +50,6 @@ class Reach:
     """
 
     name: str
-    rule: str
     z_m: float
     stderr_m: float
     formula_m: float
@@ -82,7 +79,7 @@ def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
     def curve(name: str) -> CubicSpline:
         return CubicSpline(z, np.log(data[name].values))
 
-    for suffix, known in (("", ""), ("_relative", ", relative readings only")):
+    for suffix in ("", RELATIVE):
         over, doubts, straight = [], [], []
         for axis, (_, unit, limit) in POSE_RULES.items():
             name = f"sigma_{axis}{suffix}"
@@ -93,21 +90,20 @@ def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
             over.append(own)
             straight.append(formula)
             doubts.append(np.interp(fine, z, relative))
-            words = f"{_WORDS[axis]} to {limit:g} {unit}{known}"
-            rules.append(_within(f"pose_{axis}{suffix}", words, fine, own, doubts[-1], formula))
+            rules.append(_within(f"pose_{axis}{suffix}", fine, own, doubts[-1], formula))
         worst = np.argmax(over, axis=0), np.arange(len(fine))
         whole = np.array(over)[worst], np.array(doubts)[worst], np.max(straight, axis=0)
-        rules.append(_within(f"pose{suffix}", f"all that docking asks of a pose{known}", fine, *whole))
+        rules.append(_within(f"pose{suffix}", fine, *whole))
     return rules
 
 
-def _within(name: str, rule: str, z: Array, over: Array, doubt: Array, formula: Array) -> Reach:
+def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> Reach:
     """The last stretch of distances on which a logarithm is below 0; `doubt` is its error."""
     near, far = _stretch(z, over)
     stderr = float("nan")
     if np.isfinite(far):
         stderr = float(np.interp(far, z, doubt) / np.abs(np.interp(far, z, np.gradient(over, z))))
-    return Reach(name, rule, far, stderr, _stretch(z, formula)[1], near if near > z[0] else float("nan"))
+    return Reach(name, far, stderr, _stretch(z, formula)[1], near if near > z[0] else float("nan"))
 
 
 def _stretch(z: Array, over: Array) -> tuple[float, float]:
@@ -130,7 +126,7 @@ def pose_sigmas(known: Sequence[Known], at: Array, z: Array) -> dict[str, tuple[
     """Standard errors of poses at distances, from those that were asked about; smooth in between."""
     found = {}
     for which, one in zip(("", "_formula"), known, strict=True):
-        for gain, bounds in (("", one.as_stated), ("_relative", one.relative)):
+        for gain, bounds in (("", one.as_stated), (RELATIVE, one.relative)):
             for axis, (names, unit, _) in POSE_RULES.items():
                 sigma, doubt = np.array([_worst(bound, names) for bound in bounds]).T
                 scale = 1.0 if unit == "m" else 180 / np.pi

@@ -182,13 +182,10 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     error = CubicSpline(z, data.light_stderr.values / data.light.values)
     light, formula = curve("light"), curve("formula")
     rules: list[Reach] = []
-    for name, level, words in (
-        ("light", share, f"at least {100 * share:g} % of the light at {z[0]:g} m"),
-        ("signal", snr * noise, f"signal at least {snr:g} times a noise of {100 * noise:g} %"),
-    ):
+    for name, level in (("light", share), ("signal", snr * noise)):
         at = last_place(light, np.log(level), fine, falling=True)
         stderr = place_error(error, light, at)
-        rules.append(Reach(name, words, at, stderr, last_place(formula, np.log(level), fine, falling=True)))
+        rules.append(Reach(name, at, stderr, last_place(formula, np.log(level), fine, falling=True)))
     return (*rules, *pose_reaches(data, fine))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.arrays import finite
 from lightfield.studies.follower.light import LAMP_TILTS
-from lightfield.studies.working_range.reaches import Reach
+from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
 from lightfield.studies.working_range.study import WorkingRange
 
 
@@ -26,7 +26,7 @@ def headline(found: WorkingRange) -> str:
     light, share = found.reaches[0], 100 * found.share
     return (
         f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
-        f"the formula says {metres(light.formula_m)}."
+        f"the formula says {distance_or_none(light.formula_m)}."
     )
 
 
@@ -55,9 +55,42 @@ def _known(name: str, sigma: float) -> str:
     return f"{np.degrees(sigma):.2g} deg" if name in LAMP_TILTS else f"{100 * sigma:.3g} %"
 
 
+#: Directions of a pose in words, by those of `POSE_RULES`.
+_DIRECTIONS = {
+    "across": "position across the beam",
+    "along": "position along the beam",
+    "turned": "yaw and pitch",
+}
+
+
+def _pose_rules() -> dict[str, str]:
+    words = {}
+    for suffix, known in (("", ""), (RELATIVE, ", relative readings only")):
+        for axis, (_, unit, limit) in POSE_RULES.items():
+            words[f"pose_{axis}{suffix}"] = f"{_DIRECTIONS[axis]} to {limit:g} {unit}{known}"
+        words[f"pose{suffix}"] = f"all that docking asks of a pose{known}"
+    return words
+
+
+#: What must be known of a pose, by the name of a reach.
+POSE_WORDS = _pose_rules()
+
+
+def rules(found: WorkingRange) -> dict[str, str]:
+    """What must hold, by the name of a reach."""
+    return {
+        "light": f"at least {100 * found.share:g} % of the light at {found.reference_m:g} m",
+        "signal": f"signal at least {found.snr:g} times a noise of {100 * found.noise:g} %",
+        **POSE_WORDS,
+    }
+
+
 def rows(found: WorkingRange) -> list[list[str]]:
     """Rule, distance with its error, and that of the formula, as text."""
-    return [[reach.rule, distance(reach), metres(reach.formula_m)] for reach in found.reaches]
+    words = rules(found)
+    return [
+        [words[reach.name], distance(reach), distance_or_none(reach.formula_m)] for reach in found.reaches
+    ]
 
 
 def distance(reach: Reach) -> str:
@@ -65,24 +98,24 @@ def distance(reach: Reach) -> str:
     if np.isfinite(reach.from_m):
         return f"{reach.from_m:.2f} m to {distance(replace(reach, from_m=float('nan')))}"
     error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
-    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else metres(reach.z_m)
+    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
 
 
-def metres(value: float) -> str:
+def distance_or_none(value: float) -> str:
     """A distance that may lie beyond what was asked."""
     return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
 
 
 def as_data(found: WorkingRange) -> dict[str, Any]:
     """The answer for programs."""
-    data = found.dataset
+    data, words = found.dataset, rules(found)
     return {
         "unknown": found.nuisances,
         "array": found.array.model_dump(mode="json"),
         "reaches": [
             {
                 "name": r.name,
-                "rule": r.rule,
+                "rule": words[r.name],
                 "z_m": finite(r.z_m),
                 "stderr_m": finite(r.stderr_m),
                 "formula_m": finite(r.formula_m),

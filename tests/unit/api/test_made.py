@@ -16,6 +16,7 @@ from lightfield import cli
 from lightfield.api.light.picture import Picture
 from lightfield.render.picture import Picture as Taken
 from lightfield.render.picture import exposure
+from lightfield.render.shown_as import Shown, ShownAs
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +70,11 @@ def test_a_riddle_of_impossible_numbers_is_refused(asked):
 
 def test_a_picture_is_drawn_tabled_and_saved(tmp_path):
     rgb = np.random.default_rng(1).uniform(0, 1e-4, (20, 30, 3))
-    seen = Picture(Taken(rgb, ("walls shown with albedo 0.15 instead of 0",)))
+    seen = Picture(Taken(rgb, (ShownAs(Shown.ALBEDO, 0.0, 0.15),)))
     assert "30 x 20" in repr(seen) and "note: walls" in str(seen)
+    data = json.loads(json.dumps(seen.as_data()))
+    assert data["notes"] == ["walls shown with albedo 0.15 instead of 0"]
+    assert data["shown_as"] == [{"what": "wall_albedo", "own": 0.0, "shown": 0.15}]
     table = seen.to_pandas()
     assert table.loc[(table.row == 7) & (table.column == 11), "green"].item() == rgb[7, 11, 1]
     np.testing.assert_array_equal(seen.to_xarray().rgb.sel(colour="blue"), rgb[..., 2])

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from lightfield.commands._progress import status_lines, times
-from lightfield.commands.sweep import in_words
+from lightfield.commands.sweep import progress_in_words
 from lightfield.progress import heard_by, part_of_trace, step, tell
 from lightfield.sweep.runner import SweepProgress
 
@@ -74,8 +74,8 @@ def test_a_sweep_moves_while_a_single_trace_runs():
     before = SweepProgress(cases=10, traces=2, cases_done=1, traced=1)
     now = SweepProgress(cases=10, traces=2, cases_done=1, traced=1, underway={1: 0.5})
     assert before.part == pytest.approx(2 / 12) and now.part == pytest.approx(2.5 / 12)
-    assert in_words(now) == "1 of 10 cases, 1 of 2 traces and 50 % of the next"
-    assert in_words(before) == "1 of 10 cases, 1 of 2 traces"
+    assert progress_in_words(now) == "1 of 10 cases, 1 of 2 traces and 50 % of the next"
+    assert progress_in_words(before) == "1 of 10 cases, 1 of 2 traces"
     continued = SweepProgress(cases=10, traces=0, cases_before=8, cases_done=1, failed=1)
     assert continued.part == pytest.approx(0.5)
-    assert in_words(continued) == "9 of 10 cases, 1 failed"
+    assert progress_in_words(continued) == "9 of 10 cases, 1 failed"

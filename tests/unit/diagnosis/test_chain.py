@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lightfield.diagnosis.adequacy.robust import noise_scale
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.problem import noise as noise_module
-from lightfield.diagnosis.problem.chain import _lower, fewer, low_rank
+from lightfield.diagnosis.problem.chain import _lower, fewer_columns, low_rank
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
@@ -118,13 +118,13 @@ def test_fewer_columns_tell_the_same_covariance_but_for_its_least_directions() -
     Young 1936, doi:10.1007/BF02288367)."""
     rng, allowed = np.random.default_rng(0), 1e-3
     own, columns = 1 + rng.random(400), rng.normal(size=(400, 60)) * np.geomspace(1, 1e-4, 60)
-    kept = fewer([columns[:, :20], columns[:, 20:]], own, allowed)
+    kept = fewer_columns([columns[:, :20], columns[:, 20:]], own, allowed)
     left = (columns @ columns.T - kept @ kept.T) / np.outer(own, own)
     assert 0.1 * allowed < np.diag(left).mean() < 1.001 * allowed
     square = np.linalg.svd(columns / own[:, None], compute_uv=False)[::-1] ** 2
     assert np.linalg.eigvalsh(left).min() > -1e-6 * square[-1]  # rounding of single precision
     assert kept.shape[1] == 60 - int((np.cumsum(square) <= allowed * 400).sum()) < 60
-    assert fewer([columns], own, 0.0).shape == columns.shape
+    assert fewer_columns([columns], own, 0.0).shape == columns.shape
 
 
 def test_many_readings_are_whitened_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:

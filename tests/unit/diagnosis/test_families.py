@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from toy_problem import Linear, Toy, layout
 
-from lightfield.diagnosis.adequacy.families import Coordinate, coordinates
+from lightfield.diagnosis.adequacy.families import Coordinate, free_factors
 from lightfield.diagnosis.problem.layout import Layout
 
 
@@ -19,7 +19,7 @@ def toy(in_order: bool = False) -> Toy:
 
 def found(made: Toy, value: np.ndarray, phi: float = 1.0) -> list[Coordinate]:
     problem = made.with_value(value)
-    return coordinates(problem, made.whiten, made.fit(problem), phi)
+    return free_factors(problem, made.whiten, made.fit(problem), phi)
 
 
 FACTORS = {

@@ -170,25 +170,28 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
         effect(n, level, *([["d"]] if level == "one of" else []))
         for n, level in zip("abc", levels, strict=True)
     ]
-    said = found_words.said("identified", found, [], None)
+    said = found_words.said_of_many("identified", found, [], None)
     assert said is not None and said.headline == headline
 
 
 def test_one_and_two_effects_are_told_as_before() -> None:
-    assert found_words.said("ambiguous", [effect("a", "certain"), effect("b", "one of")], [], None) is None
-    assert found_words.said("none", [], [rung(None)], None) is None
+    assert (
+        found_words.said_of_many("ambiguous", [effect("a", "certain"), effect("b", "one of")], [], None)
+        is None
+    )
+    assert found_words.said_of_many("none", [], [rung(None)], None) is None
 
 
 def test_what_is_said_of_the_unexplained() -> None:
     """Only where the set removes half of the misfit."""
     found = [effect("a", "partial"), effect("b", "one of")]
     misfit = Misfit(coordinate="x", worst_at=0.3)
-    said = found_words.said("unexplained", found, [rung(None), rung(90.0), rung(5.0)], misfit)
+    said = found_words.said_of_many("unexplained", found, [rung(None), rung(90.0), rung(5.0)], misfit)
     assert said is not None
     assert said.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
     assert said.support == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
-    assert found_words.said("unexplained", found, [rung(None), rung(40.0)], misfit) is None
-    like = found_words.said(
+    assert found_words.said_of_many("unexplained", found, [rung(None), rung(40.0)], misfit) is None
+    like = found_words.said_of_many(
         "unexplained", found, [rung(None), rung(90.0)], Misfit(coordinate="x", worst_at=0.3, like="dip_in_x")
     )
     assert like is not None
@@ -198,7 +201,7 @@ def test_what_is_said_of_the_unexplained() -> None:
 def test_the_simplest_comes_with_what_else_would_do() -> None:
     one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
     assert found_words.level(one) == "simplest; acceptance with detector tilt would do as well"
-    assert found_words.size(one) == "beam_tilt = 0.5 ± 0.01"
+    assert found_words.effect_size(one) == "beam_tilt = 0.5 ± 0.01"
 
 
 def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:

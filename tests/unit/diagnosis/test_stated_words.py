@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
-from lightfield.diagnosis.verdict.stated import lines
+from lightfield.diagnosis.verdict.stated import stated_lines
 
 
 @pytest.mark.parametrize(("far", "told"), [(2.9, True), (0.4, False), (None, False)])
@@ -19,6 +19,6 @@ def test_a_size_far_from_the_stated_one_is_not_passed_over(far: float | None, to
         sigma_from_stated=far,
         sigma_to_remove=3.2,
     )
-    (line,) = lines([entry])
+    (line,) = stated_lines([entry])
     assert "0.29 +- 0.07 fitted, 0.03 stated" in line
     assert ("2.9 sigma apart" in line) is told

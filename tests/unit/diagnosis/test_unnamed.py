@@ -58,7 +58,7 @@ def test_what_a_small_effect_would_change_is_told() -> None:
     node = found.many.best
     before, stderr = node.fit.values["slope"], node.fit.stderr(1.0)["slope"]
     assert abs(before - 0.1) > 2 * stderr, "the stated error does not hold the truth"
-    said = words.unnamed([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
+    said = words.unnamed_sentences([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
     assert said[0].startswith("lean is too small to be named (2.8 sigma)")
     assert f"slope from {before:.3g} to {with_it.value:.3g} ±" in said[0]
 

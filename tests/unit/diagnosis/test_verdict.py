@@ -117,7 +117,7 @@ def test_the_ledger_counts_the_runs_on_the_same_readings(found: Diagnosis, tmp_p
     rows = ledger.entries(tmp_path)
     assert [row["effects"] for row in rows[:3]] == [rung.effects for rung in found.verdict.ladder]
     other, _ = readings(seed=99)
-    assert ledger.runs(tmp_path, ledger.fingerprint(other)) == 0
+    assert ledger.runs(tmp_path, ledger.readings_hash(other)) == 0
 
 
 def test_climbing_by_hand_meets_the_diagnosis(found: Diagnosis, tmp_path) -> None:

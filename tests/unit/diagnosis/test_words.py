@@ -40,13 +40,13 @@ def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanat
     ],
 )
 def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | None, said: str) -> None:
-    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, {}, None, "", True)
+    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, words.Grounds())
     assert text == words.Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
 def test_a_curve_that_would_follow_anything_is_no_weak_evidence() -> None:
     """Sixty sigma are no chance; what is open is whether any other readings would be met as well."""
-    text = words.said("ambiguous", [explanation("scattering")], None, {}, None, "", True, follows_any=True)
+    text = words.said("ambiguous", [explanation("scattering")], None, words.Grounds(follows_any=True))
     assert "so would it nearly any readings at these places" in text.sentence
     assert "chance" not in text.sentence
 
@@ -93,7 +93,7 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
 ) -> None:
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
-    said = words.said(kind, found, rival, {}, None, " within 1 %", True)
+    said = words.said(kind, found, rival, words.Grounds(within=" within 1 %"))
     assert said == words.Said(sentence, headline, tuple(support))
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)
@@ -163,7 +163,7 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
     ],
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
-    text = words.said("unexplained", [], None, {}, misfit, "", False)
+    text = words.said("unexplained", [], None, words.Grounds(misfit=misfit, determined=False))
     assert text == words.Said.of(f"Unexplained by any known effects; {said}.")
 
 

@@ -9,10 +9,10 @@ import xarray as xr
 from lightfield.errors import OutputError, UsageError
 from lightfield.maps.dataset import plane_image, to_dataset
 from lightfield.maps.exr import SpectralImage, read_spectral_exr, write_spectral_exr
-from lightfield.maps.spot import spot_shape
+from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
-from lightfield.report.light import light_figure
+from lightfield.report.light import planes_figure
 from lightfield.studies.compare.maps import as_text, compare
 from lightfield.sweep.derived import derive
 
@@ -75,7 +75,7 @@ def test_a_spot_is_measured_where_its_contour_is_known():
     cut = spot_shape(np.where(x[:, None] > 0.6, np.nan, light), x, x)
     assert (cut.hwhm_m, cut.centre_y_m) == (pytest.approx(whole.hwhm_m), pytest.approx(0, abs=1e-6))
     beyond = spot_shape(np.where(x[:, None] > 0.2, np.nan, light), x, x)
-    assert "beyond the edge" in beyond.problem
+    assert beyond.problem is Unmeasured.BEYOND_EDGE
     assert beyond.peak == pytest.approx(1.0, rel=1e-3)
 
 
@@ -95,7 +95,7 @@ def test_numbers_of_a_sweep_leave_out_what_is_outside(maps):
 def test_figures_show_the_tank_alone(maps):
     data = maps(True)
     planes = compare(data).planes
-    for figure in (light_figure(data), maps_figure(planes, "", "irradiance"), radial_figure(planes),
+    for figure in (planes_figure(data), maps_figure(planes, "", "irradiance"), radial_figure(planes),
                    axial_figure(planes)):  # fmt: skip
         shown = [np.ma.getmaskarray(image.get_array()) for axis in figure.axes for image in axis.images]
         maps_shown = [mask for mask in shown if mask.shape == (40, 40)]

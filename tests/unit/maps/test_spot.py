@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lightfield.maps.spot import _ellipse, spot_shape
+from lightfield.maps.spot import Unmeasured, _ellipse, spot_shape
 
 X = Y = np.linspace(-1, 1, 65)
 
@@ -54,11 +54,11 @@ def test_noise_does_not_inflate_the_peak():
 def test_a_spot_wider_than_the_plane_is_said_and_not_guessed():
     found = spot_shape(spot(3.0, 3.0), X, Y)
     assert np.isnan(found.hwhm_x_m)
-    assert "edge of the plane" in found.problem
+    assert found.problem is Unmeasured.BEYOND_EDGE
 
 
 def test_a_dark_plane_is_said():
-    assert spot_shape(np.zeros((65, 65)), X, Y).problem == "no light on the plane"
+    assert spot_shape(np.zeros((65, 65)), X, Y).problem is Unmeasured.DARK
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from ocean_files import FORMATS, WAVELENGTH, end, is_truth, jaz_irradiance_lines
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.saturation import saturated_pixels
 from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 
 
@@ -199,7 +200,8 @@ def test_unknown_files_are_refused_by_name():
 def test_more_pixels_than_announced_is_odd_but_usable():
     spectrum = parse(text_of("OceanView").replace("Spectrum: 40", "Spectrum: 30"))
     is_truth(spectrum)
-    assert "40 pixels, though the header says 30" in spectrum.notes[0]
+    assert spectrum.notes == (Oddity(Odd.MORE_PIXELS, 40, 30),)
+    assert "40 pixels, though the header says 30" in str(spectrum.notes[0])
 
 
 # --- saturation: a lamp line of 60000 counts on a detector that ends at 20000

@@ -32,6 +32,7 @@ from lightfield.readings.importing.importer import import_index
 from lightfield.readings.instruments.formats import BINARY, NAMES, READERS, read_spectra
 from lightfield.readings.instruments.hyperocr import read as read_frames
 from lightfield.readings.instruments.oceanoptics.procspec import read as read_procspec
+from lightfield.readings.instruments.oddity import Odd, Oddity
 
 FRAME = Path(__file__).parents[2] / "data" / "instruments" / "satlantic_frame.hex"
 
@@ -91,7 +92,7 @@ def test_a_real_frame_of_a_hyperocr(tmp_path):
     frame = bytes.fromhex(FRAME.read_text().replace("\n", ""))
     written(tmp_path, calibration(), "HSL0251.cal")
     spectra = read_spectra(written(tmp_path, b"SATHDR\0" + frame + frame[:-30] + frame, "cast.raw"))
-    assert len(spectra) == 2 and "1 damaged frames" in spectra[0].notes[0]
+    assert len(spectra) == 2 and spectra[0].notes[0] == Oddity(Odd.DAMAGED_FRAMES, 1)
     found = spectra[0]
     assert (found.integration_time_s, found.label) == (pytest.approx(2.048), "SATHSL0251")
     counts = found.raw / 1.5e-5 + 2000.5

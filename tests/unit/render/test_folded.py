@@ -9,7 +9,7 @@ from scipy.sparse import eye_array
 from scipy.special import erf
 
 from lightfield.render.diffuse.bending import surrounded
-from lightfield.render.diffuse.errors import LEFT_OUT, fewer
+from lightfield.render.diffuse.errors import LEFT_OUT, fewer_modes
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.reflected import patches
 from lightfield.render.response.beam_nodes import BeamNodes
@@ -96,7 +96,7 @@ def test_fewer_contributions_have_the_same_covariance() -> None:
     """Fifty of very different sizes that lie in three directions, and a little noise."""
     rng = np.random.default_rng(0)
     modes = rng.standard_normal((30, 3)) @ rng.standard_normal((3, 50)) * 10.0 ** rng.uniform(-3, 0, (30, 1))
-    found, covariance = fewer(modes), modes @ modes.T
+    found, covariance = fewer_modes(modes), modes @ modes.T
     assert found.shape == (30, 3)
     size = np.sqrt(np.diag(covariance))
     assert (np.abs(found @ found.T - covariance) <= 2 * LEFT_OUT * np.outer(size, size)).all()

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from lightfield.report.page import PageFigure, SideBySide
 from lightfield.report.sections import Section, Table, study_page
 
 
 def test_columns_of_words_are_read_from_the_left():
-    rows = [
-        ["4.5 m", "least attenuation", "400\N{EN DASH}450 nm", "> 60 m", "beyond all asked"],
-        ["8.5 m", "\N{EN DASH}", "\N{MINUS SIGN}3", "31.1 m", "5 m"],
-    ]
-    table = Table("", ["at", "rule", "band", "data", "up to"], rows)
-    assert table.texts == [False, True, False, False, False]
+    rows = [["4.5 m", "least attenuation", "31.1 m"], ["8.5 m", "–", "not found"]]
+    page = study_page("t", "v", (), [Section("s", tables=[Table("", ["at", "rule", "up to"], rows, (1,))])])
+    assert '<th scope="col" class="text">rule</th><th scope="col">up to</th>' in page
+    assert '<td class="text">least attenuation</td><td>31.1 m</td>' in page
+    assert '<td class="text">–</td><td>not found</td>' in page
+
+
+def test_what_stands_side_by_side_stands_one_above_the_other_on_a_telephone():
+    seen = PageFigure("<svg></svg>", SideBySide("light.", "its error."), "alt", "<svg></svg>")
+    page = study_page("t", "v", (), [Section("s", (seen,))])
+    assert '<figcaption class="wide">Left: light. Right: its error.</figcaption>' in page
+    assert '<figcaption class="narrow">Above: light. Below: its error.</figcaption>' in page
 
 
 def test_commands_are_code_and_markup_is_text():

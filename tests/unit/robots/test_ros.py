@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from lightfield import cli
 from lightfield.errors import UsageError
-from lightfield.robots.ros import ERROR, OK, WARN, Bridge, make_node, run
+from lightfield.robots.ros import ERROR, OK, WARN, Bridge, make_node, spin
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.light import FormulaLight, Space
@@ -156,7 +156,7 @@ def test_what_does_not_fit_is_not_published(stand_in) -> None:
 
 def test_a_node_is_spun_until_it_is_interrupted(stand_in) -> None:
     with pytest.raises(KeyboardInterrupt):
-        run(bridge())
+        spin(bridge())
     assert stand_in.spun[0].name == "lightfield_pose" and stand_in.calls == ["init", "end"]
 
 

@@ -16,6 +16,7 @@ from lightfield.scene import Scene
 from lightfield.studies.attenuation.apparent import apparent_attenuation
 from lightfield.studies.attenuation.common_errors import Design, stays
 from lightfield.studies.attenuation.ratios import ratios_of
+from lightfield.studies.attenuation.remark import Studied
 from lightfield.studies.attenuation.study import attenuation
 from lightfield.studies.attenuation.text import as_data, as_text
 
@@ -147,9 +148,16 @@ def test_what_has_no_partner_or_no_light_is_left_out_and_said() -> None:
         stderr=faint[~lonely],
     )
     found = attenuation(readings, scene())
-    assert any("1 readings in water have none in air" in note for note in found.notes)
-    assert any(note.startswith("1 of 14 pairs are fainter") for note in found.notes)
-    assert any("plane_gain_percent" in note for note in found.notes)
+    left, faint_pairs, gain = (
+        next(note for note in found.notes if note.studied is studied)
+        for studied in (Studied.NOT_IN_AIR, Studied.FAINT, Studied.GAIN_ASSUMED)
+    )
+    assert "1 readings in water have none in air" in str(left)
+    assert str(faint_pairs).startswith("1 of 14 pairs are fainter")
+    assert "plane_gain_percent" in str(gain)
+    data = json.loads(json.dumps(as_data(found)))
+    assert data["notes"] == [str(note) for note in found.notes]
+    assert {"studied": "faint", "count": 1, "among": 14, "limit": 12.0} in data["remarks"]
     assert found.apparent[0].K_per_m == pytest.approx(truth_per_m(), abs=1e-4)
 
 

@@ -165,6 +165,8 @@ def test_distances_waters_and_lamps_that_make_no_sense() -> None:
 def test_words_data_and_page(clear) -> None:
     data = json.loads(json.dumps(as_data(clear)))
     assert data["reaches"]["c = 0.1"]["data_m"] == pytest.approx(40.6, abs=0.15)
+    docking = data["reaches"]["c = 0.1"]["docking"]
+    assert (docking["name"], docking["rule"]) == ("pose", "all that docking asks of a pose")
     assert "10 to 15 m (turbid bay; Cowen" in as_text(clear)
     page = link_page(clear)
     assert "first source" in page and page.count("<svg") == 2 * 2

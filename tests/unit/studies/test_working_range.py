@@ -204,6 +204,9 @@ def test_words_data_and_page(formula) -> None:
         data["light"]
     )
     assert "8.31 m" in as_text(formula)
+    said = {reach["name"]: reach["rule"] for reach in data["reaches"]}
+    assert said["light"] == "at least 20 % of the light at 4.5 m" and len(said) == 2 + 2 * 4
+    assert said["pose_turned_relative"] == "yaw and pitch to 5 deg, relative readings only"
     page = range_page(formula)
     assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2 * 2
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool, coordinates
+from lightfield.diagnosis.search.pool.nodes import Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 
 #: Turns of the receiver, in degrees, from which a fit begins.
@@ -78,5 +78,5 @@ def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
         found = {c.name for c in whole} >= set(line.together)
         fits_together = all(a.effect.combines_with(b.effect) for i, a in enumerate(whole) for b in whole[:i])
         if found and new and fits_together and pool.affordable(whole):
-            known = coordinates(node)
+            known = fitted_at(node)
             pool.fit(whole, [Begin(known | start) for start in line.starts(node.fit.values)])

@@ -205,7 +205,7 @@ class Pool:
         """The set as fitted to the end, with slopes of its own."""
         if node.key not in self._settled:
             whiten = self.ground.test.whiten
-            begin = Begin(coordinates(node))
+            begin = Begin(fitted_at(node))
             fit = settled_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
             self._spend(node.explanation, fit)
             self._settled.add(node.key)
@@ -279,14 +279,14 @@ def joins(candidate: Candidate, node: Node) -> bool:
     return all(candidate.effect.combines_with(c.effect) for c in node.explanation)
 
 
-def coordinates(node: Node) -> dict[str, float]:
+def fitted_at(node: Node) -> dict[str, float]:
     """Coordinates of a fit by path."""
     return dict(zip(node.fit.paths, map(float, node.fit.u), strict=True))
 
 
 def begin_at(node: Node) -> Begin:
     """Where a set lies, with its slopes."""
-    return Begin(coordinates(node), dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
+    return Begin(fitted_at(node), dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
 
 
 def with_effect(

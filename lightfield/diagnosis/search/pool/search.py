@@ -17,7 +17,7 @@ from lightfield.diagnosis.search.following import can_follow, following, scatter
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import forward, polish
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, coordinates
+from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
@@ -108,7 +108,7 @@ def _pool(ground: Ground, best: Node, progress: Progress) -> Pool:
         progress.tried(1, ground.problem, node.explanation, node.fit)
 
     pool = Pool(ground)
-    start = Begin(coordinates(best))
+    start = Begin(fitted_at(best))
     pool.settled(pool.fit((), [start]))
     pool.settled(pool.fit(best.explanation, [start]))
     pool.progress = told

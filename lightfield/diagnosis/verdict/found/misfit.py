@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.families import coordinates
+from lightfield.diagnosis.adequacy.families import free_factors
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
@@ -140,7 +140,7 @@ def _factors(
             one.score + more, one.explained,
             Misfit(coordinate=one.name, worst_at=one.worst_at, period_deg=one.period_deg), fit.prediction,
         )
-        for one in coordinates(problem, plain, fit, scale)
+        for one in free_factors(problem, plain, fit, scale)
     ]  # fmt: skip
 
 

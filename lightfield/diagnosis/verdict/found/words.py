@@ -47,7 +47,7 @@ def _with(names: Sequence[str]) -> str:
     return join(names) if len(names) < 2 else " with ".join(join([n]) for n in names)
 
 
-def size(one: FoundEffect) -> str:
+def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
         return f"a curve of {len(one.parameters)} functions, {one.rms_percent:.2g} % rms of the readings"
@@ -60,7 +60,7 @@ def _value(path: str, estimate: Estimate) -> str:
     return f"{path.rpartition('.')[2]} = {estimate.value:.4g} {error}{unit}"
 
 
-def said(
+def said_of_many(
     kind: Kind, found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None
 ) -> Said | None:
     """The verdict on three effects and more, or on an unexplained best set; None where others have the word.
@@ -111,7 +111,7 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def lines(found: Sequence[FoundEffect]) -> list[str]:
+def found_lines(found: Sequence[FoundEffect]) -> list[str]:
     """A table for a terminal."""
     if not found:
         return []
@@ -119,7 +119,7 @@ def lines(found: Sequence[FoundEffect]) -> list[str]:
     for one in found:
         sigma = "-" if one.sigma_to_remove is None else f"{one.sigma_to_remove:.1f}"
         gap = "-" if one.gap is None else f"{one.gap:.1f}"
-        about = f"{level(one)}; {size(one)}"
+        about = f"{level(one)}; {effect_size(one)}"
         out.append(f"{one.effect:<18}{sigma:>8}{gap:>9}{one.weight:>8.2f}  {about}")
     return [*out, *_changes(found)]
 
@@ -139,7 +139,7 @@ def _changes(found: Sequence[FoundEffect]) -> list[str]:
     return out
 
 
-def unnamed(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
+def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
     """What effects that are too small to be named would change, a sentence for each.
 
     Parameters

@@ -12,6 +12,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import text
 from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -114,7 +115,7 @@ def _note_header(header: dict[str, str], number: int, line: str) -> None:
     header[name] = value.strip()
 
 
-def numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
+def block_numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
     """The numbers of a block, shape (n_lines, width); nan where a cell says that there is none.
 
     What cannot be read is noted in `problems`, with its line.
@@ -143,7 +144,7 @@ def numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
             if c > 0 and (cell in _HOLE or text.NOT_A_NUMBER.fullmatch(cell)):
                 continue
             try:
-                out[k, c] = text.number(cell, mark)
+                out[k, c] = text.parsed_number(cell, mark)
             except ValueError as error:
                 problems.add(f"{cell!r:.40} {error}", place=number, remedy="export it again")
     return out
@@ -177,7 +178,7 @@ def spectrum(
     MeasurementError
         All problems of the file.
     """
-    header, notes = document.header, list(more.pop("notes", ()))
+    header = document.header
     if block is None or not block.lines:
         problems.add(
             "there are no spectral data",
@@ -186,10 +187,10 @@ def spectrum(
         )
         problems.raise_any(f"not a usable {name} file")
         raise AssertionError  # not reached
-    table = numbers(block, 1 + len(columns), problems)
+    table = block_numbers(block, 1 + len(columns), problems)
     wavelength = table[:, 0]
     _check_axis(wavelength, block, header, problems)
-    notes += _check_complete(document, block, table, problems)
+    notes = _check_complete(document, block, table, problems)
     problems.raise_any(f"not a usable {name} file")
     exposure = float("nan")
     found = labels.lookup(header, "integration")
@@ -197,7 +198,7 @@ def spectrum(
         try:
             exposure = labels.seconds(*found)
         except ValueError as error:
-            notes.append(f"the exposure is not known: {found[0]!r} {error}")
+            notes.append(Oddity(Odd.EXPOSURE_UNKNOWN, label=found[0], why=str(error)))
     spectrometer, date = labels.lookup(header, "spectrometer"), labels.lookup(header, "date")
     return Spectrum(
         source=document.where,
@@ -243,8 +244,8 @@ def _check_axis(wavelength: Array, block: MarkedLines, header: dict[str, str], p
         )
 
 
-def _check_complete(document: Document, block: MarkedLines, table: Array, problems: Problems) -> list[str]:
-    notes = []
+def _check_complete(document: Document, block: MarkedLines, table: Array, problems: Problems) -> list[Oddity]:
+    notes: list[Oddity] = []
     announced, rows = labels.count(document.header, "pixels"), len(table)
     if announced is not None and rows < announced:
         problems.add(
@@ -254,11 +255,11 @@ def _check_complete(document: Document, block: MarkedLines, table: Array, proble
             remedy="copy or export it again",
         )
     elif announced is not None and rows > announced:
-        notes.append(f"{rows} pixels, though the header says {announced} (spliced from two spectrometers?)")
+        notes.append(Oddity(Odd.MORE_PIXELS, rows, announced))
     elif announced is None and not block.closed:
-        notes.append("no end marker and no number of pixels: whether the file is complete cannot be told")
+        notes.append(Oddity(Odd.END_UNKNOWN))
     if not block.closed and not document.ended:
         # The last number may have lost its last digits.
         table[-1, 1:] = np.nan
-        notes.append("the file ends within a line; its last pixel is not used")
+        notes.append(Oddity(Odd.CUT_LINE))
     return notes

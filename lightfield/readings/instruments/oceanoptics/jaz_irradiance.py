@@ -10,7 +10,8 @@ import re
 from dataclasses import replace
 
 from lightfield.readings.instruments.oceanoptics import jaz
-from lightfield.readings.instruments.oceanoptics.document import Document, numbers
+from lightfield.readings.instruments.oceanoptics.document import Document, block_numbers
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -37,15 +38,13 @@ def read(document: Document) -> Spectrum:
     sphere = next((v for k, v in document.header.items() if "sphere" in k.lower()), "No")
     # With an integrating sphere the program gives power, not irradiance.
     unit = UNIT if sphere.strip().lower() == "no" else ""
-    notes = (
-        found.notes if unit else (*found.notes, "taken with an integrating sphere: P is not an irradiance")
-    )
+    notes = found.notes if unit else (*found.notes, Oddity(Odd.SPHERE))
     block = document.block("calibration")
     if block is None or not block.lines:
-        return replace(found, processed_unit=unit, notes=(*notes, "no calibration block"))
+        return replace(found, processed_unit=unit, notes=(*notes, Oddity(Odd.NO_CALIBRATION)))
     named = re.fullmatch(r"\[(.*)\]", block.lines[0][1])
     rows = replace(block, lines=block.lines[1:] if named else block.lines)
-    calibration = numbers(rows, 1, problems)[:, 0]
+    calibration = block_numbers(rows, 1, problems)[:, 0]
     if len(calibration) != len(found) and not problems:
         problems.add(
             "the calibration does not fit the spectrum",

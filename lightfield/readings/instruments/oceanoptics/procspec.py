@@ -15,6 +15,7 @@ from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
 from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 from lightfield.storage.inputs import SPECTRUM
@@ -85,7 +86,7 @@ def read(data: bytes, where: str) -> Spectrum:
         electric_dark_corrected=_flag(said.get("correctForElectricalDark")),
         nonlinearity_corrected=_flag(said.get("correctForNonLinearity")),
         stray_light_corrected=_flag(said.get("correctForStrayLight")),
-        notes=("the program calls it saturated",) if said.get("saturated") == "true" else (),
+        notes=(Oddity(Odd.CALLED_SATURATED),) if said.get("saturated") == "true" else (),
     )
 
 
@@ -152,7 +153,7 @@ def _numbers(element: ElementTree.Element, problems: Problems) -> Array:
         if text.NOT_A_NUMBER.fullmatch(cell):
             continue
         try:
-            out[k] = text.number(cell)
+            out[k] = text.parsed_number(cell)
         except ValueError as error:
             problems.add(f"{element.tag}: {cell!r:.40} {error}", remedy=_REMEDY)
     return out
@@ -160,7 +161,7 @@ def _numbers(element: ElementTree.Element, problems: Problems) -> Array:
 
 def _number(cell: str) -> float:
     try:
-        return text.number(cell)
+        return text.parsed_number(cell)
     except ValueError:
         return float("nan")
 

@@ -1,0 +1,66 @@
+"""What a study of attenuation assumed or left out: a record, and its words."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Any
+
+
+class Studied(str, Enum):
+    """What became of readings or of a part of the study; stable names, for programs."""
+
+    STDERR_FROM_REPEATS = "stderr_from_repeats"
+    STDERR_ASSUMED = "stderr_assumed"
+    GAIN_ASSUMED = "gain_assumed"
+    FAINT = "faint"
+    NOT_IN_AIR = "not_in_air"
+    FEW_DISTANCES = "few_distances"
+    NOT_TRACED = "not_traced"
+    FEW_COLOURS = "few_colours"
+    NO_CONSTITUENTS = "no_constituents"
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One thing that was assumed or left out.
+
+    Parameters
+    ----------
+    studied : Studied
+    count, among : int, optional
+        Readings, pairs or wavelengths that it is about, and of how many.
+    limit : float, optional
+        Which they miss.
+    percent : float, optional
+        The error that was taken.
+    why : str, optional
+        The error that ended a part of the study.
+    """
+
+    studied: Studied
+    count: int | None = None
+    among: int | None = None
+    limit: float | None = None
+    percent: float | None = None
+    why: str | None = None
+
+    def __str__(self) -> str:
+        return _WORDS[self.studied].format(**vars(self))
+
+    def as_data(self) -> dict[str, Any]:
+        """The record for programs: what it does not have is left out."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+_WORDS = {
+    Studied.STDERR_FROM_REPEATS: "{count} readings without stderr: {percent:.2g} % from their repeats",
+    Studied.STDERR_ASSUMED: "{count} readings without stderr: {percent:g} % assumed",
+    Studied.GAIN_ASSUMED: "plane_gain_percent = {percent:.2g} assumed for every stay at a distance",
+    Studied.FAINT: "{count} of {among} pairs are fainter than {limit:g} of their errors: left out",
+    Studied.NOT_IN_AIR: "{count} readings in water have none in air at their place and wavelength: left out",
+    Studied.FEW_DISTANCES: "{count} wavelengths were not read at {limit:g} distances: left out",
+    Studied.NOT_TRACED: "scattered light could not be traced: {why}",
+    Studied.FEW_COLOURS: "constituents need {limit:g} wavelengths",
+    Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",
+}
