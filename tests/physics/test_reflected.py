@@ -7,6 +7,7 @@ import pytest
 
 from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
 from lightfield.render.reflected.light import OFTEN, ReflectedLight, Room
+from lightfield.render.reflected.orders import REFLECTIONS, reflections_of
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
 
@@ -195,6 +196,41 @@ def test_what_is_remembered_is_not_mistaken() -> None:
             assert kept.evaluate(asked, attenuation) == pytest.approx(fresh[key], rel=1e-12), change
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"tank.wall_albedo": 0.8, "lamp.hwhm_deg": 9.0},
+        {"tank.surface_reflectance": 0.4, "lamp.tilt_y_deg": 3.0},
+        {"tank.floor_over_walls": 0.4, "lamp.offset_x_m": 0.1},
+        {"tank.surface_slope_deg": 4.0, "tank.surface_reflectance": 1.0},
+    ],
+)
+def test_several_waters_at_once_are_one_after_the_other(change: dict[str, float]) -> None:
+    """Each water has its own light; here they come in no order, one of them twice, two between the same
+    nodes."""
+    places = np.array([0.0, 0.6, 0.0]), np.array([0.0, 0.2, 0.3]), np.array([4.5, 6.5, 6.5])
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.05} | change)
+    attenuation = np.array([0.9, 0.33, 0.0, 0.335, 1.3, 0.33])
+    at_once = ReflectedLight(scene, *places).evaluate(scene, attenuation)
+    assert at_once.shape == (6, 3)
+    light = ReflectedLight(scene, *places)
+    np.testing.assert_allclose(at_once, [light.evaluate(scene, c) for c in attenuation], rtol=1e-5)
+    shares, errors = light.by_floor(scene, attenuation), light.uncertain(scene, attenuation)
+    for k, c in enumerate(attenuation):
+        np.testing.assert_allclose(shares[k], light.by_floor(scene, np.array([c]))[0], rtol=1e-5)
+        np.testing.assert_allclose(errors[k], light.uncertain(scene, np.array([c]))[0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("albedo", [0.03, 0.05, 0.2])
+def test_dark_walls_need_few_reflections(albedo: float) -> None:
+    """What is not followed there is nothing: beside all reflections, solved at once."""
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": albedo})
+    light = ReflectedLight(scene, np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5]))
+    assert reflections_of(albedo) < REFLECTIONS
+    assert light.evaluate(scene, 0.1) == pytest.approx(solved(light.room(lid=True), scene, 0.1), rel=1e-4)
+
+
 def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
     """Also of a floor that is no wall, and of a lamp that comes after a water was often asked for."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.8, "tank.floor_over_walls": 0.4})
@@ -204,7 +240,9 @@ def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
     rng = np.random.default_rng(0)
     lit = rng.random((len(room.before), followed.first.shape[1] // len(room.before))).astype(np.float32)
     whole = rng.random(len(room.patches.centre)).astype(np.float32)
-    np.testing.assert_allclose(followed.at_once().apply(lit, whole), followed.apply(lit, whole), rtol=2e-5)
+    np.testing.assert_allclose(
+        followed.at_once(12).apply(lit, whole, 12), followed.apply(lit, whole, 12), rtol=2e-5
+    )
 
     light = ReflectedLight(scene, *places)
     lamps = [scene.with_values({"lamp.hwhm_deg": 15.0 + 0.1 * k}) for k in range(OFTEN + 3)]

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
@@ -50,6 +51,44 @@ SHAPES = {
     "henyey-greenstein": Shape("water.phase.g", 0.924, (0.75, 0.87, 0.924, 0.97), -0.1, 0.02, True),
     "fournier-forand": Shape("water.phase.mu", 3.5835, (3.3, 3.5, 3.75, 4.1), -0.1, 0.1),
 }
+
+
+class PassedOn(NamedTuple):
+    """Change of the light in one cell with the relative error of a node's light in another.
+
+    A matrix D(own) + D(after) S D(before), with diagonal D; applied, never made: there is one for each class
+    of light, node and water.
+
+    Parameters
+    ----------
+    own : array, shape (n_cells,)
+    after, before : arrays, shape (n_cells,), optional
+    smoother : sparse array S, shape (n_cells, n_cells), optional
+    """
+
+    own: Array
+    after: Array | None = None
+    before: Array | None = None
+    smoother: csr_array | None = None
+
+    def to(self, shares: Array) -> Array:
+        """From the left: what combinations of cells, shape (n, n_cells), have of each error."""
+        out = shares * self.own
+        if self.smoother is not None and self.after is not None and self.before is not None:
+            out += ((shares * self.after) @ self.smoother) * self.before
+        return np.asarray(out)
+
+    def among(self, cells: NDArray[np.int_], smoother: csr_array | None) -> PassedOn:
+        """Among some of the cells, of which a part of the smoother tells."""
+        after, before = (None if each is None else each[cells] for each in (self.after, self.before))
+        return PassedOn(self.own[cells], after, before, smoother)
+
+    def times(self, errors: Array) -> Array:
+        """Changes with errors, shape (n_cells, k)."""
+        out = self.own[:, None] * errors
+        if self.smoother is not None and self.after is not None and self.before is not None:
+            out += self.after[:, None] * (self.smoother @ (self.before[:, None] * errors))
+        return np.asarray(out)
 
 
 @dataclass(frozen=True)
@@ -94,7 +133,7 @@ class BetweenG:
             )
         return _interpolation(self.nodes, value, shape.is_g)
 
-    def light(self, found: Array, shares: Array, errors: bool) -> tuple[Array, list[list[Any]]]:
+    def light(self, found: Array, shares: Array, errors: bool) -> tuple[Array, list[list[PassedOn]]]:
         """Light at one g from that at the nodes.
 
         Parameters
@@ -108,12 +147,11 @@ class BetweenG:
         Returns
         -------
         value : array, shape (n_waters, n_cells)
-        passed_on : list of n_nodes lists of n_waters sparse arrays, shape (n_cells, n_cells)
-            Change of the value in one cell with the relative error of a node's light in another; empty unless
-            errors are asked for.
+        passed_on : list of n_nodes lists of n_waters PassedOn
+            Empty unless errors are asked for.
         """
         if len(found) < 2:
-            return found[0], [[diags_array(light) for light in found[0]]] if errors else []
+            return found[0], [[PassedOn(light) for light in found[0]]] if errors else []
         flat = found.reshape(len(found), -1)
         mean, wanted = ((w @ flat).reshape(found.shape[1:]) for w in (self.part, shares))
         lit = mean > 0
@@ -125,7 +163,7 @@ class BetweenG:
         common = self.part[:, None, None] * ratios
         apart = shares[:, None, None] * ratios - common * ratio
         passed_on = [
-            [diags_array(m) @ self.smoother @ diags_array(n) + diags_array(c) for m, n, c in each]
+            [PassedOn(c, m, n, self.smoother) for m, n, c in each]
             for each in (zip(mean, apart[i], common[i] * value, strict=True) for i in range(len(found)))
         ]
         return value, passed_on

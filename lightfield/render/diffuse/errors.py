@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
+from lightfield.render.diffuse.between_g import PassedOn
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.response.response import FROM_WALLS
 
@@ -24,7 +25,7 @@ class TraceErrors(NamedTuple):
 
     Parameters
     ----------
-    passed_on : list of n_waters sparse arrays, shape (n_cells, n_cells)
+    passed_on : list of n_waters PassedOn
         Change of the light in one cell with the relative error in another.
     roots : array, shape (n_waters, n_waters, n_cells)
         Relative errors in every cell as independent contributions, which waters share.
@@ -32,7 +33,7 @@ class TraceErrors(NamedTuple):
         Which cells share their photons.
     """
 
-    passed_on: list[Any]
+    passed_on: list[PassedOn]
     roots: Array
     images: Array
 
@@ -88,16 +89,16 @@ def _one_by_one(
     """Every contribution of every class and trace."""
     modes = []
     for kind, (_, noises) in parts.items():
+        spreads = []
+        for water, light in enumerate(per_light):
+            spread = shift.shares[channel == water].toarray() * light
+            spreads.append(np.asarray(spread @ walls) if kind in FROM_WALLS else spread)
         for noise in noises:
             found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
-            for water in np.unique(channel):
-                mine = channel == water
-                spread = shift.shares[mine] @ diags_array(per_light[water])
-                if kind in FROM_WALLS:
-                    spread = spread @ walls
-                passed_on = (spread @ noise.passed_on[water]).tocsr()
-                each = [passed_on @ (root[:, None] * noise.images) for root in noise.roots[water]]
-                found[mine] = np.hstack(each)
+            images = noise.images.astype(float)
+            for water, (spread, passed) in enumerate(zip(spreads, noise.passed_on, strict=True)):
+                each = passed.to(spread)
+                found[channel == water] = np.hstack([(each * root) @ images for root in noise.roots[water]])
             modes.append(found)
     return np.hstack(modes)
 
@@ -114,7 +115,7 @@ def _by_plane(
     every = []
     for z in np.unique(shift.cell_z_m):
         cells, here = np.flatnonzero(shift.cell_z_m == z), at == z
-        columns = []
+        columns, among = [], dict[int, csr_array]()
         for kind, (_, noises) in parts.items():
             smooth = walls[cells][:, cells] if kind in FROM_WALLS else None
             for noise in noises:
@@ -122,9 +123,12 @@ def _by_plane(
                 images = images[:, images.any(axis=0)]
                 rows = []
                 for passed_on, root in zip(noise.passed_on, noise.roots, strict=True):
-                    mine = passed_on.tocsr()[cells][:, cells]
-                    mine = mine if smooth is None else smooth @ mine
-                    rows.append(mine @ np.hstack([r[cells, None] * images for r in root]))
+                    ratios = passed_on.smoother
+                    if ratios is not None and id(ratios) not in among:
+                        among[id(ratios)] = ratios[cells][:, cells]
+                    mine = passed_on.among(cells, None if ratios is None else among[id(ratios)])
+                    found = mine.times(np.hstack([r[cells, None] * images for r in root]))
+                    rows.append(found if smooth is None else smooth @ found)
                 columns.append(np.vstack(rows))
         modes = per_light[:, cells].reshape(-1, 1) * np.hstack(columns)
         modes = fewer_modes(modes).reshape(waters, len(cells), -1)
@@ -134,6 +138,17 @@ def _by_plane(
             found[mine] = shift.shares[mine][:, cells] @ modes[water]
         every.append(found)
     return np.hstack(every)
+
+
+def as_few(modes: Array) -> Array:
+    """Modes of the same covariance, no more than there are readings; shape (n, n) where there are more."""
+    n, k = modes.shape
+    if k <= n:
+        return modes
+    size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), 1e-300)
+    unit = modes / size
+    variance, directions = np.linalg.eigh(unit @ unit.T)
+    return np.asarray(size * directions * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def fewer_modes(modes: Array) -> Array:

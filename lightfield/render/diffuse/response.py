@@ -165,7 +165,7 @@ class DiffuseResponse:
         if REFLECTED[0] in kinds:
             smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
             if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:
-                smooth += np.array([self.reflected.uncertain(scene, float(c)) for c in a + b])[mine]
+                smooth += self.reflected.uncertain(scene, a + b)[mine]
         return np.hstack(modes), smooth
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:
@@ -220,7 +220,7 @@ class DiffuseResponse:
         tank = scene.tank
         if self.reflected is None or tank is None or tank.floor_share == 1 or not walls:
             return 0.0
-        more = np.array([self.reflected.by_floor(scene, float(c)) - 1.0 for c in attenuation])
+        more = self.reflected.by_floor(scene, attenuation) - 1.0
         return more * self._at_readings(scene, attenuation, self._in_cells(walls, len(attenuation)))
 
     def _through_layers(self, scene: Scene) -> Array:
@@ -230,13 +230,11 @@ class DiffuseResponse:
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
-        light = np.zeros((len(attenuation), len(self.shift.cell)))
         if self.reflected is None or not any(scene.reflectances):
-            return light
+            return np.zeros((len(attenuation), len(self.shift.cell)))
         nodes, shares = within_band(scene)
-        for one, c in zip(light, attenuation, strict=True):
-            for share, at in zip(shares, nodes, strict=True):
-                one += share * self.reflected.evaluate(scene, float(c + at))
+        each = self.reflected.evaluate(scene, np.add.outer(attenuation, nodes).ravel())
+        light = shares @ each.reshape(len(attenuation), len(nodes), -1)
         if is_layered(scene.water):
             light *= self.shift.pick(self._through_layers(scene))
-        return light
+        return np.asarray(light)

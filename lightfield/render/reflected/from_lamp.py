@@ -14,18 +14,18 @@ from lightfield.scene.tank import WATER_INDEX
 
 
 class Ways(NamedTuple):
-    """Straight ways from the place of a lamp to patches; arrays of shape (k,).
+    """Ways from the place of a lamp to patches, straight or by the water surface; arrays of shape (k,).
 
     Parameters
     ----------
     ahead : array of bool
         Patches that a lamp there can light.
     direction : array, shape (3, k)
-        Unit vectors to those, in the frame of the tank.
+        Unit vectors along which light leaves for those, in the frame of the tank.
     theta : array, rad
         Their angles to the axis of the tank.
     facing : array, m^-2
-        Cosine of incidence over the square of the way, of those.
+        Cosine of incidence over the square of the way, times what the surface reflects, of those.
     in_water : array, m
     """
 
@@ -45,8 +45,15 @@ class Ways(NamedTuple):
         facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
         in_water = np.zeros(len(ahead))
         in_water[ahead] = in_water_m(lamp, r, patches.centre[ahead, 2])
-        theta = np.arccos(np.clip(direction[:, 2], -1, 1))
-        return cls(ahead, direction.T, theta, facing, in_water.astype(np.float32))
+        return cls(ahead, direction.T, _to_axis(direction), facing, in_water.astype(np.float32))
+
+    @classmethod
+    def by_surface(cls, lamp: Lamp, patches: Patches, top_m: float) -> Ways:
+        """By way of the surface y = top."""
+        ahead, arriving, facing, in_water = _by_surface(lamp, top_m, patches.centre)
+        facing *= np.maximum(-np.einsum("ki,ki->k", arriving, patches.normal), 0)[ahead]
+        leaving = arriving[ahead] * np.array([1.0, -1.0, 1.0])
+        return cls(ahead, leaving.T, _to_axis(leaving), facing, in_water.astype(np.float32))
 
     def lit(self, lamp: Lamp) -> np.ndarray:
         """Irradiance by a lamp there, without attenuation."""
@@ -55,6 +62,15 @@ class Ways(NamedTuple):
         angles = (self.theta, np.zeros(1)) if is_round(lamp) else beam_angles(lamp, *self.direction)
         light[self.ahead] = relative_intensity(lamp, *angles) * self.facing
         return light
+
+    def through(self, attenuation_per_m: float) -> np.ndarray:
+        """What water lets through."""
+        return np.asarray(np.exp(np.float32(-attenuation_per_m) * self.in_water))
+
+
+def _to_axis(direction: np.ndarray) -> np.ndarray:
+    """Angle of unit vectors, shape (k, 3), to the axis of the tank."""
+    return np.arccos(np.clip(direction[:, 2], -1, 1))
 
 
 def alike_in_place(lamp: Lamp) -> Lamp:
@@ -76,6 +92,18 @@ def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndar
     in_water : array, shape (n,), m
         Way in water; 0 where no light comes.
     """
+    ahead, arriving, facing, in_water = _by_surface(lamp, top_m, places)
+    leaving = arriving[ahead] * np.array([1.0, -1.0, 1.0])
+    light = np.zeros(len(places))
+    light[ahead] = relative_intensity(lamp, *beam_angles(lamp, *leaving.T)) * facing
+    return arriving, light, in_water
+
+
+def _by_surface(
+    lamp: Lamp, top_m: float, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Ways by the surface y = top: to which places there is one, the direction of arrival at each, what the
+    surface reflects over the square of the way to those, and the way in water to each, 0 without one."""
     image = np.array([lamp.offset_x_m, 2 * top_m - lamp.offset_y_m, -lamp.apparent_distance_m])
     way = places - image
     r = np.linalg.norm(way, axis=1)
@@ -83,12 +111,9 @@ def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndar
     # A ray that seems to start behind the window meets the surface only beyond it.
     met = image[2] + way[:, 2] * (top_m - image[1]) / np.where(way[:, 1] < 0, way[:, 1], -1e-9)
     ahead = before_lamp(lamp, places[:, 2]) & before_lamp(lamp, met)
-    leaving = arriving * np.array([1.0, -1.0, 1.0])
-    light, in_water = np.zeros((2, len(places)))
-    intensity = relative_intensity(lamp, *beam_angles(lamp, *leaving[ahead].T))
-    light[ahead] = intensity * fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2
+    in_water = np.zeros(len(places))
     in_water[ahead] = in_water_m(lamp, r[ahead], places[ahead, 2])
-    return arriving, light, in_water
+    return ahead, arriving, fresnel(np.abs(arriving[ahead, 1])) / r[ahead] ** 2, in_water
 
 
 def before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:

@@ -20,14 +20,21 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cache, cached_property, lru_cache
-from itertools import product
-from math import floor, prod, sqrt
+from math import prod, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, fresnel, image_of_lamp
-from lightfield.render.reflected.orders import REFLECTIONS, AtOnce, Operators, Orders, terms_of_light
+from lightfield.render.reflected.orders import (
+    REFLECTIONS,
+    AtOnce,
+    Operators,
+    Orders,
+    reflections_of,
+    terms_of_light,
+)
 from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
 from lightfield.render.reflected.waves import glitter
 from lightfield.scene import Lamp, Scene, Tank, receiver
@@ -46,12 +53,17 @@ FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
 _UPWARDS = 0.5
 #: Of walls and floor: albedo over that of the brighter of the two.
 Shares = tuple[float, float]
-#: Operators, and lamps whose light is remembered: at most so many, and in so many bytes, but some.
-KEPT, KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 60, 50e6, 8
+#: Attenuation, m^-1, surface reflectance, shares of walls and floor, reflections that are followed.
+_Exchange = tuple[float, float, Shares, int]
+#: Lamps whose light is remembered: at most so many, and in so many bytes, but some; operators alike.
+KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 50e6, 8
+KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
+#: What waters let through on the way from the place of a lamp: of at most so many, and in so many bytes.
+KEPT_WATERS, THROUGH_BYTES = 400, 20e6
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
 #: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
-#: follow ten lamps.
-LARGER, OFTEN, AT_ONCE_BYTES = 2, 10, 100e6
+#: follow ten lamps, five where what patches exchange has to be made anew.
+LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
 
 
 class ReflectedLight:
@@ -73,7 +85,7 @@ class ReflectedLight:
         #: The walls, with a lid or with an open top.
         self.room = cache(lambda lid: Room(scene, self.places, lid))
         self._smeared = lru_cache(1)(self._smeared_of)
-        self._mirrored = lru_cache(KEPT)(self._mirrored_of)
+        self._mirrored = lru_cache(KEPT_LAMPS)(self._mirrored_of)
 
     def some(self, rows: np.ndarray) -> ReflectedLight:
         """At some of the readings, from what is worked out for all of them."""
@@ -81,51 +93,52 @@ class ReflectedLight:
         out._which = self._which[rows]
         return out
 
-    def evaluate(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
-        """Light for unit on-axis intensity, shape (n,), m^-2.
+    def evaluate(self, scene: Scene, attenuation_per_m: ArrayLike) -> np.ndarray:
+        """Light for unit on-axis intensity, m^-2, shape (n,), or (n_waters, n) in several waters at once.
 
         Parameters
         ----------
         scene : Scene
             Its lamp, albedos and surface reflectance count; the tank is that of the constructor.
-        attenuation_per_m : float, m^-1
+        attenuation_per_m : float or array, shape (n_waters,), m^-1
         """
-        tank = scene.tank
+        tank, rates = scene.tank, np.atleast_1d(np.asarray(attenuation_per_m, float))
         assert tank is not None
-        light = np.zeros(len(self.places))
+        light = np.zeros((len(rates), len(self.places)))
         if tank.surface_reflectance > 0:
-            light += tank.surface_reflectance * self._image(scene.lamp, attenuation_per_m, tank)
+            light += tank.surface_reflectance * self._image(scene.lamp, rates, tank)
         if tank.wall_albedo > 0:
             room = self.room(tank.surface_reflectance == 0)
-            light += room.light(scene.lamp, attenuation_per_m, tank)
-        return np.asarray(light[self._which])
+            light += room.light(scene.lamp, rates, tank)
+        return np.asarray(light[:, self._which].reshape(*np.shape(attenuation_per_m), -1))
 
-    def uncertain(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
-        """Error of the light of waves, which knows nothing that met two facets in a row; shape (n,)."""
+    def uncertain(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
+        """Error of the light of waves, which knows nothing that met two facets in a row; (n_waters, n)."""
         tank = scene.tank
         if tank is None or tank.slope == 0:
-            return np.zeros(len(self._which))
+            return np.zeros((len(attenuation_per_m), len(self._which)))
         image = self._image(scene.lamp, attenuation_per_m, tank)
-        return np.asarray(TWO_FACETS * tank.surface_reflectance * image[self._which])
+        return np.asarray(TWO_FACETS * tank.surface_reflectance * image[:, self._which])
 
-    def by_floor(self, scene: Scene, attenuation_per_m: float) -> np.ndarray:
-        """Light from walls and floor over that of a floor like the walls, shape (n,)."""
+    def by_floor(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
+        """Light from walls and floor over that of a floor like the walls, shape (n_waters, n)."""
         tank = scene.tank
         if tank is None or tank.floor_share == 1 or not tank.wall_albedo:
-            return np.ones(len(self._which))
+            return np.ones((len(attenuation_per_m), len(self._which)))
         room = self.room(tank.surface_reflectance == 0)
         like_walls = tank.model_copy(update={"floor_over_walls": 1.0})
         light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
         ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
-        return np.asarray(ratio[self._which])
+        return np.asarray(ratio[:, self._which])
 
-    def _image(self, lamp: Lamp, attenuation_per_m: float, tank: Tank) -> np.ndarray:
-        """Light mirrored by the water surface alone, for unit reflectance multiplier."""
+    def _image(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
+        """Light mirrored by the water surface alone, for unit reflectance multiplier; (n_waters, n)."""
         if tank.slope > 0:
             light, in_water = self._smeared(lamp, tank.surface_slope_deg)
-            return np.asarray((light * np.exp(-attenuation_per_m * in_water)).sum(axis=1))
+            # One water at a time: there are thousands of facets for each place.
+            return np.stack([(light * np.exp(-c * in_water)).sum(axis=1) for c in attenuation_per_m])
         light, in_water = self._mirrored(lamp, tank.lamp_depth_m)
-        return np.asarray(light * np.exp(-attenuation_per_m * in_water))
+        return np.asarray(light * np.exp(-attenuation_per_m[:, None] * in_water))
 
     def _mirrored_of(self, lamp: Lamp, top_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Light by way of a flat surface without attenuation, and its way in water; (n,)."""
@@ -162,24 +175,26 @@ class Room:
         self.parts = int(np.clip(parts, 1, MOST_PARTS))
         self.fine = self.patches.divided(self.parts)
         self._terms = terms_of_light(self.parts)
-        size = 4 * len(places) * (self._terms.shape[1] + 1) * len(self.before)
-        self._operator = lru_cache(int(np.clip(KEPT_BYTES / size, FEWEST, KEPT)))(self._operator_in)
-        size = 4 * REFLECTIONS * len(places) * len(self.patches.centre)
-        few = REFLECTIONS * len(places) <= LARGER * len(self.patches.centre)
-        self._most_at_once = int(AT_ONCE_BYTES / size) if few else 0
-        self._at_once: dict[tuple[float, float, Shares], AtOnce] = {}
-        self._asked = Counter[tuple[float, float, Shares]]()
-        self._ways = lru_cache(KEPT)(lambda lamp: Ways.of(lamp, self.fine))
-        self._direct = lru_cache(1)(self._direct_of)
-        self._mirrored = lru_cache(1)(self._mirrored_of)
+        size = 4 * (
+            len(places) * (self._terms.shape[1] + 1) * len(self.before) + len(self.patches.centre) ** 2
+        )
+        self._operator = lru_cache(int(np.clip(OPERATOR_BYTES / size, FEWEST, KEPT_OPERATORS)))(
+            self._operator_in
+        )
+        self._through = lru_cache(2)(self._through_water)
+        self._at_once: dict[_Exchange, AtOnce] = {}
+        self._asked = Counter[_Exchange]()
+        self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
+        waters = int(np.clip(THROUGH_BYTES / (4 * len(self.fine.centre)), FEWEST, KEPT_WATERS))
+        self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
         self._is_floor = self.patches.normal[:, 1] > _UPWARDS
-        #: Light of a lamp at the readings, by attenuation, surface reflectance, shares of walls and floor.
-        self._known: Callable[[Lamp], dict[tuple[float, float, Shares], Orders]]
+        #: Light of a lamp at the readings.
+        self._known: Callable[[Lamp], dict[_Exchange, Orders]]
         lamps = KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
         self._known = lru_cache(int(np.clip(lamps, FEWEST, KEPT_LAMPS)))(lambda lamp: {})
 
-    def light(self, lamp: Lamp, attenuation_per_m: float, tank: Tank) -> np.ndarray:
-        """Light at the readings that was reflected by a wall at least once, shape (n,).
+    def light(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
+        """Light at the readings that was reflected by a wall at least once, shape (n_waters, n).
 
         Worked out at a few attenuations and reflectances, and interpolated: the logarithm of every order is
         nearly linear in the first (cubic between four nodes, which leaves no jump), light itself a low
@@ -188,6 +203,7 @@ class Room:
 
         Parameters
         ----------
+        attenuation_per_m : array, shape (n_waters,), m^-1
         tank : Tank
             Albedos and surface reflectance.
         """
@@ -195,78 +211,95 @@ class Room:
         albedo, darker = tank.wall_albedo * max(share, 1.0), min(share, 1.0 / share if share else 0.0)
         dim = FLOOR_NODES if share != 1 else (1.0,)
         shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
-        first = max(floor(attenuation_per_m / C_STEP) - 1, 0)
-        nodes = [round(C_STEP * (first + i), 6) for i in range(4)]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
-        known = self._known(lamp)
-        for m, w in product(mirrors, shares):
-            missing = [c for c in nodes if (c, m, w) not in known]
-            known.update(zip(product(missing, [m], [w]), self._reached(lamp, missing, m, w), strict=True))
-        along_c = lagrange(nodes, attenuation_per_m)
-        every = [
-            [Orders.between([known[c, m, w] for c in nodes], along_c).for_albedo(albedo) for m in mirrors]
-            for w in shares
-        ]
-        by_mirror = np.tensordot(lagrange(dim, darker if len(dim) > 1 else 1.0), np.array(every), axes=1)
-        return np.asarray(lagrange(mirrors, surface) @ by_mirror)
+        nodes, along_c = cubic(attenuation_per_m, C_STEP)
+        under = [(m, w, reflections_of(albedo)) for w in shares for m in mirrors]
+        known, every = self._known(lamp), []
+        asked = [[(c, *each) for c in nodes] for each in under]
+        missing = sorted(of for one in asked for of in one if of not in known)  # water by water
+        known.update(zip(missing, self._reached(lamp, missing), strict=True))
+        for one in asked:
+            every.append(Orders.between([known[of] for of in one], along_c).for_albedo(albedo))
+        weights = np.outer(lagrange(dim, darker if len(dim) > 1 else 1.0), lagrange(mirrors, surface))
+        return np.asarray(np.tensordot(weights.ravel(), np.array(every), axes=1))
 
-    def _reached(
-        self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float, shares: Shares
-    ) -> list[Orders]:
-        """Light at the readings in each of some waters."""
-        if not attenuation_per_m:
+    def _reached(self, lamp: Lamp, asked: Sequence[_Exchange]) -> list[Orders]:
+        """Light at the readings in several waters, under several surfaces, over several floors."""
+        if not asked:
             return []
-        lit = self.lit(lamp, attenuation_per_m, surface).reshape(len(attenuation_per_m), -1, self.parts**2)
-        terms = lit @ self._terms
-        whole = terms[..., 0] / self.parts  # the first term is the same all over a patch
-        operators = [self._exchange(c, surface, shares) for c in attenuation_per_m]
-        found = zip(operators, terms[:, self.before], whole, strict=True)
-        return [Orders.of(operator.apply(t, w)) for operator, t, w in found]
+        waters = {c: k for k, c in enumerate(dict.fromkeys(of[0] for of in asked))}
+        direct = self._in_terms(self._lit(lamp, False, list(waters)))
+        by_surface = direct
+        if any(of[1] for of in asked):
+            by_surface = self._in_terms(self._lit(lamp, True, list(waters)))
+        light = []
+        for of in asked:
+            water, surface = waters[of[0]], of[1]
+            terms = direct[water] + np.float32(surface) * by_surface[water] if surface else direct[water]
+            whole = terms[:, 0] / self.parts  # the first term is the same all over a patch
+            light.append(self._exchange(of).apply(terms[self.before], whole, of[3]))
+        every = Orders.of(np.stack(light))
+        return [every.at(k) for k in range(len(asked))]
+
+    def _in_terms(self, lit: np.ndarray) -> np.ndarray:
+        """Light on the fine patches of each patch by terms, (n_waters, n_patches, n_terms)."""
+        return np.asarray(lit.reshape(len(lit), -1, self.parts**2) @ self._terms)
 
     def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
         """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
 
         In each of m waters, shape (m, k).
         """
-        rate = np.array(attenuation_per_m, np.float32)[:, None]
-        unattenuated, in_water = self._direct(lamp)
-        lit = unattenuated * np.exp(-rate * in_water)
-        if surface:
-            mirrored, in_water = self._mirrored(lamp)
-            lit += np.float32(surface) * mirrored * np.exp(-rate * in_water)
-        return np.asarray(lit)
+        lit = self._lit(lamp, False, attenuation_per_m)
+        return lit + np.float32(surface) * self._lit(lamp, True, attenuation_per_m) if surface else lit
 
-    def _direct_of(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
-        """Irradiance of the fine patches without attenuation, and the way of the light in water, (k,)."""
-        ways = self._ways(alike_in_place(lamp))
-        return ways.lit(lamp), ways.in_water
+    def _lit(self, lamp: Lamp, mirrored: bool, attenuation_per_m: Sequence[float]) -> np.ndarray:
+        """The same straight, or by way of the water surface for unit reflectance multiplier."""
+        at = alike_in_place(lamp)
+        light, out = self._ways(at, mirrored).lit(lamp), []
+        for c in attenuation_per_m:
+            out.append(light * self._dimmed(at, mirrored, c))
+        return np.stack(out)
 
-    def _mirrored_of(self, lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
-        """The same by way of the water surface, for unit reflectance multiplier."""
-        arriving, light, in_water = image_of_lamp(lamp, self.top, self.fine.centre)
-        light *= np.maximum(-(arriving * self.fine.normal).sum(axis=1), 0)
-        return light.astype(np.float32), in_water.astype(np.float32)
+    def _ways_of(self, lamp: Lamp, mirrored: bool) -> Ways:
+        return Ways.by_surface(lamp, self.fine, self.top) if mirrored else Ways.of(lamp, self.fine)
 
-    def _exchange(self, attenuation_per_m: float, surface: float, shares: Shares) -> Operators | AtOnce:
+    def _exchange(self, of: _Exchange) -> Operators | AtOnce:
         """What walls and readings exchange: of few readings, when it was often asked for, at once."""
-        of = attenuation_per_m, surface, shares
         self._asked[of] += 1
-        if of not in self._at_once and self._most_at_once and self._asked[of] > OFTEN:
-            least = min(self._at_once, key=lambda known: self._asked[known], default=of)
-            if len(self._at_once) < self._most_at_once or self._asked[of] > 2 * self._asked[least]:
-                if len(self._at_once) == self._most_at_once:
-                    del self._at_once[least]
-                self._at_once[of] = self._operator(*of).at_once()
-        return self._at_once.get(of) or self._operator(*of)
+        if of not in self._at_once and self._asked[of] > OFTEN:
+            rows, columns = of[3] * len(self.places), len(self.patches.centre)
+            size = 4 * rows * columns
+            if rows <= LARGER * columns and self._room_for(size, self._asked[of]):
+                self._at_once[of] = self._operator(*of[:3]).at_once(of[3])
+        return self._at_once.get(of) or self._operator(*of[:3])
+
+    def _room_for(self, size: int, asked: int) -> bool:
+        """Is there room for so many bytes, when what was asked for half as often at most makes it?"""
+        kept = sum(known.later.nbytes for known in self._at_once.values())
+        seldom = sorted(self._at_once, key=lambda of: self._asked[of])
+        while kept + size > AT_ONCE_BYTES:
+            if not seldom or 2 * self._asked[seldom[0]] >= asked:
+                return False
+            kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
+        return True
 
     def _operator_in(self, attenuation_per_m: float, surface: float, shares: Shares) -> Operators:
         """What walls and readings exchange in one water, under one surface, over a floor."""
-        among, reading = (t.through(attenuation_per_m) for t in (self.among, self.reading))
+        among, reading = self._through(attenuation_per_m, False)
         if surface:
-            among += np.float32(surface) * self.among_image.through(attenuation_per_m)
-            reading += np.float32(surface) * self.reading_image.through(attenuation_per_m)
+            image = self._through(attenuation_per_m, True)
+            among, reading = (
+                t + np.float32(surface) * i for t, i in zip((among, reading), image, strict=True)
+            )
         albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
         return Operators.of(among, reading, self._terms, self.before, albedo)
+
+    def _through_water(self, attenuation_per_m: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Among patches and to the readings, straight or by way of the water surface."""
+        both = (self.among_image, self.reading_image) if mirrored else (self.among, self.reading)
+        among, reading = (t.through(attenuation_per_m) for t in both)
+        return among, reading
 
     @cached_property
     def among(self) -> Transfer:
@@ -322,6 +355,25 @@ def applies(scene: Scene) -> bool:
     """Is the reflected, unscattered light of this scene known without a trace?"""
     detector = scene.detector
     return scene.tank is not None and detector.quantity == "irradiance" and detector.aim == "axis"
+
+
+def cubic(at: np.ndarray, step: float) -> tuple[list[float], np.ndarray]:
+    """Cubic interpolation at several places between those of the multiples of a step that are next to each.
+
+    Returns
+    -------
+    nodes : list of float
+        The k multiples that are needed, ascending, none below zero.
+    weights : array, shape (n, k)
+    """
+    first = np.maximum(np.floor(at / step) - 1, 0).astype(int)
+    needed, column = np.unique(first[:, None] + np.arange(4), return_inverse=True)
+    t = at / step - first
+    own = [(t - 1) * (t - 2) * (t - 3) / -6, t * (t - 2) * (t - 3) / 2, t * (t - 1) * (t - 3) / -2]
+    weights = np.zeros((len(at), len(needed)))
+    rows = np.arange(len(at))[:, None]
+    weights[rows, column.reshape(-1, 4)] = np.stack([*own, t * (t - 1) * (t - 2) / 6], axis=1)
+    return [round(step * k, 6) for k in needed.tolist()], weights
 
 
 def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:

@@ -12,6 +12,8 @@ import numpy as np
 #: of walls of 0.9 and water that takes nothing, whose light has the longest ways, 96 change light by 0.06 %
 #: (16 by 2.2 %; elsewhere by 0.08 % at most, `benchmarks/constants`).
 REFLECTIONS = 32
+#: Of dark walls fewer are followed: what is left of an albedo by so many reflections is less than this.
+FEWER, _NOTHING = (8, 16), 1e-10
 DARKEST = 1e-40  # 1/m^2: below it single precision has no logarithm to interpolate
 
 
@@ -22,15 +24,15 @@ class AtOnce(NamedTuple):
     ----------
     first : array, shape (n, k * n_terms)
         From the k patches before the readings, by terms of their light (see `terms_of_light`).
-    later : array, shape ((REFLECTIONS - 1) * n, n_patches)
+    later : array, shape ((reflections - 1) * n, n_patches)
         From all patches by two reflections, by three, and so on.
     """
 
     first: np.ndarray
     later: np.ndarray
 
-    def apply(self, terms: np.ndarray, patches: np.ndarray) -> np.ndarray:
-        """As `Operators.apply`."""
+    def apply(self, terms: np.ndarray, patches: np.ndarray, reflections: int) -> np.ndarray:
+        """As `Operators.apply`, of as many reflections as it was made for."""
         once = self.first @ terms.ravel()
         return np.vstack([once, (self.later @ patches).reshape(-1, len(once))]).astype(float)
 
@@ -74,8 +76,8 @@ class Operators(NamedTuple):
         seen = parts.reshape(n, len(before), len(terms)) * albedo[before, None]
         return cls((seen @ terms).reshape(n, -1), seen.sum(axis=2), before, among * albedo)
 
-    def apply(self, terms: np.ndarray, patches: np.ndarray) -> np.ndarray:
-        """Light at the readings by number of reflections, for unit albedo, shape (REFLECTIONS, n).
+    def apply(self, terms: np.ndarray, patches: np.ndarray, reflections: int) -> np.ndarray:
+        """Light at the readings by number of reflections, for unit albedo, shape (reflections, n).
 
         Parameters
         ----------
@@ -85,15 +87,15 @@ class Operators(NamedTuple):
             Mean irradiance of all patches.
         """
         reflected = []
-        for _ in range(REFLECTIONS - 1):
+        for _ in range(reflections - 1):
             patches = self.among @ patches
             reflected.append(patches[self.before])
         more = self.whole @ np.stack(reflected, axis=1)
         return np.vstack([self.first @ terms.ravel(), more.T]).astype(float)
 
-    def at_once(self) -> AtOnce:
+    def at_once(self, reflections: int) -> AtOnce:
         """The same in one product: as much work as `apply` for some ten lamps, and then a tenth of it."""
-        later = np.empty((REFLECTIONS - 1, len(self.whole), len(self.among)), np.float32)
+        later = np.empty((reflections - 1, len(self.whole), len(self.among)), np.float32)
         later[0] = self.whole @ self.among[self.before]
         for i in range(1, len(later)):
             later[i] = later[i - 1] @ self.among
@@ -113,44 +115,69 @@ def terms_of_light(parts: int) -> np.ndarray:
     return np.asarray(terms * np.sign(terms[0]), np.float32)
 
 
+def reflections_of(albedo: float) -> int:
+    """How many reflections of walls are followed one by one."""
+    return next((n for n in FEWER if albedo**n < _NOTHING), REFLECTIONS)
+
+
 class Orders(NamedTuple):
-    """Light at the readings for unit albedo, by number of reflections.
+    """Light at the readings in several waters for unit albedo, by number of reflections.
 
     Parameters
     ----------
-    log_light : array, shape (REFLECTIONS, n)
+    log_light : array, shape (n_waters, reflections, n)
         Its logarithm.
-    one, two : float
+    one, two : array, shape (n_waters,)
         What comes next: one times the last and two times the last but one, at all readings.
     """
 
     log_light: np.ndarray
-    one: float
-    two: float
+    one: np.ndarray
+    two: np.ndarray
 
     @classmethod
     def of(cls, light: np.ndarray) -> Orders:
         """With the recurrence that the last four tell of, by least squares over the readings.
 
         Two terms: light runs along the tank, and one ratio does not tell how.
+
+        Parameters
+        ----------
+        light : array, shape (n_waters, reflections, n)
         """
-        lit = light[-4:, light[-1] > 0] / light[-1, light[-1] > 0]
-        products = lit @ lit.T
-        normal = products[1:3, 1:3] + products[:2, :2]
-        normal += 1e-9 * np.trace(normal) * np.eye(2) + 1e-300 * np.eye(2)
-        two, one = np.linalg.solve(normal, products[1:3, 3] + products[:2, 2]).tolist()
+        last = light[:, -1:]
+        lit = light[:, -4:] * np.divide(1.0, last, out=np.zeros_like(last), where=last > 0)
+        products = lit @ lit.transpose(0, 2, 1)
+        normal = products[:, 1:3, 1:3] + products[:, :2, :2]
+        trace = np.trace(normal, axis1=1, axis2=2)
+        normal += (1e-9 * trace + 1e-300)[:, None, None] * np.eye(2)
+        two, one = np.linalg.solve(normal, (products[:, 1:3, 3] + products[:, :2, 2])[..., None])[..., 0].T
         return cls(np.log(np.maximum(light, DARKEST)), one, two)
+
+    def at(self, water: int) -> Orders:
+        """In one of the waters."""
+        return Orders(*(each[water : water + 1] for each in self))
 
     @classmethod
     def between(cls, several: Sequence[Orders], weights: np.ndarray) -> Orders:
-        """Between several waters: ways of one order are much alike, so its logarithm is nearly linear."""
-        log_light, one, two = zip(*several, strict=True)
-        return cls(np.tensordot(weights, np.stack(log_light), axes=1), weights @ one, weights @ two)
+        """Between several waters: ways of one order are much alike, so its logarithm is nearly linear.
+
+        Parameters
+        ----------
+        several : sequence of Orders
+            k waters together.
+        weights : array, shape (n_waters, k)
+        """
+        log_light, one, two = (np.concatenate(each) for each in zip(*several, strict=True))
+        flat = weights @ log_light.reshape(len(log_light), -1)
+        return cls(flat.reshape(-1, *log_light.shape[1:]), weights @ one, weights @ two)
 
     def for_albedo(self, albedo: float) -> np.ndarray:
-        """Light of all reflections, shape (n,)."""
-        shares = albedo ** np.arange(1.0, REFLECTIONS + 1)
-        beyond = shares[-1] * albedo / max(1 - self.one * albedo - self.two * albedo**2, 1e-4)
-        shares[-1] += beyond * (self.one + self.two * albedo)
-        shares[-2] += beyond * self.two
-        return np.asarray(shares @ np.exp(self.log_light))
+        """Light of all reflections, shape (n_waters, n)."""
+        count = self.log_light.shape[1]
+        shares = np.tile(albedo ** np.arange(1.0, count + 1), (len(self.one), 1))
+        left = np.maximum(1 - self.one * albedo - self.two * albedo**2, 1e-4)
+        beyond = shares[:, -1] * albedo / left
+        shares[:, -1] += beyond * (self.one + self.two * albedo)
+        shares[:, -2] += beyond * self.two
+        return np.asarray((shares[:, None] @ np.exp(self.log_light))[:, 0])

@@ -102,9 +102,12 @@ class BeamTallies:
                 values = (per_ring**2 / self.sent.density[:, None]).ravel()
             contracted[:, :, cells] = self._of_beam(kind, values.astype(np.float32), cells)
         if kind in FROM_WALLS:
-            smoother = self.wall_smoother.astype(np.float32)
-            contracted = (smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
+            contracted = (self._smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
         return contracted
+
+    @cached_property
+    def _smoother(self) -> csr_array:
+        return self.wall_smoother.astype(np.float32)
 
     def _of_beam(self, kind: int, values: Array, cells: slice) -> Array:
         """Tallies of one class of light at some cells for coefficients of all nodes, or one per ring.

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from lightfield.render.diffuse.between_g import BetweenG
+from lightfield.render.diffuse.between_g import BetweenG, PassedOn
+from lightfield.render.diffuse.errors import as_few
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, smoother
 from lightfield.render.reflected.light import lagrange
 from lightfield.render.response.grid import positions_grid
@@ -70,8 +71,31 @@ def test_noise_is_less_hardly_depends_on_g_and_is_stated(between: BetweenG, t: f
     scatter, before = here[:, 0].std(axis=0), there[:, 0].std(axis=0)
     change, change_before = ((v[:, 1] - v[:, 0]).std(axis=0) for v in (here, there))
     value, passed_on = at(between, light(), t, errors=True)
-    variance = sum((node[0].toarray() ** 2).sum(axis=1) for node in passed_on)
+    variance = sum((node[0].to(np.eye(21)) ** 2).sum(axis=1) for node in passed_on)
     stated = NOISE * np.sqrt(variance) / value[0]
     np.testing.assert_allclose(scatter, stated, rtol=0.15)  # 600 draws: 3 % of each, 21 cells
     assert np.sqrt((scatter**2).mean()) < 0.9 * np.sqrt((before**2).mean())
     assert np.sqrt((change**2).mean()) < 0.75 * np.sqrt((change_before**2).mean())
+
+
+def test_errors_are_passed_on_alike_from_either_side(smooth: sparse.csr_array) -> None:
+    """To readings from cells, and to cells from errors: one matrix, made here in full."""
+    rng = np.random.default_rng(1)
+    own, after, before = rng.random((3, 21))
+    passed = PassedOn(own, after, before, smooth)
+    matrix = np.diag(own) + np.diag(after) @ smooth.toarray() @ np.diag(before)
+    np.testing.assert_allclose(passed.to(np.eye(21)), matrix, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(passed.times(np.eye(21)), matrix, rtol=1e-12, atol=1e-14)
+    some = np.array([3, 4, 5, 9])
+    few = passed.among(some, smooth[some][:, some])
+    np.testing.assert_allclose(few.times(np.eye(4)), matrix[np.ix_(some, some)], rtol=1e-12, atol=1e-14)
+
+
+def test_fewer_modes_are_the_same_errors() -> None:
+    """Of more contributions than readings: their covariance stays, of readings of very different size too."""
+    modes = np.random.default_rng(2).standard_normal((6, 40)) * 10.0 ** -np.arange(6)[:, None]
+    few = as_few(modes)
+    assert few.shape == (6, 6)
+    size = np.linalg.norm(modes, axis=1)
+    assert np.abs((few @ few.T - modes @ modes.T) / np.outer(size, size)).max() < 1e-12
+    assert as_few(modes[:, :4]).shape == (6, 4)
