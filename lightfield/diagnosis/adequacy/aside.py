@@ -74,7 +74,9 @@ def structure(
             box_m = _box_m(layout, rows[first][together.members])
             return Structure("place", together.chance, box_m=box_m, rate=rate)
         return Structure(together.coordinate, together.chance, together.span, rate=rate)
-    many = float(special.bdtrc(struck.sum() - 1, len(struck), rate)) if struck.any() else 1.0
+    # A slip may strike a place with all its wavelengths, or one reading: too many are so either way.
+    ways = [(int(hit.sum()), len(hit)) for hit in (struck, aside[rows])]
+    many = max(float(special.bdtrc(hits - 1, of, rate)) if hits else 1.0 for hits, of in ways)
     return Structure(None, many, rate=rate) if many < LEVEL else None
 
 

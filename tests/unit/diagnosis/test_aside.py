@@ -107,6 +107,33 @@ def test_slips_of_all_colours_at_one_moment_are_one_slip() -> None:
     assert found(np.arange(2, 125, 5), layout, light).coordinate is not None
 
 
+def spectra():
+    """Seven wavelengths at each of 25 places: 175 readings."""
+    table, _ = readings(seed=1)
+    waves = np.linspace(400.0, 700.0, 7)
+    many = table.subset(np.repeat(np.random.default_rng(2).permutation(len(table))[:25], len(waves)))
+    layout = layout_of(replace(many, wavelength_nm=np.tile(waves, 25)))
+    return layout, np.ones(layout.size)
+
+
+def test_slips_of_single_colours_are_no_more_than_slips_explain(monkeypatch) -> None:
+    """Of 100 tables with the assumed rate of slips, each on one reading, as many are called too many as the
+    level says (5 %; limit of 99.9 %); four times the rate is."""
+    monkeypatch.setattr(aside, "LEVEL", 0.05)
+    monkeypatch.setattr(aside, "PERMUTATIONS", 199)
+    layout, light = spectra()
+    rng = np.random.default_rng(4)
+    alarms = 0
+    for _ in range(100):
+        rows = np.flatnonzero(rng.random(layout.size) < RATE)
+        made = found(rows, layout, light, rng.choice([-1.0, 1.0], layout.size), rate=RATE)
+        alarms += made is not None and made.coordinate is None
+    assert alarms <= stats.binom.isf(0.001, 100, 0.05)
+    rows = rng.permutation(layout.size)[: int(4 * RATE * layout.size)]
+    many = found(rows, layout, light, rng.choice([-1.0, 1.0], layout.size), rate=RATE)
+    assert many is not None and many.coordinate is None
+
+
 def test_more_than_slips_explain_are_a_structure() -> None:
     """Eleven scattered ones of 105, where 2 % are assumed or 20 % are stated."""
     layout, light = line()
