@@ -86,7 +86,7 @@ def drawn_readings(readings: Readings, sigma: Array, keep: Array) -> DrawnReadin
     )
 
 
-def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
+def view_of(found: Diagnosis) -> DiagnosisView:
     """Everything on the page of a diagnosis."""
     readings, problem, finding = found.readings, found.prepared.problem, found.finding
     base = finding.level.base.prediction
@@ -102,7 +102,7 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
         _separations(found),
         found.forward.scene.tank,
         stated_width_deg(found.scene.lamp),
-        title or found.forward.scene.name or "Diagnosis",
+        found.forward.scene.name or "Diagnosis",
         (
             ("readings", readings.source or "given as arrays"),
             ("number of readings", str(verdict.readings)),
