@@ -155,11 +155,6 @@ class AngleNodes:
             sector = -sector
         return np.asarray(ring * self.n_phi + sector % self.n_phi)
 
-    @property
-    def reach_rad(self) -> float:
-        """Largest angle at which the splines still add up to one."""
-        return float(self.scale_rad * np.sinh((self.n_theta - 2) * self.step))
-
 
 def cell_centres(width_m: float, cells: int) -> np.ndarray:
     """Centres of equal cells that fill a width, ascending, shape (cells,), m."""
