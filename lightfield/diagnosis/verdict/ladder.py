@@ -88,9 +88,14 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     return percent(problem, prediction, counted)
 
 
+def adds(candidate: Candidate) -> bool:
+    """Is it an effect more, and not one of the scene's that is left out or of another size?"""
+    return not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes)
+
+
 def _label(candidate: Candidate) -> str:
-    """What a rung changes: an effect more, or one of the scene's left out or of another size."""
-    if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
+    """What a rung changes."""
+    if adds(candidate):
         return f"+ {candidate.name}"
     return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
 

@@ -32,7 +32,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     model, newest, floor = report.model, rungs[-1], finite(report.statistics.noise_floor_percent)
     predictions = [Prediction("base", report.base_prediction)]
     if model.effects:
-        predictions.append(Prediction(newest.label, model.fit.prediction))
+        predictions.append(Prediction(newest.label, model.fit.prediction, len(model.effects)))
     readings = model.forward.readings
     view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
     best = min(rungs, key=lambda rung: math.inf if rung.error_percent is None else rung.error_percent)

@@ -10,6 +10,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.search.rivals import separation
 from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.fitting.least_squares import Fit
 from lightfield.formula.scattered.nodes import stated_width_deg
@@ -94,7 +95,11 @@ def view_of(found: Diagnosis) -> DiagnosisView:
     return DiagnosisView(
         drawn_readings(readings, found.sigma, problem.keep),
         [
-            Prediction(" ".join(s.label for s in found.steps[: k + 1]), step.fit.prediction)
+            Prediction(
+                " ".join(s.label for s in found.steps[: k + 1]),
+                step.fit.prediction,
+                sum(map(adds, step.explanation)),
+            )
             for k, step in enumerate(found.steps)
         ],
         verdict,
