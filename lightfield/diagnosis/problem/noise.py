@@ -56,6 +56,8 @@ _KEPT_WHOLE = 1500
 _JITTER = 1e-9
 #: Photons' contributions are taken as they are where there are so many times more readings.
 _SMALL_RANK = 8
+#: Light below this part of the largest error is none: the square of what lies between would be no number.
+NO_LIGHT = 1e-100
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -78,9 +80,11 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     group : array of int, shape (n,)
         Readings of one group may share a factor (integration time, channel).
     """
-    # A model without any light has the errors of the dark.
-    top = float(np.max(np.abs(prediction))) or float(np.nan_to_num(quoted).max(initial=0.0)) or 1.0
-    level = np.clip(prediction, 0, None) / top
+    # A model without any light, or with next to none, has the errors of the dark.
+    brightest, largest = float(np.max(np.abs(prediction))), float(np.nan_to_num(quoted).max(initial=0.0))
+    lit = brightest > NO_LIGHT * largest
+    top = (brightest if lit else largest) or 1.0
+    level = np.clip(prediction, 0, None) / top * lit
     basis = np.stack([np.ones_like(level), level, level**2], axis=1)
     if not errors_stated(quoted):
         return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))

@@ -232,3 +232,14 @@ def test_a_model_without_any_light_has_the_errors_of_the_dark() -> None:
     assert sigma.max() <= 0.3
     assert np.ptp(sigma) == 0
     assert np.all(np.isfinite(smooth_stderr(np.full(60, np.nan), dark, channel)))
+
+
+def test_next_to_no_light_is_none() -> None:
+    """Of 1e-200 the square of an error over it would be no number: the same errors as of no light at all."""
+    quoted, channel = np.tile([0.1, 0.2, 0.3], 20), np.zeros(60, int)
+    faint = np.linspace(0, 1e-200, 60)
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        sigma = smooth_stderr(quoted, faint, channel)
+        law = scatter_law(quoted, np.ones((60, 1)), np.ones(60), quoted, faint, 10.0)
+    assert law is None
+    np.testing.assert_allclose(sigma, smooth_stderr(quoted, 0 * faint, channel))
