@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -29,6 +30,10 @@ from lightfield.fitting.light_source import has_diffuse_light
 BRIGHT = 0.05
 #: Rivals of the truth are sought where the effect can be seen.
 SEEN = 4.0
+#: Responses kept in memory, those used last: a trial asks for clear and for denser water at one width of the
+#: beam or two, the next of its set-up for the same. A tally takes 40 to 60 MB, more once it was evaluated;
+#: all of them filled 4 GB. One that is asked for again later comes from the cache on disk.
+KEPT = 8
 Row = dict[str, Any]
 
 
@@ -38,12 +43,12 @@ class Tracing:
     Parameters
     ----------
     bench : str
-        Responses of one set-up, where only beam and absorption change, are kept in memory.
+        Responses of one set-up, where only beam and absorption change, are kept in memory, the newest few.
     sequence : int
         Which random numbers they are traced with.
     """
 
-    _kept: ClassVar[dict[tuple[Any, ...], Any]] = {}
+    _kept: ClassVar[OrderedDict[tuple[Any, ...], Any]] = OrderedDict()
     _spent: ClassVar[np.ndarray] = np.zeros(2)
 
     def __init__(self, bench: str = "", sequence: int = 0) -> None:
@@ -65,6 +70,7 @@ class Tracing:
         options = {**options, "seed": self.sequence}
         key = (self.bench, *sorted(options.items()), sent_width_deg(scene.lamp.hwhm_deg), *where)
         if key in self._kept:
+            self._kept.move_to_end(key)
             return self._kept[key]
         response = self._clocked(partial(response_for, scene, *places, **options))
         tops = (response.clear.own_top, response.clear.under_surface)
@@ -72,6 +78,8 @@ class Tracing:
         response = replace(response, clear=TracedWater(*clocked))
         if self.bench:
             self._kept[key] = response
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
         return response
 
     @classmethod

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
-from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
     from lightfield.studies.follower.light import Space
@@ -61,10 +59,3 @@ def photons_of(args: argparse.Namespace) -> float:
             "impossible number of photons", where="--max-photons", found=photons, rule="1e3 to 1e12"
         )
     return float(photons)
-
-
-def outputs_of(args: argparse.Namespace, *inputs: Path) -> None:
-    """Make sure, before any work, that results can be written and overwrite no input."""
-    given = [file for file in (args.json, args.report) if file]
-    for k, file in enumerate(given):
-        output_file(file, *inputs, *given[:k])

@@ -1,14 +1,24 @@
-"""Results for programs."""
+"""Where results for programs go, and pages."""
 
 from __future__ import annotations
 
 import json
+from argparse import Namespace
 from pathlib import Path
 
-from lightfield.storage.files import atomic_path
+from lightfield.arrays import jsonable
+from lightfield.storage.files import atomic_path, output_file
+
+
+def outputs_of(args: Namespace, *inputs: Path | None, also: Path | None = None) -> None:
+    """Make sure, before any work, that results can be written and overwrite no input, nor each other."""
+    outputs = [file for file in (args.json, args.report, also) if file]
+    for k, file in enumerate(outputs):
+        output_file(file, *filter(None, inputs), *outputs[:k])
 
 
 def write_json(data: object, path: Path) -> None:
-    """Indented, whole or not at all."""
+    """Indented, whole or not at all; what is no finite number is null."""
     with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+        text = json.dumps(jsonable(data), indent=2, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8")

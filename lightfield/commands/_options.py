@@ -69,6 +69,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--effects-file": {
         "type": Path, "metavar": "FILE", "help": "effects of your own, beside those of the table (TOML)"
     },
+    "--json": {"type": Path, "metavar": "OUT", "help": "write everything as JSON"},
+    "--report": {"type": Path, "metavar": "OUT.html", "help": "write a self-contained report"},
     "--case": {
         "action": "append", "metavar": "PATH=VALUE",
         "help": "only cases with this value (the nearest step); may be repeated",
@@ -94,6 +96,12 @@ def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float)
     """Declare how well to trace; the command's defaults are for the help."""
     for name, default in zip(TRACING, (rel_error, max_photons, 0), strict=True):
         add_option(parser, f"--{name.replace('_', '-')}", default)
+
+
+def add_answer(parser: _ActionsContainer) -> None:
+    """Declare where the answer goes, beside the terminal."""
+    add_option(parser, "--json")
+    add_option(parser, "--report")
 
 
 def given(args: Namespace, *names: str) -> dict[str, Any]:

@@ -6,12 +6,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_asked, space_of
-from lightfield.commands._json import write_json
+from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import atomic_path
 
 if TYPE_CHECKING:
     from lightfield.studies.follower.design import Arrays
@@ -59,15 +60,14 @@ def _task(parser: argparse.ArgumentParser) -> None:
 
 def _common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
     add_space(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
     scene = scene_asked(args)
-    outputs_of(args, args.scene, *getattr(args, "others", ()))
+    outputs_of(args, args.scene, *getattr(args, "others", ()), also=getattr(args, "table", None))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)
 
@@ -117,8 +117,6 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     ):
         if not low <= value <= high:
             raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
-    if args.table:
-        output_file(args.table, args.scene, *(file for file in (args.json, args.report) if file))
     with progress_of("array"):
         found = optimise_array(
             scene,

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._json import write_json
-from lightfield.commands._options import add_option
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
-from lightfield.storage.files import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,8 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-air", action="store_true", help="divide by what the formula says of lossless water"
     )
     add_option(parser, "--no-trace")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="OUT.nc", help="write the spectrum of K as NetCDF"
     )
@@ -49,9 +47,7 @@ def run(args: argparse.Namespace) -> int:
             rule="one scene for each table, in the same order, or one for all",
         )  # fmt: skip
     tables = [read_table(path) for path in args.readings]
-    outputs = [file for file in (args.json, args.report, args.output) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, *args.readings, *args.scene, *outputs[:k])
+    outputs_of(args, *args.readings, *args.scene, also=args.output)
     from lightfield.studies.attenuation.study import attenuation
     from lightfield.studies.attenuation.text import as_data, as_text
 

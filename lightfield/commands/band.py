@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._json import write_json
-from lightfield.commands._options import add_option, add_tracing, given
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer, add_option, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import output_file
 
 DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 
@@ -39,8 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser, "--no-trace")
     add_tracing(parser, **DEFAULTS)
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -50,10 +48,7 @@ def run(args: argparse.Namespace) -> int:
     between = _numbers(args.between, ":", "--between")
     if len(between) != 2:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
-    inputs = [path for path in (args.scene, args.response) if path]
-    outputs = [file for file in (args.json, args.report) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, *inputs, *outputs[:k])
+    outputs_of(args, args.scene, args.response)
     from lightfield.studies.band import CountNoise, as_data, as_text, best_band
 
     noise = CountNoise(args.electrons, args.read_noise, args.mismatch)

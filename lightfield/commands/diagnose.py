@@ -8,6 +8,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+from lightfield.commands._json import outputs_of
 from lightfield.commands._options import add_option
 from lightfield.commands._progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--effects-file")
     parser.add_argument("--list", action="store_true", help="print the table of effects and stop")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the verdict")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_option(parser, "--report")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="write verdict, one scene per rung, and the ledger"
     )
@@ -66,10 +67,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
-    outputs = [file for file in (args.json, args.report) if file]
-    inputs = [file for file in (args.data, args.scene, args.effects_file) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, *inputs, *outputs[:k])
+    outputs_of(args, args.data, args.scene, args.effects_file)
     with locked_folder(args.output) if args.output else nullcontext():
         return _diagnose(readings, scene, names, args)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import PHOTONS, outputs_of, photons_of
-from lightfield.commands._json import write_json
-from lightfield.commands._options import add_option
+from lightfield.commands._follower import PHOTONS, photons_of
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, output_file, output_folder
+from lightfield.storage.files import atomic_path, output_folder
 from lightfield.sweep.axes import FORMS, parse_axis
 
 #: More runs side by side tell no more, and take minutes.
@@ -35,8 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--duration", type=float, metavar="S", help="of a run (default: as the scene says, 120 s)"
     )
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
     parser.add_argument(
         "--track", type=Path, metavar="OUT.nc", help="write the first follower's runs over time"
     )
@@ -66,10 +65,7 @@ def run(args: argparse.Namespace) -> int:
                 rule="every scene has a name of its own", remedy="change the name in one of them",
             )  # fmt: skip
         scenes[name] = scene
-    inputs = [args.scene, *args.others]
-    outputs_of(args, *inputs)
-    if args.track:
-        output_file(args.track, *inputs, *(file for file in (args.json, args.report) if file))
+    outputs_of(args, args.scene, *args.others, also=args.track)
     if not 1 <= args.runs <= MOST_RUNS:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
     if args.vary or args.output:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._json import write_json
-from lightfield.commands._options import add_tracing, given
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.storage.files import output_file
 
 DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 #: Options of the receiver: name, field, help.
@@ -46,17 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--to", type=float, default=60.0, metavar="M", help="farthest distance, m (default 60)"
     )
     add_tracing(parser, **DEFAULTS)
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
     scene = Scene.load(args.scene)
     waters = _waters(args.water) or None
-    outputs = [file for file in (args.json, args.report) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, args.scene, *outputs[:k])
+    outputs_of(args, args.scene)
     from lightfield.studies.link.study import Receiver, link
     from lightfield.studies.link.text import as_data, as_text
 

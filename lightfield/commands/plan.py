@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.commands._json import write_json
+from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_option, assignment
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -14,7 +14,6 @@ from lightfield.readings import Readings, read_table
 from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
-from lightfield.storage.files import output_file
 
 if TYPE_CHECKING:
     from lightfield.fitting.light_source import DiffuseSource
@@ -43,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="with --effects: write a page")
     add_option(parser, "--effects-file")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
+    add_option(parser, "--json")
     add_option(parser, "--no-trace")
 
 
@@ -53,10 +52,7 @@ def run(args: argparse.Namespace) -> int:
 
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
-    outputs = [file for file in (args.json, args.report) if file]
-    inputs = [file for file in (args.layout, args.scene, args.effects_file) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, *inputs, *outputs[:k])
+    outputs_of(args, args.layout, args.scene, args.effects_file)
     if args.effects is None and (args.size or args.report):
         raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
     diffuse = None

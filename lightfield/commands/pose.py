@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, outputs_of, photons_of, scene_asked, space_of
-from lightfield.commands._json import write_json
+from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -27,8 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scattering", metavar="B,B,...", help="waters on the axis, 1/m (default 0,0.05,0.1,0.15,0.2,0.3)"
     )
     for task in (estimate, bias):
-        task.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-        task.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+        add_answer(task)
         add_space(task)
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._json import write_json
-from lightfield.commands._options import add_option
+from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene
-from lightfield.storage.files import output_file
 
 #: Receivers on a side of an array at most, as many as a scene may have.
 MOST_ON_A_SIDE = 50
@@ -41,8 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--array-radius", type=float, metavar="M", help="of its curvature, m; 0: flat")
     add_option(parser, "--max-photons", 2e6)
     add_option(parser, "--no-trace")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write everything as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write a self-contained report")
+    add_answer(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -53,10 +51,7 @@ def run(args: argparse.Namespace) -> int:
             "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
         )
     readings = read_table(args.readings, scene) if args.readings else None
-    inputs = [path for path in (args.scene, args.readings) if path]
-    outputs = [file for file in (args.json, args.report) if file]
-    for k, file in enumerate(outputs):
-        output_file(file, *inputs, *outputs[:k])
+    outputs_of(args, args.scene, args.readings)
     from lightfield.studies.working_range.poses import with_array
     from lightfield.studies.working_range.study import working_range
     from lightfield.studies.working_range.text import as_data, as_text

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
@@ -25,7 +25,7 @@ from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.found.left import ranked
 from lightfield.diagnosis.verdict.found.so_far import SoFar
-from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
+from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -129,7 +129,7 @@ class Diagnosis:
             fresh, stderr = self._rendered_percent(photons, precision)
         counted = bright(problem)
         last = verdict.ladder[-1].model_copy(
-            update={"rendered_error_percent": fresh, "rendered_stderr_percent": stderr}
+            update={"rendered_error_percent": finite(fresh), "rendered_stderr_percent": finite(stderr)}
         )
         update: dict[str, object] = {"ladder": [*verdict.ladder[:-1], last]}
         fitted = np.nan if last.error_percent is None else last.error_percent
@@ -151,7 +151,7 @@ class Diagnosis:
         """What the readings' own errors leave of any explanation, as the ladder counts."""
         counted = bright(self.prepared.problem)
         value = self.prepared.problem.value[counted]
-        return float(100 * np.sqrt(np.mean((self.sigma[counted] / value) ** 2)))
+        return rms_over(self.sigma[counted], value)
 
     def _rendered_percent(self, photons: float, precision: float) -> tuple[float, float]:
         """Error of a fresh render of the last rung against the readings, and its own, in per cent."""
@@ -161,8 +161,7 @@ class Diagnosis:
         )
         model, up = self.forward.read(light, values), self.forward.read(light + error, values)
         counted = bright(problem)
-        own = float(100 * np.sqrt(np.mean(((up - model)[counted] / model[counted]) ** 2)))
-        return percent(problem, model, counted), own
+        return percent(problem, model, counted), rms_over((up - model)[counted], model[counted])
 
     def as_text(self) -> str:
         """The verdict for people, several lines."""

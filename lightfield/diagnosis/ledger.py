@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import jsonable
 from lightfield.errors import OutputError
 from lightfield.readings import Readings
 
@@ -71,10 +72,8 @@ def add_rungs(folder: Path, rows: Sequence[Mapping[str, Any]], command: str, rea
     """
     number = runs(folder, readings_hash) + 1
     now = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    lines = [
-        json.dumps({"time": now, "command": command, "readings": readings_hash, "run": number, **row})
-        for row in rows
-    ]
+    head = {"time": now, "command": command, "readings": readings_hash, "run": number}
+    lines = [json.dumps(jsonable({**head, **row}), allow_nan=False) for row in rows]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / NAME).open("a", encoding="utf-8") as stream:

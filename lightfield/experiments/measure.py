@@ -120,7 +120,7 @@ def measure(
     n, visits = len(clean), int(layout.visit.max()) + 1
     shown = clean * (1 + instrument.plane_gain * rng.standard_normal(visits)[layout.visit])
     if instrument.position_m > 0:
-        shown = shown * _displaced(truth, table, instrument.position_m, rng)
+        shown = shown * _displaced(truth, table, light.value, instrument.position_m, rng)
     sigma = instrument.sigma(shown)
     error = _in_sigma(instrument, layout, rng)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
@@ -149,8 +149,13 @@ def _in_sigma(instrument: Instrument, layout: Layout, rng: np.random.Generator) 
     return error + gross * rng.choice([-1, 1], layout.size) * rng.uniform(6, 30, layout.size)
 
 
-def _displaced(truth: Scene, table: Readings, position_m: float, rng: np.random.Generator) -> Array:
-    """Light a few millimetres off over light at the stated place; the direct light's gradient is enough."""
+def _displaced(
+    truth: Scene, table: Readings, light: Array, position_m: float, rng: np.random.Generator
+) -> Array:
+    """Light a few millimetres off over `light` at the stated place: the direct one's gradient is enough.
+
+    What is scattered varies over longer ways.
+    """
     here = [table.x_m, table.y_m, table.z_m]
     _, first, moment = np.unique(table.time_s, return_index=True, return_inverse=True)
     place = np.argsort(np.argsort(first))[moment]  # all wavelengths of one moment share it
@@ -159,4 +164,5 @@ def _displaced(truth: Scene, table: Readings, position_m: float, rng: np.random.
         direct_field(truth, x, y, z, table.wavelength_nm, table.medium, table.time_s)
         for x, y, z in (here, there)
     )
-    return np.divide(other, one, out=np.ones_like(one), where=one > 0)  # where nothing is read, nothing moves
+    whole = np.maximum(light, one)  # where nothing is read, nothing moves
+    return 1 + np.divide(other - one, whole, out=np.zeros_like(one), where=whole > 0)

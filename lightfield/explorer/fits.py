@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.diagnosis.verdict.ladder import bright, percent, rms_over
 from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment, candidate_of
 from lightfield.fitting.least_squares import Fit, least_squares
@@ -167,8 +167,7 @@ class Fits:
     def floor_percent(self) -> float:
         """What the readings' own errors leave of any explanation, as errors count here."""
         value = self.experiment.problem.value[self._bright]
-        part = self.experiment.sigma[self._bright] / value
-        return float(100 * np.sqrt(np.mean(part**2))) if part.size else float("nan")
+        return rms_over(self.experiment.sigma[self._bright], value)
 
     def _begun(self, keys: tuple[str, ...], model: Model) -> Array:
         base = self.known(())

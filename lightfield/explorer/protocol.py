@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 import struct
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -172,15 +171,3 @@ def pack(head: Mapping[str, object], arrays: Mapping[str, Array]) -> bytes:
     text += b" " * (-len(text) % 4)
     body = b"".join(np.ascontiguousarray(array, "<f4").tobytes() for array in arrays.values())
     return struct.pack("<I", len(text)) + text + body
-
-
-def unpack(message: bytes) -> tuple[dict[str, object], dict[str, Array]]:
-    """Head and arrays of a binary answer, as the page reads it."""
-    (length,) = struct.unpack_from("<I", message)
-    head = json.loads(message[4 : 4 + length])
-    arrays, at = {}, 4 + length
-    for name, shape in head["arrays"]:
-        count = math.prod(shape)
-        arrays[name] = np.frombuffer(message, "<f4", count, at).reshape(shape).astype(float)
-        at += 4 * count
-    return head, arrays

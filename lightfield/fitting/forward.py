@@ -159,14 +159,23 @@ class SceneForward:
         return factor[:, None] * modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
-        """|gradient| of the direct light's readings with respect to position, per metre, shape (n,)."""
+        """|gradient| of the readings with respect to position, per metre, shape (n,).
+
+        Scattered and reflected light moves aside with the lamp, as in `DiffuseResponse`, and falls with the
+        square of the distance.
+        """
         scene, step_m = self.scene_at(values, validate=False), 1e-3
         r, square = self.readings, np.zeros(self.size)
-        here = self.light.direct(scene, r)
-        for axis in ("x_m", "y_m", "z_m"):
+        here, rest = self.light.direct(scene, r), self.light.rest(values)
+        for axis, offset in (("x_m", "lamp.offset_x_m"), ("y_m", "lamp.offset_y_m"), ("z_m", None)):
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
-            there = replace(r, **moved)
-            square += ((self.light.direct(scene, there) - here) / step_m) ** 2
+            change = self.light.direct(scene, replace(r, **moved)) - here
+            if offset is None:
+                change -= 2 * step_m * rest / np.maximum(np.abs(r.z_m), step_m)
+            elif rest.any():
+                aside = float(scene.get(offset)) - step_m
+                change += self.light.rest({**values, offset: aside}) - rest
+            square += (change / step_m) ** 2
         return np.asarray(np.sqrt(square) * self._gain(values) * self._shown(values))
 
     def _gain(self, values: Mapping[str, float]) -> Array:

@@ -223,6 +223,13 @@ class LightSource:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
         return self._remembered(tuple(sorted(_optical(self._stated(values)).items())))
 
+    def rest(self, values: Mapping[str, float]) -> Array:
+        """Scattered and reflected light for unit on-axis intensity, shape (n,)."""
+        scene = self.with_values(_optical(values))
+        if self.trace is None or not has_diffuse_light(scene):
+            return np.zeros(len(self.channels[1]))
+        return np.asarray(self.light(values) - self.direct(scene, self.readings) * self.correction)
+
     def direct(self, scene: Scene, readings: Readings) -> Array:
         """Direct light of a scene alone at the places of some readings, shape (n,)."""
         r = readings

@@ -16,8 +16,10 @@ from lightfield.scene import Scene
 STEP_M = 1e-4
 
 
-def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None) -> Array:
+def direct_flux(scene: Scene, place_m: Array) -> Array:
     """Flux vector of the light that comes straight from the lamp, for unit radiant intensity on the axis.
+
+    At the middle of the first band.
 
         F = sum over the window  I(theta) exp(-tau) / r^2  u
 
@@ -26,8 +28,6 @@ def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None
     scene : Scene
     place_m : array, shape (n, 3), m
         In front of the window plane; behind it there is none.
-    wavelength_nm : float, nm, optional
-        Default: the middle of the first band.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def direct_flux(scene: Scene, place_m: Array, wavelength_nm: float | None = None
     for lamp, share in lamps_of_window(scene.lamp):
         ray = rays(lamp, x, y, z)
         middle = 0.5 * sum(scene.detector.bands_nm[0])
-        light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, wavelength_nm, middle))
+        light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, middle))
         total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)
     return np.where(ahead[:, None], total, 0.0)
 

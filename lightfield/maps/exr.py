@@ -96,16 +96,7 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
         channels[name] = _to_file(image.value[index])
         if image.stderr is not None:
             channels[ERROR_LAYER + name] = _to_file(image.stderr[index])
-    try:
-        with atomic_path(path) as temporary:
-            OpenEXR.File({**_header(image), OURS + "preview_scale": np.array([scale])}, channels).write(
-                str(temporary)
-            )
-    except RuntimeError as error:
-        raise OutputError(
-            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
-        ) from error
-    return Path(path)
+    return _written({**_header(image), OURS + "preview_scale": np.array([scale])}, channels, Path(path))
 
 
 def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
@@ -191,14 +182,19 @@ def write_layers_exr(
     seen = np.asarray(preview)
     channels = {name: _to_file(seen[..., index]) for index, name in enumerate("RGB")}
     channels |= {name: _to_file(layer) for name, layer in layers.items()}
+    return _written(header, channels, Path(path))
+
+
+def _written(header: Mapping[str, object], channels: Mapping[str, NDArray[np.float32]], path: Path) -> Path:
+    """Write an image, whole or not at all."""
     try:
         with atomic_path(path) as temporary:
-            OpenEXR.File(header, channels).write(str(temporary))
+            OpenEXR.File(dict(header), dict(channels)).write(str(temporary))
     except RuntimeError as error:
         raise OutputError(
             "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
         ) from error
-    return Path(path)
+    return path
 
 
 def _header(image: SpectralImage) -> dict[str, object]:
@@ -288,7 +284,6 @@ PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
 
 def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: Sequence[str]) -> Path:
     """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
-    path = beside.with_suffix(".exr")
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -297,13 +292,5 @@ def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: Sequence[
         "lightfield.exposure": np.array([factor]),
         "lightfield.units": PICTURE_UNITS,
     }
-    try:
-        with atomic_path(path) as temporary:
-            OpenEXR.File(header, {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}).write(
-                str(temporary)
-            )
-    except RuntimeError as error:
-        raise OutputError(
-            "cannot write the EXR image", where=str(path), found=str(error), remedy=MAKE_ROOM
-        ) from error
-    return path
+    channels = {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}
+    return _written(header, channels, beside.with_suffix(".exr"))

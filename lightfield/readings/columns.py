@@ -70,9 +70,3 @@ class ErrorBudget:
     outlier_percent: float | None = None
     saturation_level: float | None = None
     calibration_percent: float | None = None
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Terms that a diagnosis has to assume."""
-        terms = ("plane_gain_percent", "position_mm", "tolerance_percent", "outlier_percent")
-        return tuple(name for name in terms if getattr(self, name) is None)

@@ -29,21 +29,14 @@ KINDS = {
 }
 
 
-def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, Any]:
-    """Scene at one wavelength as a dictionary for `mi.load_dict`, with our plugins.
-
-    Parameters
-    ----------
-    scene : Scene
-    wavelength_nm : float, optional
-        Default: the middle of the first band.
-    """
+def mitsuba_dict(scene: Scene) -> dict[str, Any]:
+    """Scene in the middle of its first band as a dictionary for `mi.load_dict`, with our plugins."""
     use_backend()
     from lightfield.render.plugins.lamp import CURVES, PROPERTIES
     from lightfield.render.tracer.build import phase_dict, shapes
 
     scene = lit(scene)
-    at = np.array([middles_nm(scene)[0].mean() if wavelength_nm is None else wavelength_nm])
+    at = np.array([middles_nm(scene)[0].mean()])
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     c = a + b
     grid = scene_grid(scene)
@@ -85,17 +78,9 @@ def mitsuba_dict(scene: Scene, wavelength_nm: float | None = None) -> dict[str, 
     }
 
 
-def write_xml(scene: Scene, path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Path:
-    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.use_backend()`.
-
-    Parameters
-    ----------
-    scene : Scene
-    path : path-like
-    wavelength_nm : float, optional
-        Default: the middle of the first band.
-    """
-    described = mitsuba_dict(scene, wavelength_nm)
+def write_xml(scene: Scene, path: str | os.PathLike[str]) -> Path:
+    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.use_backend()`."""
+    described = mitsuba_dict(scene)
     import mitsuba as mi
 
     target = Path(path)

@@ -47,11 +47,12 @@ def axes_for(ax: Axes | None) -> Axes:
         return pyplot.subplots(figsize=(7.0, 4.2), layout="constrained")[1]
 
 
-def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: float) -> Axes:
+def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: float | None) -> Axes:
     """Error of every rung, and the noise."""
     ax = axes_for(ax)
     error = np.array([rung.error_percent for rung in ladder], float)
-    ax.axhline(noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {noise_floor_percent:.2g} %")
+    if noise_floor_percent is not None:
+        ax.axhline(noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {noise_floor_percent:.2g} %")
     ax.plot(range(len(error)), error, "o-", color=RENDER, label="error of the fit")
     for k, rung in enumerate(ladder):
         if rung.rendered_error_percent is not None:
@@ -60,7 +61,8 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
             )
         if np.isfinite(error[k]):
             ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
-    least, most = np.nanmin([*error, noise_floor_percent]), np.nanmax([*error, noise_floor_percent])
+    known = [v for v in (*error, noise_floor_percent) if v is not None and np.isfinite(v)]
+    least, most = min(known, default=0.0), max(known, default=1.0)
     if least > 0 and most > _FAR_APART * least:
         ax.set_yscale("log")
         plain_log_axis(ax.yaxis)

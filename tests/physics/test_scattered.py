@@ -6,11 +6,20 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import j0
 
 from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
-from lightfield.formula.scattered.nodes import emission, finest_rad, half_width_rad, intensity, near, turns
-from lightfield.formula.scattered.single import Resolution, single_paths
+from lightfield.formula.scattered.nodes import (
+    emission,
+    finest_rad,
+    half_width_rad,
+    intensity,
+    interval,
+    near,
+    turns,
+)
+from lightfield.formula.scattered.single import LitPaths, Resolution, single_paths
 from lightfield.render.diffuse.ratio import traced_ratio
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import beam_axes
@@ -119,6 +128,35 @@ def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
     slant = b * z / np.cos(theta)
     expected = (sent * np.exp(-slant) * (np.expm1(slant * forward) - slant * forward)).sum()
     assert power == pytest.approx(expected, rel=1e-2)
+
+
+@pytest.mark.parametrize("hwhm_deg", [3.8, 20.0, 50.0])
+def test_few_slants_tell_of_all_angles_and_waters_at_once_of_each(hwhm_deg: float) -> None:
+    """Beside the sum over every angle of emission, of one water after the other, written out here."""
+    lamp, z, tangent = Lamp(hwhm_deg=hwhm_deg), 6.0, np.linspace(0, 0.4, 5)
+    a, b = np.array([0.3, 0.05, 0.1, 0.3]), np.array([0.02, 1.5, 0.4, 0.8])
+    spread = Spread(FORWARD, z, 0.0, largest_kz(lamp))
+    found, single = multiple(lamp, spread, tangent, a, b), paths_of(lamp, z, tangent)
+    theta, sent = emission(lamp)
+    slant = 1 / np.cos(theta)
+    t, w = interval(128)
+    k, weight = spread.reach * t * t, spread.reach * 2 * t * w
+    for water, (ai, bi) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
+        x = bi * np.outer(spread.q(np.array([ai]))[:, 0], slant)
+        each = j0(np.outer(k, np.tan(theta))) * (np.exp(x) - 1 - x) @ (sent * np.exp(-(ai + bi) * z * slant))
+        expected = j0(np.outer(tangent, k)) @ (k * weight * each) / (2 * math.pi * z**2)
+        top = float(np.abs(expected).max())
+        np.testing.assert_allclose(found[water], expected, rtol=1e-8, atol=1e-9 * top)
+        alone = multiple(lamp, spread, tangent, ai, bi)
+        np.testing.assert_allclose(found[water], alone, rtol=1e-8, atol=1e-9 * top)
+        np.testing.assert_allclose(single.light(a, b)[water], single.light(ai, bi), rtol=1e-12)
+
+
+def paths_of(lamp: Lamp, z_m: float, tangent: np.ndarray) -> LitPaths:
+    """Paths of light that is scattered once, with the light of a lamp."""
+    width = math.radians(lamp.hwhm_deg)
+    paths = single_paths(FORWARD, width, tangent * z_m, np.full(len(tangent), z_m))
+    return paths.lit(intensity(lamp, paths.theta_squared))
 
 
 @pytest.mark.parametrize("g", [0.89, 0.9, 0.93])

@@ -91,10 +91,10 @@ class Fit(Result[fitting.FitReport]):
     def headline(self) -> str:
         model, found = self.details.model, self.details.statistics
         name = " + ".join(["base", *model.effects])
-        return (
-            f"{name} follows the readings to {found.error_percent:.2g} %, chi-square per degree of freedom "
-            f"{found.chi2_per_dof:.3g}"
-        )
+        error, misfit = found.error_percent, f"chi-square per degree of freedom {found.chi2_per_dof:.3g}"
+        if np.isnan(error):
+            return f"{name} is dark where the readings are bright, {misfit}"
+        return f"{name} follows the readings to {error:.2g} %, {misfit}"
 
     def as_text(self) -> str:
         return text.as_text(self.details)

@@ -88,8 +88,9 @@ def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array
     if layout.has_time:
         minutes = (layout.time_s - layout.time_s.min()) / 60
         out["time"] = (_cosines(minutes, min(_MAX_TIME_COSINES, n // _READINGS_PER_TIME_COSINE)), minutes)
-    level = np.log10(np.maximum(prediction, _DARKEST * prediction.max()))
-    out["signal"] = (_cosines(level, _SIGNAL_COSINES), prediction)
+    if (top := prediction.max()) > 0:  # a dark model has no signal to depend on
+        level = np.log10(np.maximum(prediction, _DARKEST * top))
+        out["signal"] = (_cosines(level, _SIGNAL_COSINES), prediction)
     if layout.channel.max() > 0:
         out["wavelength"] = (
             (layout.channel[:, None] == np.arange(layout.channel.max() + 1)) * 1.0,

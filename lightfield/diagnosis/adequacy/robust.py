@@ -19,7 +19,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
-from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA, Whitener
+from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA, NO_LIGHT, Whitener
 from lightfield.fitting.least_squares import Fit
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
@@ -285,7 +285,7 @@ def scatter_law(
     level = np.clip(prediction, 0, None)[kept]
     top, stated = float(level.max()), sigma[kept]
     rows = np.column_stack([rich, residual])[kept]
-    if top <= 0 or len(rows) - rich.shape[1] < _ENOUGH:
+    if top <= NO_LIGHT * stated.max() or len(rows) - rich.shape[1] < _ENOUGH:
         return None
     best, _ = _profile(rows)
     law = None

@@ -118,10 +118,6 @@ class Adequacy:
     scale_taken: bool = False
     critical_p: float = ALPHA
 
-    @property
-    def worst(self) -> object:
-        return min(self.tests, key=lambda k: self.tests[k])
-
     def passes(self, alpha: float) -> bool:
         """Nothing is missing at family-wise level `alpha`, and the scatter is credible."""
         return self.p > alpha and self.excess_p > EXCESS_LEVEL

@@ -105,6 +105,17 @@ class Layout:
         return bool((self.channel == self.channel[0]).all()) if self.size else True
 
     @cached_property
+    def moment(self) -> Labels:
+        """Labels from 0: readings that were taken at once at one place share theirs, shape (n,).
+
+        Where the stage stands a spectrometer reads every band, and the place is wrong once.
+        """
+        if not self.has_time or self.one_channel:
+            return np.arange(self.size)
+        at = np.stack([self.position, self.air, *np.round([self.x_m, self.y_m, self.z_m], PLACE_DECIMALS)])
+        return np.unique(at, axis=1, return_inverse=True)[1].ravel()
+
+    @cached_property
     def _scaled(self) -> Array:
         """Places from their middle, in the lengths over which a smooth error changes, shape (n, 3)."""
         places = np.column_stack([self.x_m / ACROSS_M, self.y_m / ACROSS_M, self.z_m / ALONG_M])

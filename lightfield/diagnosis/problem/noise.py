@@ -56,6 +56,8 @@ _KEPT_WHOLE = 1500
 _JITTER = 1e-9
 #: Photons' contributions are taken as they are where there are so many times more readings.
 _SMALL_RANK = 8
+#: Light below this part of the largest error is none: the square of what lies between would be no number.
+NO_LIGHT = 1e-100
 
 
 def errors_stated(quoted: Array) -> bool:
@@ -78,9 +80,11 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     group : array of int, shape (n,)
         Readings of one group may share a factor (integration time, channel).
     """
-    # A model without any light has the errors of the dark.
-    top = float(np.max(np.abs(prediction))) or float(np.nan_to_num(quoted).max(initial=0.0)) or 1.0
-    level = np.clip(prediction, 0, None) / top
+    # A model without any light, or with next to none, has the errors of the dark.
+    brightest, largest = float(np.max(np.abs(prediction))), float(np.nan_to_num(quoted).max(initial=0.0))
+    lit = brightest > NO_LIGHT * largest
+    top = (brightest if lit else largest) or 1.0
+    level = np.clip(prediction, 0, None) / top * lit
     basis = np.stack([np.ones_like(level), level, level**2], axis=1)
     if not errors_stated(quoted):
         return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))
@@ -156,11 +160,15 @@ class Noise:
     def stays(self) -> tuple[Labels, Array]:
         """Stays that share a gain error, from 0, -1 for a reading without; its size; both of shape (n,)."""
         _, stay, count = np.unique(self.layout.visit, return_inverse=True, return_counts=True)
-        # Assumed for lack of better, it must not widen the errors of readings that have a stay to
-        # themselves.
+        # Assumed for lack of better, it must not widen readings that have a stay to themselves.
         has_one = self.budget.gain_stated | (count[stay] > 1)
         gain = np.where(has_one, self.budget.plane_gain * self._bright, 0.0)
         return np.where(gain > 0, stay, -1), gain
+
+    @property
+    def moved(self) -> Array:
+        """Error by the place, which readings of one moment share, shape (n,)."""
+        return self.budget.position_m * self.position_slope
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
@@ -260,7 +268,8 @@ class Noise:
         if gain.any():
             out += np.outer(gain, gain) * (stay[:, None] == stay[None])
         if self.budget.position_m > 0:
-            out[np.diag_indices(len(a))] += (self.budget.position_m * self.position_slope[a]) ** 2
+            moment, moved = self.layout.moment[a], self.moved[a]
+            out += np.outer(moved, moved) * (moment[:, None] == moment[None])
         return out
 
     def serial(self, rho: float, rows: Labels | None = None) -> Array:
@@ -284,13 +293,13 @@ class Noise:
 
     def variance(self, phi: float, tolerance: float) -> Array:
         """Diagonal of the covariance without serial correlation, shape (n,)."""
-        stage = (self.budget.position_m * self.position_slope) ** 2
-        return np.asarray(phi * self.sigma**2 + self.stays[1] ** 2 + stage + self._smooth_variance(tolerance))
+        return phi * self.sigma**2 + self.stays[1] ** 2 + self.moved**2 + self._smooth_variance(tolerance)
 
     def independent(self, tolerance: float) -> bool:
         """Do no two readings share an error, but for serial correlation?"""
-        stay = self.stays[0][self.stays[0] >= 0]
-        return not self._smooth_variance(tolerance).any() and len(np.unique(stay)) == len(stay)
+        labels = self.stays[0][self.stays[0] >= 0], self.layout.moment[self.moved > 0]
+        alone = all(len(np.unique(label)) == len(label) for label in labels)
+        return alone and not self._smooth_variance(tolerance).any()
 
     def subset(self, rows: NDArray[np.bool_]) -> Noise:
         """Of some of the readings."""
@@ -305,13 +314,10 @@ class Noise:
 class Whitener:
     """Multiplies columns by the inverse Cholesky factor of the covariance.
 
-    Few readings, or such as share nearly as many errors as there are, are one block, in the order of the
-    table. Many are taken in that of the scan, in which stays and serial correlation are short.
+    Few readings, or such as share nearly as many errors as there are, are one block, in the table's order.
+    Many are taken in that of the scan, in which stays and serial correlation are short.
 
-    Parameters
-    ----------
-    block : int, optional
-        Most readings in one block.
+    `block` is the most readings in one block.
     """
 
     def __init__(

@@ -23,7 +23,8 @@ def links_of(
     """Blocks of readings that follow each other in the scan.
 
     The state between them holds smooth errors, of which nothing is forgotten; the own noise of the last
-    reading of each channel, of which rho is left with every step; and the gain of stays that are not over.
+    reading of each channel, of which rho is left with every step; and what readings of stays and of moments
+    share that are not over.
 
     Parameters
     ----------
@@ -36,15 +37,18 @@ def links_of(
     smooth, own = noise.smooth_columns(tolerance), np.sqrt(phi) * noise.sigma
     channels = np.arange(int(lay.channel.max()) + 1 if rho > 0 else 0)
     lasting = smooth.shape[1] + len(channels)
-    (stay, gain), block = noise.stays, np.empty(n, int)
+    (stay, gain), moved, block = noise.stays, noise.moved, np.empty(n, int)
     block[order] = np.arange(n) // size
-    first, last = np.full(n, n), np.full(n, -1)
-    np.minimum.at(first, stay[stay >= 0], block[stay >= 0])
-    np.maximum.at(last, stay[stay >= 0], block[stay >= 0])
+    moment = np.where(moved > 0, lay.moment + n, -1)  # labels that no stay has
+    first, last = np.full(2 * n, n), np.full(2 * n, -1)
+    for label in (stay, moment):
+        np.minimum.at(first, label[label >= 0], block[label >= 0])
+        np.maximum.at(last, label[label >= 0], block[label >= 0])
 
-    def columns(rows: Rows, lag: Array, open_stays: Rows) -> Array:
+    def columns(rows: Rows, lag: Array, still: Rows) -> Array:
         remembered = np.where(lay.channel[rows][:, None] == channels, rho ** lag[:, None], 0.0)
-        shared = gain[rows][:, None] * (stay[rows][:, None] == open_stays)
+        shared = gain[rows][:, None] * (stay[rows][:, None] == still)
+        shared += moved[rows][:, None] * (moment[rows][:, None] == still)
         return np.hstack([smooth[rows], own[rows][:, None] * remembered, shared])
 
     before, begin = np.zeros(0, int), lay.position[order[0]]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield import __version__
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
@@ -21,7 +21,7 @@ from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.misfit import along, unexplained
 from lightfield.diagnosis.verdict.found.records import found_effects
-from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed
+from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement, look
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
@@ -131,9 +131,9 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
         Rung(
             label=s.label,
             effects=[c.name for c in s.explanation],
-            error_percent=None if np.isnan(s.error_percent) else s.error_percent,
+            error_percent=finite(s.error_percent),
             chi2_per_dof=s.chi2_per_dof,
-            held_out_percent=None if np.isnan(s.held_out_percent) else s.held_out_percent,
+            held_out_percent=finite(s.held_out_percent),
             parameters=values(s),
             scene=found.forward.scene_at(s.fit.values).to_toml(),
             removed_percent=part,
@@ -164,8 +164,8 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
                 weight=weight,
                 parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors),
                 chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
-                error_percent=percent(problem, tried.fit.prediction, counted),
-                held_out_percent=None if np.isnan(left_out) else left_out,
+                error_percent=finite(percent(problem, tried.fit.prediction, counted)),
+                held_out_percent=finite(left_out),
                 adequacy_p=tried.adequacy.p,
             )
         )
@@ -314,7 +314,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     counted = bright(problem)
     # Over the explained model, as the error of the last rung is.
     explained = found.steps[-1].fit.prediction
-    sigma = standard_errors(prepared, finding)[counted] / explained[counted]
+    floor = rms_over(standard_errors(prepared, finding)[counted], explained[counted])
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
     own_effects = stated_effects(
         found.forward.scene,
@@ -340,7 +340,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         unnamed=small,
         reason_to_doubt=doubt,
         ladder=_rungs(found, units),
-        noise_floor_percent=float(100 * np.sqrt(np.mean(sigma**2))) if counted.any() else 0.0,
+        noise_floor_percent=finite(floor),
         noise_percent=trust.noise_percent,
         next_measurement=advice,
         stated=own_effects,

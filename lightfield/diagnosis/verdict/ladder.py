@@ -58,13 +58,17 @@ def bright(problem: Problem) -> Array:
 
 def percent(problem: Problem, prediction: Array, which: Array) -> float:
     """Rms of the residual over the model in per cent; NaN without readings, or where the model is dark."""
-    if not which.any():
+    return rms_over(problem.value[which] - prediction[which], prediction[which])
+
+
+def rms_over(part: Array, model: Array) -> float:
+    """Rms of residuals or errors over the model, shape (n,), in per cent; NaN of none, or of a dark model."""
+    if not len(model):
         return float("nan")
-    model = prediction[which]
     # Of no light, or of next to none, there is no part: what comes of it is no finite number.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        error = float(100 * np.sqrt(np.mean(((problem.value[which] - model) / model) ** 2)))
-    return error if np.isfinite(error) else float("nan")
+        rms = float(100 * np.sqrt(np.mean((part / model) ** 2)))
+    return rms if np.isfinite(rms) else float("nan")
 
 
 def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> float:
@@ -84,9 +88,14 @@ def held_out(problem: Problem, explanation: Explanation, fit: Fit, whiten: White
     return percent(problem, prediction, counted)
 
 
+def adds(candidate: Candidate) -> bool:
+    """Is it an effect more, and not one of the scene's that is left out or of another size?"""
+    return not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes)
+
+
 def _label(candidate: Candidate) -> str:
-    """What a rung changes: an effect more, or one of the scene's left out or of another size."""
-    if not candidate.is_stated and not any(p.is_held for p in candidate.amplitudes):
+    """What a rung changes."""
+    if adds(candidate):
         return f"+ {candidate.name}"
     return f"- {candidate.name}" if all(p.is_held for p in candidate.amplitudes) else f"~ {candidate.name}"
 

@@ -60,7 +60,9 @@ class AcceptedExplanation(Record):
     weight: float = Field(description="relative evidence among the accepted sets and nothing else")
     parameters: dict[str, Estimate] = Field(description="by dotted path, nuisance parameters included")
     chi2_per_dof: float = Field(description="in units of the quoted errors and the error budget")
-    error_percent: float = Field(description="rms residual over readings above 5 % of their plane's maximum")
+    error_percent: float | None = Field(
+        description="rms residual over readings above 5 % of their plane's maximum; null: the model is dark"
+    )
     held_out_percent: float | None = Field(description="the same, each plane predicted from the others")
     adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")
 
@@ -228,7 +230,7 @@ class LeftOver(Record):
     beside: list[str] = Field(description="effects that are left beside it")
     parameters: dict[str, Estimate]
     removed_percent: float = Field(description="share of the misfit left by the best set that it removes")
-    error_percent: float = Field(description="error of the readings with it")
+    error_percent: float | None = Field(description="error of the readings with it; null: it is dark")
     adequate: bool = Field(description="nothing is missing beside it")
     at: list[float] = Field(description="along the coordinate, in m, degrees or minutes")
     factor: list[float] = Field(description="what it makes of the light there, one where nothing")

@@ -75,7 +75,8 @@ def as_text(verdict: Verdict) -> str:
             if rung.rendered_error_percent is not None:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
-        lines.append(f"{'noise floor':<28}{verdict.noise_floor_percent:>9.2f}")
+        floor = "-" if verdict.noise_floor_percent is None else f"{verdict.noise_floor_percent:.2f}"
+        lines.append(f"{'noise floor':<28}{floor:>9}")
     lines += found_words.found_lines(verdict.found)
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(

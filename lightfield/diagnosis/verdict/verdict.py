@@ -56,7 +56,9 @@ class Verdict(Record):
         None, description="why nothing is named or ruled out whatever was found"
     )
     ladder: list[Rung]
-    noise_floor_percent: float
+    noise_floor_percent: float | None = Field(
+        description="what the readings' errors leave of any model; null: no reading is bright, or it is dark"
+    )
     noise_percent: float | None = Field(
         None, description="median error of a bright reading; null: none is bright"
     )

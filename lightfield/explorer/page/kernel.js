@@ -29,35 +29,46 @@ LF.kernel.atLeast = (n, x) => {
   return sum;
 };
 
-LF.kernel.weights = (d, c, a, b, rho) => {
-  const change = a + b - d.a0 - d.b0;
-  return c.counts.map(([n, m, k], row) => {
-    let factor = (b / d.b0) ** n;
-    if (c.open[row] && b !== d.b0) {
-      const length = c.excess[row] + d.mean_straight;
-      factor = Math.exp((b - d.b0) * length) * LF.kernel.atLeast(n, b * length) / LF.kernel.atLeast(n, d.b0 * length);
-    }
-    if (m) factor *= d.rho0 ? (rho / d.rho0) ** m : 0;
-    if (k) factor *= d.surface ** k;
-    return factor * Math.exp(-change * c.excess[row]);
-  });
+// Factor of a row in any cell, without the attenuation on the straight line.
+LF.kernel.factor = (d, c, row, a, b, rho) => {
+  const [, m, k] = c.counts[row], change = a + b - d.a0 - d.b0;
+  let factor = Math.exp(-change * c.excess[row]);
+  if (m) factor *= d.rho0 ? (rho / d.rho0) ** m : 0;
+  if (k) factor *= d.surface ** k;
+  return factor;
 };
 
-LF.kernel.sum = (weights, rows, cells) => {
-  const out = new Float64Array(cells);
-  for (let h = 0; h < weights.length; h++) {
-    const w = weights[h], start = h * cells;
-    if (w !== 0) for (let k = 0; k < cells; k++) out[k] += w * rows[start + k];
-  }
+LF.kernel.sum = (d, c, rows, a, b, rho, cells) => {
+  const out = new Float64Array(cells), { nodes, below, part } = d.lengths;
+  const more = Float64Array.from(d.straight, (r) => Math.exp((b - d.b0) * r));
+  c.counts.forEach(([n], row) => {
+    const w = LF.kernel.factor(d, c, row, a, b, rho), start = row * cells;
+    if (w === 0) return;
+    if (!c.open[row] || b === d.b0) {
+      const same = w * (b / d.b0) ** n;
+      for (let k = 0; k < cells; k++) out[k] += same * rows[start + k];
+      return;
+    }
+    // Of open-ended rows another in every cell, by the length of the path.
+    const grown = w * Math.exp((b - d.b0) * c.excess[row]);
+    const chances = Array.from(nodes, (r) => {
+      const length = r + c.excess[row];
+      return Math.log(Math.max(LF.kernel.atLeast(n, b * length), 1e-200) / LF.kernel.atLeast(n, d.b0 * length));
+    });
+    for (let k = 0; k < cells; k++) {
+      const i = below[k], chance = Math.exp(chances[i] + part[k] * (chances[i + 1] - chances[i]));
+      out[k] += grown * more[k] * chance * rows[start + k];
+    }
+  });
   return out;
 };
 
 LF.kernel.inCells = (d, a, b, rho) => {
   const cells = d.straight.length, total = new Float64Array(cells), change = a + b - d.a0 - d.b0;
   for (const c of d.classes) {
-    const w = LF.kernel.weights(d, c, a, b, rho), mean = LF.kernel.sum(w, c.mean, cells);
+    const mean = LF.kernel.sum(d, c, c.mean, a, b, rho, cells);
     if (!c.wanted) { for (let k = 0; k < cells; k++) total[k] += mean[k]; continue; }
-    const wanted = LF.kernel.sum(w, c.wanted, cells), { starts, cells: near, weights } = d.smoother;
+    const wanted = LF.kernel.sum(d, c, c.wanted, a, b, rho, cells), { starts, cells: near, weights } = d.smoother;
     for (let k = 0; k < cells; k++) wanted[k] = mean[k] > 0 ? wanted[k] / mean[k] : 1;
     for (let k = 0; k < cells; k++) {
       let ratio = 0;

@@ -29,6 +29,9 @@ LF.percent = (value) => {
   return (value >= 99.5 ? value.toFixed(0) : value >= 0.05 ? value.toFixed(1) : value >= 0.0005 ? value.toFixed(3) : "0.0") + " %";
 };
 
+// Is an error as small as the noise leaves it? A model that is dark has no error in per cent.
+LF.met = (error, floor) => Number.isFinite(error) && Number.isFinite(floor) && error <= 1.2 * floor;
+
 // What the fit moves, u, and the value of the scene: the coordinates of lightfield/fitting/parameter.py.
 LF.valueAt = (coordinate, u) => {
   if (coordinate === "log") return Math.exp(u);

@@ -187,7 +187,11 @@ def _diffuse(p: Portable, arrays: PackedArrays) -> dict[str, Any]:
         "b0": p.scattering_per_m,
         "rho0": p.wall_albedo,
         "surface": p.surface / p.surface_reflectance,
-        "mean_straight": p.mean_straight_m,
+        "lengths": {
+            "nodes": p.lengths.nodes,
+            "below": arrays.add(p.lengths.below, "u4"),
+            "part": arrays.add(p.lengths.part),
+        },
         "straight": arrays.add(p.straight_m),
         "through": arrays.add(p.through),
         "classes": [_class(c, arrays) for c in p.classes],

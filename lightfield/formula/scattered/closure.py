@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 
@@ -12,7 +13,7 @@ _MOST_DEPTH, _MOST_TANGENT = 1.6, 0.5
 
 
 def closure(
-    b: float, loss: float, tangent: Array, half_width_rad: float, z_m: Array, apparent_distance_m: float
+    b: ArrayLike, loss: float, tangent: Array, half_width_rad: float, z_m: Array, apparent_distance_m: float
 ) -> Array:
     """Scattered light of traces over that of single and small-angle scattering.
 
@@ -22,7 +23,7 @@ def closure(
 
     Parameters
     ----------
-    b : float, m^-1
+    b : float or array, m^-1
         Scattering coefficient.
     loss : float
         1 - g, g the mean cosine of a scattering.
@@ -33,7 +34,7 @@ def closure(
     z_m : array, m
     apparent_distance_m : float, m
     """
-    depth = np.minimum(b * loss * z_m, _MOST_DEPTH)
+    depth = np.minimum(np.asarray(b) * loss * z_m, _MOST_DEPTH)
     aside = np.minimum(tangent, _MOST_TANGENT)
     seen = half_width_rad**2 / (1 + apparent_distance_m / z_m)
     power = depth * (0.0668 + depth * (0.019 + 0.031 * depth)) + (0.4045 * depth - 0.4472) * depth * aside

@@ -201,16 +201,20 @@ class ScatteredField:
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
         spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(largest_kz(lamp)))]
-        out = np.empty((len(a), len(self._log_z), len(angles)))
+        out, absorption, scattering = (
+            np.empty((len(a), len(self._log_z), len(angles))),
+            np.array(a),
+            np.array(b),
+        )
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
         ):
             behind, z = z_m + behind_m, np.full(len(angles), z_m)
-            for w, (ai, bi) in enumerate(zip(a, b, strict=True)):
-                more = np.maximum(multiple(lamp, spread, angles, ai, bi), 0.0)
-                missing = closure(bi, loss, angles * (behind / z_m), width, z, behind_m)
-                light = (paths.light(ai, bi, share) + more) * missing
-                out[w, j] = np.log(light * (behind * slant) ** 2) + (ai + bi) * z_m * slant
+            light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
+            light += paths.light(absorption, scattering, share)
+            light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
+            depth = np.multiply.outer(absorption + scattering, z_m * slant)
+            out[:, j] = np.log(light * (behind * slant) ** 2) + depth
         return out
 
     def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[TabledPaths]:

@@ -17,6 +17,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
@@ -133,17 +134,21 @@ class LitPaths(NamedTuple):
     water_m: Array
     share: Array
 
-    def light(self, a: float, b: float, share: Array | None = None) -> Array:
-        """Irradiance for unit intensity on the axis, m^-2, shape (n,), in water of these coefficients.
+    def light(self, a: ArrayLike, b: ArrayLike, share: Array | None = None) -> Array:
+        """Irradiance for unit intensity on the axis, m^-2, shape (n,) or (n_waters, n), in water of these.
 
         Parameters
         ----------
-        a, b : float, m^-1
+        a, b : float, or array, shape (n_waters,), m^-1
         share : array, shape (n_arcs,), optional
             Of the light on each arc in place of its own, see `shares_at`.
         """
-        each = (self.sent * np.exp(-(a + b) * self.water_m)).sum(axis=(2, 3))
-        return np.asarray(b * (each @ (self.share if share is None else share)))
+        lit = self.sent * (self.share if share is None else share)[:, None, None]
+        length = np.broadcast_to(self.water_m, lit.shape).reshape(len(lit), -1)
+        lit = lit.reshape(length.shape)
+        # A water at a time: there are thousands of paths.
+        each = [np.einsum("np,np->n", lit, np.exp(-c * length)) for c in np.atleast_1d(np.add(a, b)).tolist()]
+        return np.asarray(np.atleast_1d(b)[:, None] * each).reshape(*np.shape(b), -1)
 
 
 def single_paths(

@@ -89,12 +89,12 @@ class NumberBlock:
         }
 
 
-def find_table(lines: Sequence[str], problems: Problems, start: int = 0) -> NumberBlock | None:
+def find_table(lines: Sequence[str], problems: Problems) -> NumberBlock | None:
     """The first block of two rows of numbers or more, with the names above it; None where there is none.
 
     Rows behind it that do not fit, and are followed by such that do, go to `problems`.
     """
-    numbered = [(k, line.strip()) for k, line in enumerate(lines, 1) if k > start and line.strip()]
+    numbered = [(k, line.strip()) for k, line in enumerate(lines, 1) if line.strip()]
     for separator in _SEPARATORS:
         rows = [(k, _cells(line, separator)) for k, line in numbered]
         first = _first(rows)

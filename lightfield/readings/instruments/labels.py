@@ -14,7 +14,6 @@ LABELS = {
     "boxcar": r".*(boxcar|alisar|furgon|lissage|glattung).*",
     "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri|electrica.*obscuridad).*",
     "nonlinearity": r".*(non-? ?linear|nicht-? ?linear|no linealidad).*",
-    "stray_light": r".*(stray light|streulicht|lumiere parasite|luz parasita|externa.*luz).*",
     "spectrometer": r"(spectrom|spektrom|espectrom|spettrom).*",
     "date": r"(date|datum|fecha|data)",
     "pixels": r".*(number of|anzahl|nombre de|numero d[ei]|aantal).*pixels?.*",

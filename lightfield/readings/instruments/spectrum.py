@@ -29,7 +29,7 @@ class Spectrum:
     spectra_averaged, boxcar : int, optional
         Number of spectra in the average; half-width of the smoothing in pixels.
     spectrometer, date : str
-    electric_dark_corrected, nonlinearity_corrected, stray_light_corrected : bool, optional
+    electric_dark_corrected, nonlinearity_corrected : bool, optional
         None when the header does not say.
     calibration : array, shape (n_pixels,), optional
         Energy per count, in `calibration_unit`.
@@ -60,7 +60,6 @@ class Spectrum:
     date: str = ""
     electric_dark_corrected: bool | None = None
     nonlinearity_corrected: bool | None = None
-    stray_light_corrected: bool | None = None
     calibration: Array | None = None
     calibration_unit: str = ""
     processed_unit: str = ""

@@ -24,6 +24,7 @@ from lightfield.render.diffuse.response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
 from lightfield.render.diffuse.traced import TracedLight, TracedWater
 from lightfield.render.reflected.light import C_STEP
+from lightfield.render.response.open_ended import Lengths
 from lightfield.scene import Scene
 from lightfield.scene.water.ageing import ages
 from lightfield.scene.water.layers import layers_depth
@@ -89,8 +90,8 @@ class Portable:
     ----------
     absorption_per_m, scattering_per_m, wall_albedo, surface_reflectance : float
         Of the trace.
-    mean_straight_m : float
-        For open-ended histories.
+    lengths : Lengths
+        Of the straight lines, for open-ended histories.
     surface : float
         Factor on the surface's reflectance, which stays.
     classes : list of LightClass
@@ -105,7 +106,7 @@ class Portable:
     scattering_per_m: float
     wall_albedo: float
     surface_reflectance: float
-    mean_straight_m: float
+    lengths: Lengths
     surface: float
     classes: list[LightClass]
     straight_m: Array
@@ -159,7 +160,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
         reference.scattering_per_m,
         reference.wall_albedo,
         reference.surface_reflectance or 1.0,
-        float(response.straight_m.mean()),
+        Lengths.of(response.straight_m),
         scene.reflectances[1],
         classes,
         response.straight_m,

@@ -101,11 +101,12 @@ class TracedLight:
         out = {}
         for kind in (k for k in lit if k in beams.rows_of):
             mine = beams.rows_of[kind]
-            weights = rows.row_weights(absorption, scattering, rho * ones, surface * ones, mine)
-            light = weights @ beams.contracted(kind, scene.lamp) * along
+            water = absorption, scattering, rho * ones, surface * ones
+            light = rows.weighed(beams.contracted(kind, scene.lamp), *water, mine) * along
             found = average @ light.reshape(len(light), len(a), len(within), -1)
             value, passed_on = self.between_g.light(found, shares, errors)
             noises = []
+            weights = rows.row_weights(*water, mine) if errors else np.zeros((0, 0))
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
                 own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))

@@ -62,7 +62,7 @@ KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
 KEPT_WATERS, THROUGH_BYTES = 400, 20e6
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
 #: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
-#: follow ten lamps, five where what patches exchange has to be made anew.
+#: follow ten lamps, five where what patches exchange has to be made anew, and of few reflections one or two.
 LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
 
 
@@ -267,7 +267,7 @@ class Room:
     def _exchange(self, of: _Exchange) -> Operators | AtOnce:
         """What walls and readings exchange: of few readings, when it was often asked for, at once."""
         self._asked[of] += 1
-        if of not in self._at_once and self._asked[of] > OFTEN:
+        if of not in self._at_once and self._asked[of] * REFLECTIONS > OFTEN * of[3]:
             rows, columns = of[3] * len(self.places), len(self.patches.centre)
             size = 4 * rows * columns
             if rows <= LARGER * columns and self._room_for(size, self._asked[of]):

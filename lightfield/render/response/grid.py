@@ -115,6 +115,10 @@ class Grid:
         return np.asarray(values / np.where(part > 0, part, 1).astype(values.dtype))
 
 
+#: Rings and sectors of the directions of a beam.
+RINGS, SECTORS = 20, 8
+
+
 @dataclass(frozen=True)
 class AngleNodes:
     """Nodes over the direction of emission: a tally kept on them can be reweighed to another beam.
@@ -150,11 +154,6 @@ class AngleNodes:
         if in_y:
             sector = -sector
         return np.asarray(ring * self.n_phi + sector % self.n_phi)
-
-    @property
-    def reach_rad(self) -> float:
-        """Largest angle at which the splines still add up to one."""
-        return float(self.scale_rad * np.sinh((self.n_theta - 2) * self.step))
 
 
 def cell_centres(width_m: float, cells: int) -> np.ndarray:
@@ -281,12 +280,11 @@ def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[
     return (int(inside[0]), int(inside[-1])) if len(inside) else (0, len(centres) - 1)
 
 
-def angle_nodes(hwhm_deg: float, n_theta: int = 20, n_phi: int = 8) -> AngleNodes:
+def angle_nodes(hwhm_deg: float) -> AngleNodes:
     """Nodes dense over the core of a beam and sparse out to 70 degrees, for skirts and wide beams."""
     scale = np.radians(1.5 * hwhm_deg)
-    return AngleNodes(
-        float(scale), float(np.arcsinh(np.radians(70.0) / scale) / (n_theta - 2)), n_theta, n_phi
-    )
+    step = float(np.arcsinh(np.radians(70.0) / scale) / (RINGS - 2))
+    return AngleNodes(float(scale), step, RINGS, SECTORS)
 
 
 def reference_of(scene: Scene) -> Reference:

@@ -21,6 +21,7 @@ from scipy.special import gammainc
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
+from lightfield.render.response.open_ended import Lengths
 
 Rows = NDArray[np.integer[Any]] | slice
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
@@ -28,6 +29,8 @@ FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
 CLASSES = 5
 HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
 HERMITE_SHARES = _HERMITE / _HERMITE.sum()
+#: Factors of rows in cells that are worked out at a time, one water at least.
+_AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,9 @@ class TransportResponse:
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
+        varying = np.flatnonzero(self._varying(b, slice(None)) & weights.any(axis=0))
+        more = self._of_varying(self.tally[:, varying], a, b, rho, surface, varying) if len(varying) else 0.0
+        weights[:, varying] = 0
         used = np.flatnonzero(weights.any(axis=0))
         first, last = (used[0], used[-1] + 1) if len(used) else (0, 0)
         if 2 * len(used) > last - first:
@@ -195,7 +201,67 @@ class TransportResponse:
         weights = np.ascontiguousarray(weights, dtype=np.float32)
         change = (a + b - self.reference.absorption_per_m - self.reference.scattering_per_m)[:, None]
         along = np.exp(-change * self._straight_of_tally)
-        return np.asarray(np.stack([weights @ batch for batch in tally]) * along, dtype=float)
+        return np.asarray((np.stack([weights @ batch for batch in tally]) + more) * along, dtype=float)
+
+    def weighed(self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: Rows) -> Array:
+        """Tallies of some rows in other waters, without the attenuation along the straight line.
+
+        Parameters
+        ----------
+        tallies : array, shape (k, n_rows, n_cells)
+            Of cells as in `straight_m`.
+        a, b, rho, surface : array, shape (n_waters,)
+
+        Returns
+        -------
+        array, shape (k, n_waters, n_cells)
+        """
+        weights, varying = self.row_weights(a, b, rho, surface, rows), self._varying(b, rows)
+        if not varying.any():
+            return np.asarray(weights @ tallies)
+        light = weights[:, ~varying] @ tallies[:, ~varying]
+        some = np.arange(len(self.histories))[rows][varying]
+        return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some))
+
+    def _of_varying(
+        self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: NDArray[np.integer[Any]]
+    ) -> Array:
+        """The same of open-ended rows, whose factor is another in every cell; (k, n_waters, n_cells)."""
+        n, m, k = self.histories[rows].T
+        ref, excess = self.reference, self.excess_m[rows]
+        walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
+        top = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
+        factor = walls * top * np.exp((ref.absorption_per_m - a)[:, None] * excess)
+        more = np.exp((b - ref.scattering_per_m)[:, None] * self._straight_of_tally)
+        out = np.empty((len(tallies), len(b), tallies.shape[2]))
+        step = max(_AT_ONCE // max(len(rows) * tallies.shape[2], 1), 1)
+        for first in range(0, len(b), step):
+            some = slice(first, first + step)
+            chances = self._chances(b[some], n, excess, rows) * factor[some, :, None]
+            for each, tally in zip(out, tallies, strict=True):
+                each[some] = np.einsum("wtc,tc->wc", chances, tally)
+        return out * more
+
+    def _chances(
+        self, b: Array, n: NDArray[np.integer[Any]], excess_m: Array, rows: NDArray[np.integer[Any]]
+    ) -> Array:
+        """`Lengths.chances` of some rows, as last asked for where they are few."""
+        name, key = b"chances" + rows.tobytes(), b.tobytes()
+        known, chances = self._last.get(name, (None, np.zeros(0)))
+        if known != key:
+            chances = self._lengths.chances(n, excess_m, b, self.reference.scattering_per_m)
+            if chances.size <= _AT_ONCE:
+                self._last[name] = key, chances
+        return chances
+
+    @cached_property
+    def _lengths(self) -> Lengths:
+        return Lengths.of(self._straight_of_tally)
+
+    def _varying(self, b: Array, rows: Rows) -> NDArray[np.bool_]:
+        """Which of some rows have another factor in every cell, shape (n_rows,)."""
+        before, open_ended = self.reference.scattering_per_m, self.open_ended[rows]
+        return open_ended & bool(before > 0 and (b != before).any() and np.ptp(self.straight_m) > 0)
 
     @cached_property
     def _straight_of_tally(self) -> Array:
@@ -211,7 +277,10 @@ class TransportResponse:
         return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
 
     def row_weights(self, a: Array, b: Array, rho: Array, surface: Array, rows: Rows = slice(None)) -> Array:
-        """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows)."""
+        """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows).
+
+        Of open-ended rows that in the middle of the cells, see `weighed`.
+        """
         _, m, k = self.histories[rows].T
         ref = self.reference
         if (b > 0).any() and ref.scattering_per_m == 0:
@@ -242,8 +311,7 @@ class TransportResponse:
     def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).
 
-        Rows of the highest class hold all higher n as well. Given the length of a path, n is close to a
-        Poisson number; averaged over n >= N the factor is e^((b - b_0) L) P(n >= N; b L) / P(n >= N; b_0 L).
+        Of open-ended rows as `open_ended` says, for the mean of the straight lines to the cells.
         """
         n, reference = self.histories[rows, 0], self.reference.scattering_per_m
         if reference == 0:

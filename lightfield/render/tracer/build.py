@@ -10,7 +10,6 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from lightfield.errors import RenderError
 from lightfield.render.response.grid import COMPONENTS, AngleNodes, Grid, scene_grid, straight_path
 from lightfield.render.response.response import Reference
 from lightfield.render.tracer.emission import Emission
@@ -104,7 +103,6 @@ def assembled(
     grid: Grid,
     reference: Reference,
     *,
-    surface: bool | None = None,
     nodes: AngleNodes | None = None,
     wide_share: float | None = None,
     flux: bool = False,
@@ -114,22 +112,13 @@ def assembled(
 
     Parameters
     ----------
-    surface : bool, optional
-        Forces the water surface on or off.
     flux : bool
         Tally the flux vector, see `FluxPlanes`, instead of what the scene's detector reads: the maps of the
         components follow each other.
     path_nodes : int, optional
         Steps in which paths are tallied; default: as many as another water's absorption asks for.
     """
-    reflects = scene.surface_reflects if surface is None else surface
-    if reflects and scene.tank is None:
-        raise RenderError(
-            "there is no water surface in open water",
-            rule="a surface needs a [tank]",
-            remedy="add a [tank] table to the scene",
-        )
-    lamp = scene.lamp
+    reflects, lamp = scene.surface_reflects, scene.lamp
     half_x = np.abs(grid.x_m).max() + 0.5 * grid.pitch_x_m + abs(lamp.offset_x_m)
     half_y = np.abs(grid.y_m).max() + 0.5 * grid.pitch_y_m + abs(lamp.offset_y_m)
     cone = atan(hypot(half_x, half_y) / grid.z_m.min()) + np.radians(hypot(lamp.tilt_x_deg, lamp.tilt_y_deg))

@@ -82,12 +82,12 @@ class Shapes:
     Parameters
     ----------
     scene : mi.Scene
-    reflecting : bool
-        False: every surface is black, and its BSDF is not asked.
     """
 
-    def __init__(self, scene: mi.Scene, reflecting: bool = True) -> None:
-        self.scene, self.reflecting = scene, reflecting
+    reflecting = True
+
+    def __init__(self, scene: mi.Scene) -> None:
+        self.scene = scene
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
         kinds = mi.BSDFFlags.DeltaReflection, mi.BSDFFlags.GlossyReflection, mi.BSDFFlags.DiffuseReflection
         self.context.type_mask = sum(int(kind) for kind in kinds)
@@ -95,9 +95,6 @@ class Shapes:
     def meet(self, position: mi.Point3f, direction: mi.Vector3f, active: mi.Bool) -> Met:
         ray = mi.Ray3f(position, direction)
         # Neighbouring lanes fly in unrelated directions: packets of coherent rays would make them wait.
-        if not self.reflecting:
-            met = self.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-            return Met(dr.select(met.is_valid(), met.t, FAR), ~met.is_valid())
         flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
         hit = self.scene.ray_intersect(ray, ray_flags=flags, coherent=False, active=active)
         return Met(dr.select(hit.is_valid(), hit.t, FAR), ~hit.is_valid(), hit)

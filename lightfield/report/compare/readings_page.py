@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from lightfield.arrays import finite
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.drawn import drawn_readings
 from lightfield.report.diagnosis.figures import data_figure, residual_map
@@ -28,14 +29,14 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         The ledger's entries for these readings, oldest first.
     """
     rungs = [_rung(entry) for entry in entries]
-    model, newest, floor = report.model, rungs[-1], report.statistics.noise_floor_percent
+    model, newest, floor = report.model, rungs[-1], finite(report.statistics.noise_floor_percent)
     predictions = [Prediction("base", report.base_prediction)]
     if model.effects:
-        predictions.append(Prediction(newest.label, model.fit.prediction))
+        predictions.append(Prediction(newest.label, model.fit.prediction, len(model.effects)))
     readings = model.forward.readings
     view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
     best = min(rungs, key=lambda rung: math.inf if rung.error_percent is None else rung.error_percent)
-    verdict = f"{newest.label}: error {_percent(newest.error_percent)} %, noise floor {floor:.3g} %."
+    verdict = f"{newest.label}: error {_percent(newest.error_percent)} %, noise floor {_percent(floor)} %."
     if len(rungs) > 1 and best is not newest:
         verdict += f" The lowest so far is {_percent(best.error_percent)} %, {best.label}."
     adequate = report.statistics.adequacy_p

@@ -10,6 +10,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.search.rivals import separation
 from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.fitting.least_squares import Fit
 from lightfield.formula.scattered.nodes import stated_width_deg
@@ -86,7 +87,7 @@ def drawn_readings(readings: Readings, sigma: Array, keep: Array) -> DrawnReadin
     )
 
 
-def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
+def view_of(found: Diagnosis) -> DiagnosisView:
     """Everything on the page of a diagnosis."""
     readings, problem, finding = found.readings, found.prepared.problem, found.finding
     base = finding.level.base.prediction
@@ -94,7 +95,11 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
     return DiagnosisView(
         drawn_readings(readings, found.sigma, problem.keep),
         [
-            Prediction(" ".join(s.label for s in found.steps[: k + 1]), step.fit.prediction)
+            Prediction(
+                " ".join(s.label for s in found.steps[: k + 1]),
+                step.fit.prediction,
+                sum(map(adds, step.explanation)),
+            )
             for k, step in enumerate(found.steps)
         ],
         verdict,
@@ -102,7 +107,7 @@ def view_of(found: Diagnosis, title: str = "") -> DiagnosisView:
         _separations(found),
         found.forward.scene.tank,
         stated_width_deg(found.scene.lamp),
-        title or found.forward.scene.name or "Diagnosis",
+        found.forward.scene.name or "Diagnosis",
         (
             ("readings", readings.source or "given as arrays"),
             ("number of readings", str(verdict.readings)),

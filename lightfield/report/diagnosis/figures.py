@@ -62,10 +62,10 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
             unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
             value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
             base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=spaced(view.predictions[0].label))
+            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=view.predictions[0].name)
             if explained:
                 upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-                upper.plot(at, best, color=RENDER, label=spaced(view.predictions[-1].label))
+                upper.plot(at, best, color=RENDER, label=view.predictions[-1].name)
             upper.errorbar(
                 at[~out],
                 value[~out],
@@ -106,7 +106,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
 def steps(view: ReadingsView) -> list[tuple[int, str]]:
     """The base model, and the best explanation where there is one."""
     last = len(view.predictions) - 1
-    return [(k, view.predictions[k].label) for k in dict.fromkeys((0, last))]
+    return [(k, view.predictions[k].short_name) for k in dict.fromkeys((0, last))]
 
 
 def few(panels: list[Group], most: int) -> list[Group]:
@@ -167,7 +167,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
                 linewidths=0.4,
             )
             rms = float(np.sqrt(np.nanmean(view.residual_sigma(step)[~readings.left_out] ** 2)))
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{short(name)}: rms {rms:.1f} σ")
+            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{name}: rms {rms:.1f} σ")
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
@@ -199,7 +199,7 @@ def _grid_map(view: ReadingsView) -> Figure:
                     linewidths=0.4,
                 )
                 axis.margins(0.12)
-            row[0].set_ylabel(f"{short(view.predictions[step].label)}\ny (m)")
+            row[0].set_ylabel(f"{view.predictions[step].short_name}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
@@ -295,9 +295,3 @@ def _spread(z_m: np.ndarray, wavelength_nm: np.ndarray, medium: Sequence[str]) -
 
 def spaced(text: str) -> str:
     return text.replace("_", " ")
-
-
-def short(text: str) -> str:
-    """A name that fits beside a panel: of many effects their number."""
-    effects = text.count(" + ")
-    return spaced(text) if effects < 2 else f"with {effects} effects"

@@ -16,7 +16,7 @@ from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH,
 SAME_CLASS_SIGMA, SURE_SIGMA = 3.0, 6.0
 
 
-def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bool = False) -> Figure:
+def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, narrow: bool = False) -> Figure:
     """Error of every rung falling towards the noise floor; the last rung rendered afresh."""
     at = np.arange(len(ladder))
     error = np.array([rung.error_percent for rung in ladder], float)
@@ -26,17 +26,18 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bo
     wide = NARROW if narrow else max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder)))
     with figure(wide, 3.2) as fig:
         axis = fig.subplots()
-        axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
-        axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
-        axis.annotate(
-            f"noise floor {noise_floor_percent:.2g} %",
-            (0, noise_floor_percent),
-            (5, 4),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            color=GOOD,
-            fontsize=9.5,
-        )
+        if noise_floor_percent is not None:
+            axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
+            axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
+            axis.annotate(
+                f"noise floor {noise_floor_percent:.2g} %",
+                (0, noise_floor_percent),
+                (5, 4),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                color=GOOD,
+                fontsize=9.5,
+            )
         axis.plot(at, error, color=RENDER, marker="o", markersize=7, label="error of the fit")
         if np.isfinite(held_out).any():
             axis.plot(
@@ -69,8 +70,11 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float, narrow: bo
                     markersize=12,
                     label="rendered afresh",
                 )
-        everything = np.concatenate([error[shown], held_out[np.isfinite(held_out)], [noise_floor_percent]])
-        if everything.max() > 8 * max(everything.min(), 1e-6):
+        floor = [] if noise_floor_percent is None else [noise_floor_percent]
+        everything = np.concatenate([error[shown], held_out[np.isfinite(held_out)], floor])
+        if not everything.size:
+            axis.set_ylim(0, 1)
+        elif everything.max() > 8 * max(everything.min(), 1e-6):
             axis.set_yscale("log")
             axis.set_ylim(0.6 * everything.min(), 1.9 * everything.max())
             plain_log_axis(axis.yaxis)

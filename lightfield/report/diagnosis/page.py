@@ -198,12 +198,12 @@ def _lead(verdict: Verdict) -> list[str]:
     if len(ladder) > 1:
         lines.append(
             f"The error falls from {_optional(first, 2)} % to {_optional(last, 2)} %; "
-            f"the noise floor is {floor:.2g} %."
+            f"the noise floor is {_floor(floor)} %."
         )
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
-        lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {floor:.2g} %.")
-    if last is not None and floor > last:
+        lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
+    if last is not None and floor is not None and floor > last:
         lines.append(
             "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
             "judged, are larger than what is left."
@@ -267,7 +267,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     return {
         "effects": " + ".join(_words(name) for name in each.effects),
         "weight": f"{each.weight:.2f}",
-        "error": _percent(each.error_percent),
+        "error": _optional(each.error_percent),
         "held_out": _optional(each.held_out_percent),
         "values": values,
     }
@@ -287,6 +287,10 @@ def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
 
 def _optional(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else _percent(value, digits)
+
+
+def _floor(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2g}"
 
 
 def _percent(value: float, digits: int = 3) -> str:

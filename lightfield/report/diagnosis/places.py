@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from lightfield.report.diagnosis.figures import MOST_DECADES, NARROW, RED_BLUE, short, steps
+from lightfield.report.diagnosis.figures import MOST_DECADES, NARROW, RED_BLUE, steps
 from lightfield.report.diagnosis.view import ReadingsView
 from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label
 
@@ -32,7 +32,7 @@ def measured_figure(view: ReadingsView, narrow: bool = False) -> Figure:
             axis.set_yscale("log")
             axis.set_xlim(low / 2, 2)
             axis.set_ylim(low / 2, 2)
-            label(axis, "model / largest reading", "", short(name))
+            label(axis, "model / largest reading", "", name)
         fig.axes[0].set_ylabel("measured / largest reading")
         handles, names = fig.axes[0].get_legend_handles_labels()
         fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else 2)
@@ -56,7 +56,7 @@ def place_map(view: ReadingsView, narrow: bool = False) -> Figure:
                 linewidths=0.4,
             )  # fmt: skip
             rms = float(np.sqrt(np.nanmean(residual[~readings.left_out] ** 2)))
-            label(axis, "z (m)", "r (m), from the axis", f"{short(name)}: rms {rms:.1f} σ")
+            label(axis, "z (m)", "r (m), from the axis", f"{name}: rms {rms:.1f} σ")
             axis.margins(0.06, 0.12)
         bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
         bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)

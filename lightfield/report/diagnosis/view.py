@@ -23,10 +23,23 @@ class Prediction:
     label : str
         As in the ladder, for example "+ scattering".
     value : array, shape (n,), unit of the readings
+    effects : int
+        How many effects it has more than the base model.
     """
 
     label: str
     value: Array
+    effects: int = 0
+
+    @property
+    def name(self) -> str:
+        """The label for people."""
+        return self.label.replace("_", " ")
+
+    @property
+    def short_name(self) -> str:
+        """One that fits beside a panel: of many effects their number."""
+        return self.name if self.effects < 2 else f"with {self.effects} effects"
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class JointEstimate:
         Covariance by the readings' own errors.
     modes : array, shape (n_colours, n_parameters, n_shared)
         Errors that all colours share: covariance between colours = modes @ modes^T.
-    beta, beta_stderr : array, shape (n_shared,)
+    beta : array, shape (n_shared,)
     residual : array, shape (n_rows, n_colours)
         y - X theta - H beta; NaN where nothing was read.
     chi2 : float
@@ -45,7 +45,6 @@ class JointEstimate:
     own: Array
     modes: Array
     beta: Array
-    beta_stderr: Array
     residual: Array
     chi2: float
     dof: int
@@ -105,7 +104,7 @@ class Design:
         chi2 = float((self._weight * residual**2).sum() + (self._precision * beta**2).sum())
         told = np.linalg.matrix_rank(self._normal, hermitian=True).sum()
         return JointEstimate(
-            theta, self._own, self._onto @ root, beta, np.sqrt(np.diag(spread)),
+            theta, self._own, self._onto @ root, beta,
             np.where(self.known, residual, np.nan), chi2, int(self.known.sum() - told),
         )  # fmt: skip
 

@@ -79,11 +79,6 @@ class Ratios:
     notes: tuple[Remark, ...] = ()
     published: tuple[tuple[float, float, float], ...] = ()
 
-    @property
-    def on_axis(self) -> bool:
-        """Was everything read on one line along the beam?"""
-        return bool(np.ptp(self.x_m) == 0 and np.ptp(self.y_m) == 0)
-
 
 def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> Ratios:
     """Divide readings in water by those in air, or by what the formula says of a lamp in lossless water.

@@ -103,13 +103,13 @@ class PlaneComparison:
         """Relative error beyond Monte Carlo error in every cell, shape (n_y, n_x)."""
         return excess(self.render, self.stderr, self.formula)
 
-    def smooth_excess(self, width_cells: float = 1.5) -> Array:
+    def smooth_excess(self) -> Array:
         """The same after averaging neighbouring cells (Gaussian), for contours that noise does not tear."""
 
         def mean(values: Array, sigma: float) -> Array:
             return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=6.0))
 
-        known = np.isfinite(self.render)
+        width_cells, known = 1.5, np.isfinite(self.render)
         weight = np.where(known, mean(known.astype(float), width_cells), 1.0)
         # The square of a Gaussian kernel is one of width sigma / sqrt 2 over 4 pi sigma^2.
         narrow = mean(_finite(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)

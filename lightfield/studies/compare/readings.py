@@ -25,7 +25,7 @@ from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution
 from lightfield.diagnosis.verdict.cautions.plausibility import hints
 from lightfield.diagnosis.verdict.compose import estimates, units_in
-from lightfield.diagnosis.verdict.ladder import bright, held_out, percent
+from lightfield.diagnosis.verdict.ladder import bright, held_out, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
@@ -87,9 +87,10 @@ class Statistics:
     adequacy_p : float
         Probability of so large a misfit by chance if nothing is missing.
     error_percent, held_out_percent : float
-        Root mean square of the bright readings; the same for each plane from the others.
+        Root mean square of the bright readings; the same for each plane from the others. NaN: the model is
+        dark, or there is one plane.
     noise_floor_percent : float
-        Where the error would be if only noise were left.
+        Where the error would be if only noise were left; NaN where the model is dark.
     """
 
     chi2: float
@@ -249,7 +250,6 @@ def fit_readings(
         problem, fit = model.problem, model.fit
         adequacy = made.test.on(problem)(fit)
         sigma, lit = np.sqrt(prepared.noise.variance(1.0, 0.0)), bright(problem)
-        floor = float(100 * np.sqrt(np.mean((sigma[lit] / fit.prediction[lit]) ** 2))) if lit.any() else 0.0
         return FitReport(
             model,
             solver,
@@ -258,9 +258,9 @@ def fit_readings(
                 fit.chi2 * made.phi,
                 max(int(problem.keep.sum()) - len(fit.u), 1),
                 adequacy.p,
-                percent(problem, fit.prediction, bright(problem)),
+                percent(problem, fit.prediction, lit),
                 held_out(problem, model.explanation, fit, made.whiten),
-                floor,
+                rms_over(sigma[lit], fit.prediction[lit]),
             ),
             Residuals.of(problem, fit.prediction, sigma),
             budget.assumed,

@@ -36,7 +36,8 @@ class Residuals:
     Parameters
     ----------
     percent, sigma : array, shape (n,)
-        In per cent of the model and in standard errors; 0 sigma where a reading does not count.
+        In per cent of the model, NaN where it is dark, and in standard errors; 0 sigma where a reading does
+        not count.
     where : dict of lists of Where
         By plane, radius, wavelength and time, as far as the readings have them.
     """
@@ -49,7 +50,9 @@ class Residuals:
     def of(cls, problem: Problem, prediction: Array, sigma: Array) -> Residuals:
         """Those of a prediction, for readings with these standard errors, both of shape (n,)."""
         difference = problem.value - prediction
-        percent = 100 * difference / prediction
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            percent = 100 * difference / prediction
+        percent[~np.isfinite(percent)] = np.nan
         in_sigma = np.where(problem.keep > 0, difference / sigma, 0.0)
         return cls(percent, in_sigma, _where(problem, percent, in_sigma))
 
@@ -65,12 +68,14 @@ def _where(problem: Problem, per_cent: Array, in_sigma: Array) -> dict[str, list
                 continue
             s = in_sigma[kept]
             p = per_cent[lit] if lit.any() else np.array([np.nan])
+            with np.errstate(over="ignore"):  # of next to no light
+                rms = float(np.sqrt((p**2).mean()))
             rows.append(
                 Where(
                     label,
                     int(kept.sum()),
                     float(p.mean()),
-                    float(np.sqrt((p**2).mean())),
+                    rms if np.isfinite(rms) else float("nan"),
                     float(s.sum() / np.sqrt(len(s))),
                     float(np.sqrt((s**2).mean())),
                 )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import jsonable
 from lightfield.studies.compare.readings import FitReport, correlations
 
 
@@ -30,8 +31,9 @@ def as_text(report: FitReport) -> str:
         + ("" if model.fit.converged else " (not converged)"),
         f"    chi-square        = {statistics.chi2:.4g}",
         f"    chi-square / dof  = {statistics.chi2_per_dof:.3f}",
-        f"    error             = {statistics.error_percent:.2f} %  (rms, above 5 % of the plane's maximum)",
-        f"    held out          = {statistics.held_out_percent:.2f} %  (each plane from the others)",
+        f"    error             = {_in_percent(statistics.error_percent)}  (rms, above 5 % of the plane's "
+        "maximum)",
+        f"    held out          = {_in_percent(statistics.held_out_percent)}  (each plane from the others)",
         f"    adequacy p        = {statistics.adequacy_p:.3f}  (is anything missing? small: yes)",
         "[[Parameters]]",
     ]
@@ -59,10 +61,14 @@ def as_text(report: FitReport) -> str:
     return "\n".join([*lines, *report.notes])
 
 
+def _in_percent(value: float) -> str:
+    return f"{value:.2f} %" if np.isfinite(value) else "-"
+
+
 def as_data(report: FitReport) -> dict[str, Any]:
     """The report as plain data."""
     model, statistics = report.model, report.statistics
-    return {
+    data = {
         "effects": model.effects,
         "forms": [c.form.name for c in model.explanation],
         "solver": report.solver,
@@ -79,3 +85,4 @@ def as_data(report: FitReport) -> dict[str, Any]:
         "cautions": [c.model_dump(mode="json") for c in report.cautions],
         "scene": model.scene.to_toml(),
     }
+    return {name: jsonable(value) for name, value in data.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import asdict, dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,13 @@ RIVAL_STARTS = 32
 SHOWN = 12
 
 
+class Lost(str, Enum):
+    """What a stretch of readings lacks; its words are its name for programs."""
+
+    LIGHT = "light lost"
+    BELIEF = "another light"
+
+
 @dataclass(frozen=True)
 class Loss:
     """A stretch without light, or with light that is not the one believed in.
@@ -32,7 +40,7 @@ class Loss:
     ----------
     from_s, to_s : float, s
         Its first and last reading.
-    why : str
+    why : Lost
     sigma_m : (float, float) or None
         Error along the beam that the filter states before and at its end; None without a filter.
     found_s : float or None
@@ -41,7 +49,7 @@ class Loss:
 
     from_s: float
     to_s: float
-    why: str
+    why: Lost
     sigma_m: tuple[float, float] | None
     found_s: float | None
 
@@ -52,7 +60,7 @@ class Loss:
             grown = "; meanwhile the filter's error along the beam goes from {:.3f} to {:.3f} m".format(
                 *self.sigma_m
             )
-        return f"{self.why} from {self.from_s:.2f} to {self.to_s:.2f} s{grown}; {found}"
+        return f"{self.why.value} from {self.from_s:.2f} to {self.to_s:.2f} s{grown}; {found}"
 
 
 @dataclass(frozen=True)
@@ -107,14 +115,14 @@ class Poses:
         dark = [one.lost for one in self.estimates]
         strange = [not one.lost and one.probability < DOUBTFUL for one in self.estimates]
         found = []
-        for flags, least, why in ((dark, 1, "light lost"), (strange, IN_A_ROW, "another light")):
+        for flags, least, why in ((dark, 1, Lost.LIGHT), (strange, IN_A_ROW, Lost.BELIEF)):
             edges = np.flatnonzero(np.diff([False, *flags, False]))
             for first, after in zip(edges[::2], edges[1::2], strict=True):
                 if after - first >= least:
                     found.append(self._loss(int(first), int(after), why))
         return sorted(found, key=lambda one: one.from_s)
 
-    def _loss(self, first: int, after: int, why: str) -> Loss:
+    def _loss(self, first: int, after: int, why: Lost) -> Loss:
         good = (k for k in range(after, len(self.estimates)) if self.estimates[k].fits)
         again, sigma = next(good, None), None
         if self.tracked is not None and first > 0:

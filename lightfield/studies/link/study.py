@@ -103,9 +103,9 @@ class Receiver:
         one, zero = (np.sqrt(self._variance(i, B)) for i in (mark, 0.0 * mark))
         return np.asarray(mark * eye / (one + zero))
 
-    def error_rate(self, power_w: Array, eye: Array | float = 1.0) -> Array:
+    def error_rate(self, power_w: Array) -> Array:
         """Errors per bit."""
-        return np.asarray(0.5 * erfc(self.q(power_w, eye) / np.sqrt(2)))
+        return np.asarray(0.5 * erfc(self.q(power_w) / np.sqrt(2)))
 
     @property
     def needed_q(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,12 +61,12 @@ def rows(found: Link) -> list[list[str]]:
     return table
 
 
-def bandwidth_sentence(found: Link, distances: Sequence[float] = (10.0, 20.0, 40.0)) -> str:
+def bandwidth_sentence(found: Link) -> str:
     """Bandwidth of the water by the traced paths in the scene's water."""
     data = found.dataset.isel(water=0)
     z = data.z_m.values
     parts = []
-    for far in distances:
+    for far in (10.0, 20.0, 40.0):
         if z[0] <= far <= z[-1]:
             at, error = (
                 float(np.interp(far, z, data[name].values)) / 1e6

@@ -151,9 +151,9 @@ def place_error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:
     return float(error(z_m)) / abs(float(curve(z_m, 1))) if np.isfinite(z_m) else float("nan")
 
 
-def last_place(curve: CubicSpline, level: float, fine: Array, falling: bool) -> float:
-    """Where a curve first leaves the good side of a level; infinite if never, NaN if it never was there."""
-    beyond = curve(fine) < level if falling else curve(fine) > level
+def last_place(curve: CubicSpline, level: float, fine: Array) -> float:
+    """Where a curve first falls below a level; infinite if never, NaN if it begins there."""
+    beyond = curve(fine) < level
     if not beyond.any():
         return float("inf")
     k = int(np.argmax(beyond))

@@ -183,9 +183,9 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     light, formula = curve("light"), curve("formula")
     rules: list[Reach] = []
     for name, level in (("light", share), ("signal", snr * noise)):
-        at = last_place(light, np.log(level), fine, falling=True)
+        at = last_place(light, np.log(level), fine)
         stderr = place_error(error, light, at)
-        rules.append(Reach(name, at, stderr, last_place(formula, np.log(level), fine, falling=True)))
+        rules.append(Reach(name, at, stderr, last_place(formula, np.log(level), fine)))
     return (*rules, *pose_reaches(data, fine))
 
 

@@ -19,11 +19,14 @@ from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
 
 def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, ties: bool = False) -> Layout:
-    """Readings at random places in random order; with ties some share a moment."""
+    """Readings at random places in random order; with ties some share a moment, and its place."""
     channel, time = rng.integers(0, channels, n), rng.permutation(n).astype(float)
     time = np.unique(np.floor(0.7 * time) if ties else time, return_inverse=True)[1].astype(float)
+    places, air = rng.normal(0, 1, (3, n)), rng.random(n) < 0.3
+    if ties:
+        places, air = places[:, time.astype(int)], air[time.astype(int)]
     return Layout(
-        *rng.normal(0, 1, (3, n)), time, np.where(channel, 500.0, 600.0), rng.random(n) < 0.3, channel,
+        *places, time, np.where(channel, 500.0, 600.0), air, channel,
         rng.integers(0, 4, n), rng.integers(0, stays, n), np.lexsort((time, channel)), time,
     )  # fmt: skip
 

@@ -22,8 +22,9 @@ from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
-from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent
-from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Reason
+from lightfield.diagnosis.verdict.found import left, rest
+from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
 from lightfield.diagnosis.verdict.text import as_text
 from lightfield.diagnosis.verdict.trust import Trust
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -31,6 +32,8 @@ from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
 from lightfield.report.diagnosis.ladder import ladder_figure
+from lightfield.report.diagnosis.page import _lead
+from lightfield.report.plots import plot_ladder
 
 TOLERANCE = 0.003
 climb_of = climb
@@ -145,6 +148,74 @@ def test_a_dark_model_has_no_error_in_per_cent(case: Case) -> None:
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         assert np.isnan(percent(case.problem, model, bright(case.problem)))
         assert percent(case.problem, case.problem.value, bright(case.problem)) == 0
+
+
+def nothing_but_numbers(verdict: Verdict) -> None:
+    """What is no number is null, in the file and as plain data, and reads back."""
+    for text in (verdict.model_dump_json(), json.dumps(verdict.model_dump(mode="json"), allow_nan=False)):
+        assert "NaN" not in text and "Infinity" not in text
+    read_back(verdict)
+
+
+def test_an_explanation_that_is_dark_has_no_error_in_per_cent_and_leaves_no_floor(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, tilt = dark(case), case.tried["beam_tilt"]
+
+    def climbed(*given: Any, **more: Any) -> list[Step]:
+        base, last = climb(*given, **more)
+        return [base, replace(last, fit=replace(last.fit, prediction=model), error_percent=np.nan)]
+
+    monkeypatch.setattr(sys.modules[__name__], "climb_of", climbed)
+    unlit = replace(tilt, fit=replace(tilt.fit, prediction=model))
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        verdict = case.verdict(case.finding(1, unlit, weights=[0.99]))
+    (explanation,) = verdict.explanations
+    assert explanation.error_percent is None and verdict.noise_floor_percent is None
+    assert [rung.error_percent is None for rung in verdict.ladder] == [False, True]
+    nothing_but_numbers(verdict)
+    assert as_text(verdict).splitlines()[5].split() == ["noise", "floor", "-"]
+    assert not any("nan" in line for line in (as_text(verdict), *_lead(verdict)))
+    ladder_figure(verdict.ladder, verdict.noise_floor_percent).canvas.draw()
+    assert len(plot_ladder(None, verdict.ladder, None).lines) == 1
+
+
+def test_without_any_light_in_the_readings_there_is_no_floor(case: Case) -> None:
+    """The brightest reading of every plane is zero: none is bright, and nothing is a part of nothing."""
+    n = case.problem.layout.size
+    unlit = replace(case.problem, value=np.zeros(n))
+    assert not bright(unlit).any()
+    steps = climb(case.problem, (), case.level.bench.whiten, [case.level.base], 1.0, with_held_out=False)
+    trust = Trust(None, np.zeros(n), np.zeros(n, bool), Doubt(reason=DoubtReason.NOTHING_BRIGHT))
+    prepared = replace(case.prepared, problem=unlit)
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        assert np.isnan(percent(unlit, np.zeros(n), bright(unlit)))
+        assert np.isnan(rms_over(np.zeros(0), np.zeros(0)))
+        verdict = verdict_of(
+            Found(case.forward, case.table, prepared, case.finding(0), steps, UNTESTABLE, trust), False
+        )
+    assert verdict.noise_floor_percent is None
+    nothing_but_numbers(verdict)
+    only = [verdict.ladder[0].model_copy(update={"error_percent": None})]
+    ladder_figure(only, None).canvas.draw()
+    plot_ladder(None, only, None).figure.canvas.draw()
+
+
+def test_a_rest_beside_a_dark_model_has_no_error_and_only_readings_over_light(case: Case) -> None:
+    told = LeftOver(
+        name="shadow", formula="1 - depth", stage="path", coordinate="x", beside=[], parameters={},
+        removed_percent=90.0, error_percent=None, adequate=False, at=[0.0], factor=[0.5], stderr=[0.1],
+    )  # fmt: skip
+    assert LeftOver.model_validate(json.loads(told.model_dump_json())) == told
+    said = rest.sentences([told], None)
+    assert said.startswith("A shadow describes 90 % of what is left (). It says where the rest is, not what.")
+    model, lit = dark(case), bright(case.problem)
+    fit = SimpleNamespace(
+        values={}, model=SimpleNamespace(parameters=(), forward=SimpleNamespace(predict=lambda values: model))
+    )
+    with np.errstate(divide="raise", invalid="raise", over="ignore"):
+        along, over = left._read(case.problem, case.table, cast(Any, fit), "dip_in_x")
+    assert len(along) == len(over) == int((lit & (model > 0)).sum()) < int(lit.sum())
 
 
 def test_a_rung_whose_model_is_dark_says_so(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:

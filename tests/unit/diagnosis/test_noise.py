@@ -73,6 +73,32 @@ def test_an_assumed_plane_gain_needs_a_stay() -> None:
         assert (stays > 1).all() == wide
 
 
+def test_bands_of_one_moment_share_the_error_of_their_place() -> None:
+    """Of a spectrometer on a stage that stands off by so much at every place: the readings' covariance is
+    that of many such tables. Of one band, or without times, no two readings share any."""
+    rng, per_m = np.random.default_rng(3), np.array([2.0, 5.0, 0.5])  # slope of each band
+    x, wavelength = np.repeat(np.linspace(-0.5, 0.5, 4), 3), np.tile([450.0, 520.0, 600.0], 4)
+    slope, stage_m = np.tile(per_m, 4), 0.002
+
+    def covariance(wavelengths: np.ndarray, time: np.ndarray) -> np.ndarray:
+        zero = np.zeros(12)
+        lay = layout_of(
+            SimpleNamespace(
+                x_m=x, y_m=zero, z_m=zero + 4.5, time_s=time, wavelength_nm=wavelengths,
+                medium=np.full(12, "water"), visit=zero + np.nan,
+            )
+        )  # fmt: skip
+        return Noise(lay, zero + 0.01, zero, Budget(0.0, stage_m, 0.0), slope).extra(0.0)
+
+    drawn = np.repeat(stage_m * rng.standard_normal((20_000, 4)), 3, axis=1) * slope
+    moments = np.repeat(np.arange(4) * 20.0, 3)
+    size = stage_m * np.outer(slope, slope) * stage_m
+    np.testing.assert_allclose(covariance(wavelength, moments) / size, np.cov(drawn.T) / size, atol=0.04)
+    alone = np.diag((stage_m * slope) ** 2)
+    np.testing.assert_allclose(covariance(wavelength, np.full(12, np.nan)), alone)
+    np.testing.assert_allclose(covariance(np.full(12, 520.0), np.arange(12.0)), alone)
+
+
 def correlated(rho: float, n: int, rng: np.random.Generator) -> np.ndarray:
     noise = rng.standard_normal(n)
     for i in range(1, n):
@@ -232,3 +258,14 @@ def test_a_model_without_any_light_has_the_errors_of_the_dark() -> None:
     assert sigma.max() <= 0.3
     assert np.ptp(sigma) == 0
     assert np.all(np.isfinite(smooth_stderr(np.full(60, np.nan), dark, channel)))
+
+
+def test_next_to_no_light_is_none() -> None:
+    """Of 1e-200 the square of an error over it would be no number: the same errors as of no light at all."""
+    quoted, channel = np.tile([0.1, 0.2, 0.3], 20), np.zeros(60, int)
+    faint = np.linspace(0, 1e-200, 60)
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        sigma = smooth_stderr(quoted, faint, channel)
+        law = scatter_law(quoted, np.ones((60, 1)), np.ones(60), quoted, faint, 10.0)
+    assert law is None
+    np.testing.assert_allclose(sigma, smooth_stderr(quoted, 0 * faint, channel))

@@ -45,3 +45,20 @@ def test_an_error_budget_states_the_errors_that_there_are() -> None:
     budget = Instrument(plane_gain=0.003, position_m=0.002).stated(table).budget
     assert (budget.plane_gain_percent, budget.position_mm) == (pytest.approx(0.3), pytest.approx(2.0))
     assert Instrument().stated(table).budget == table.budget
+
+
+def test_a_displaced_reading_moves_by_its_direct_light() -> None:
+    """Nine tenths of the light are scattered, and vary over longer ways: a stage that is off moves a reading
+    by a tenth of what it does in clear water."""
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "detector": {"planes_m": [1.5], "width_m": 0.8}})
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    direct = direct_field(scene, table.x_m, table.y_m, table.z_m)
+
+    def read(light: np.ndarray, position_m: float) -> np.ndarray:
+        instrument = Instrument(noise=1e-9, position_m=position_m)
+        readings, clean = measure(scene, table, LightAtReadings(light), instrument, np.random.default_rng(1))
+        return readings.value / clean
+
+    clear, murky = (read(light, 0.001) - read(light, 1e-12) for light in (direct, 10 * direct))
+    assert np.abs(clear).max() > 0.003
+    np.testing.assert_allclose(murky, 0.1 * clear, atol=1e-5)

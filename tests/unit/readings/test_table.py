@@ -77,7 +77,7 @@ def test_every_part_of_the_format_arrives(load):
     assert len(readings) == 2
     assert readings.quantity == "irradiance" and readings.scale == "relative"
     assert readings.budget == ErrorBudget(plane_gain_percent=0.2, position_mm=1.0, saturation_level=65535)
-    assert readings.budget.missing == ("tolerance_percent", "outlier_percent")
+    assert (readings.budget.tolerance_percent, readings.budget.outlier_percent) == (None, None)
     assert readings.metadata == {"operator": "A. B.", "lamp": {"age_h": 12}}
     assert readings.medium.tolist() == ["water", "air"]
     assert readings.stderr[0] == 0.004 and np.isnan(readings.stderr[1])

@@ -301,6 +301,19 @@ def test_the_beam_ends_at_the_walls():
     assert (box.y0, box.y1) == pytest.approx((-TANK.width_m / 2, TANK.width_m / 2))
 
 
+@pytest.mark.parametrize(
+    ("label", "effects", "short"),
+    [
+        ("base", 0, "base"),
+        ("base + beam_tilt", 1, "base + beam tilt"),
+        ("base - background", 0, "base - background"),
+        ("base + beam_tilt + scattering", 2, "with 2 effects"),
+    ],
+)
+def test_a_model_of_many_effects_is_called_by_their_number(label: str, effects: int, short: str) -> None:
+    assert Prediction(label, np.zeros(3), effects).short_name == short
+
+
 def test_a_floor_above_the_error_is_explained() -> None:
     rung = Rung.model_construct(error_percent=2.6)
     for floor, said in ((12.0, True), (0.4, False)):

@@ -16,8 +16,12 @@ def test_distances_that_are_drawn_are_those_of_fits_to_the_end() -> None:
     """To two digits, or to where nobody would see it."""
     table, believed = analytic_readings.readings({"detector.background": 0.02}, seed=3)
     found = diagnose(table, believed, only=["background", "beam_skirt", "beam_shape"])
-    drawn = view_of(found).separation
+    seen = view_of(found)
+    drawn = seen.separation
     assert isinstance(drawn, Separation) and len(drawn.names) > 1
+    # A prediction counts the effects that its label adds.
+    for one in seen.predictions:
+        assert one.effects == sum(word == "+" for word in one.label.split())
     finding, problem = found.finding, found.prepared.problem
     by_name = {" + ".join(tried.names): tried for tried in [*finding.tried, *finding.accepted]}
     chosen = [by_name[name] for name in drawn.names]

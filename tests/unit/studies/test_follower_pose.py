@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.rivals import rivals
 from lightfield.studies.follower.search import box_of
-from lightfield.studies.follower.sequence import poses_of
+from lightfield.studies.follower.sequence import Lost, poses_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracker
 
@@ -161,12 +162,14 @@ def test_what_light_loss_looks_like(tmp_path: Path) -> None:
     readings[14:18, :13] *= 1.5  # half of the array sees a second lamp
     found = poses_of(written(tmp_path / "way.csv", readings, times), SCENE, SPACE, filtered=True, photons=0)
     dark, strange = found.losses
-    assert (dark.why, strange.why) == ("light lost", "another light")
+    assert (dark.why, strange.why) == (Lost.LIGHT, Lost.BELIEF)
     np.testing.assert_allclose([dark.from_s, dark.to_s, dark.found_s], [0.8, 1.0, 1.1])
     np.testing.assert_allclose([strange.from_s, strange.to_s, strange.found_s], [1.4, 1.7, 1.8])
     assert dark.sigma_m is not None and dark.sigma_m[1] > 1.1 * dark.sigma_m[0]
     assert "light lost from 0.80 to 1.00 s" in found.as_text() and "found again at 1.10 s" in found.as_text()
     assert found.as_data()["losses"][0]["why"] == "light lost"
+    assert '"why": "light lost"' in json.dumps(found.as_data()["losses"])
+    assert dark.as_text().startswith("light lost from ")
 
 
 def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -> Path:

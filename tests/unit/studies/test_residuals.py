@@ -1,14 +1,28 @@
-"""Residuals are told by plane where there are planes, else by bins of distance."""
+"""Residuals by plane where there are planes, else by bins of distance; a dark model has none in per cent."""
 
 from __future__ import annotations
 
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from analytic_readings import readings
 
+from lightfield.api.light.compare import Fit
+from lightfield.diagnosis import ledger
+from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.report.compare.readings_page import readings_page
+from lightfield.studies.compare import readings as fitting
+from lightfield.studies.compare.readings import FitReport, fit_readings
 from lightfield.studies.compare.residuals import MOST_PLANES, _groups
+from lightfield.studies.compare.text import as_data, as_text
+
+refitted = fitting._refit
 
 
 def problem(z_m: np.ndarray) -> Any:
@@ -34,3 +48,41 @@ def test_single_places_are_told_in_bins_that_hold_each_reading_once(count):
     members = np.array([rows for _, rows in told["distance"]])
     assert (members.sum(axis=0) == 1).all()
     assert members.sum(axis=1).min() >= count // 5 - 1
+
+
+@pytest.fixture(scope="module")
+def unlit() -> FitReport:
+    """What is reported of a model that is dark beside the axis, and of next to no light on it."""
+    table, scene = readings({}, seed=3)
+    with pytest.MonkeyPatch.context() as patch:
+
+        def darkened(*given: Any) -> Any:
+            refit, *rest = refitted(*given)
+            dark = np.where(np.abs(table.x_m) > 0.05, 0.0, 1e-300)
+            return replace(refit, fit=replace(refit.fit, prediction=dark)), *rest
+
+        patch.setattr(fitting, "_refit", darkened)
+        patch.setattr(fitting, "held_out", lambda p, *given: percent(p, 0 * p.value, bright(p)))
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            return fit_readings(table, scene, diffuse=None)
+
+
+def test_a_dark_model_has_no_errors_in_per_cent_and_is_told_as_valid_json(unlit: FitReport) -> None:
+    left = unlit.residuals
+    assert np.isnan(left.percent[unlit.model.fit.prediction == 0]).all() and np.isfinite(left.sigma).all()
+    of_groups = [row.rms_percent for rows in left.where.values() for row in rows]
+    assert of_groups and not np.isinf([*left.percent, *of_groups]).any()
+    data = json.loads(json.dumps(as_data(unlit), allow_nan=False))
+    assert data["error_percent"] is None and data["noise_floor_percent"] is None
+    assert None in data["residual_percent"]
+    assert "nan" not in as_text(unlit) and "inf" not in as_text(unlit)
+    assert Fit(unlit).headline.startswith("base is dark where the readings are bright, chi-square")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_and_the_ledger_of_a_dark_model_have_dashes(unlit: FitReport, tmp_path: Path) -> None:
+    unlit.save(tmp_path)
+    (line,) = (tmp_path / ledger.NAME).read_text(encoding="utf-8").splitlines()
+    assert "NaN" not in line and json.loads(line)["error_percent"] is None
+    page = readings_page(unlit, ledger.entries(tmp_path), "dark")
+    assert "base: error – %, noise floor – %." in page and "nan" not in re.sub("<svg.*?</svg>", "", page)

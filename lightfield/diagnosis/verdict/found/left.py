@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.noise import Whitener
@@ -155,7 +155,7 @@ def _record(
     return LeftOver(
         name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
         beside=sorted(n for n in node.names if n != name), parameters=mine, removed_percent=min(share, 100.0),
-        error_percent=percent(problem, fit.prediction, bright(problem)),
+        error_percent=finite(percent(problem, fit.prediction, bright(problem))),
         adequate=bool(pool.ground.test(fit).passes(ALPHA)),
         at=(at * _UNIT.get(ALONG[name], 1.0)).tolist(), factor=factor.tolist(), stderr=stderr.tolist(),
         read_at=(read_at * _UNIT.get(ALONG[name], 1.0)).tolist(), read=read.tolist(),
@@ -165,7 +165,7 @@ def _record(
 def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Array, Array]:
     """Where along its coordinate an unknown acts on bright readings, and these over the model without it."""
     values, without = fit.values, without_it(fit, name)
-    shown = np.asarray(bright(problem), bool)
+    shown = np.asarray(bright(problem), bool) & (without > 0)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     along = {"x": x, "y": y, "time": t, "angle": np.degrees(np.arctan2(np.hypot(x, y), z))}[ALONG[name]]
     if name == "plume":  # it shades what passes through it: drawn at the farthest plane

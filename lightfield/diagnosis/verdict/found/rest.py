@@ -32,10 +32,10 @@ def _described(one: LeftOver) -> str:
     values = ", ".join(_value(name, estimate) for name, estimate in one.parameters.items())
     enough = ", and nothing more is missing" if one.adequate else ""
     beside = f" beside {join(one.beside)}" if one.beside else ""
+    error = "" if one.error_percent is None else f": the error would be {one.error_percent:.2g} %"
     return (
         f"A {one.name.replace('_', ' ')}{beside} describes {one.removed_percent:.0f} % of what is left "
-        f"({values}): the error would be {one.error_percent:.2g} %{enough}. It says where the rest is, "
-        "not what."
+        f"({values}){error}{enough}. It says where the rest is, not what."
     )
 
 

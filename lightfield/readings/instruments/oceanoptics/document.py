@@ -213,7 +213,6 @@ def spectrum(
         date=date[1] if date else "",
         electric_dark_corrected=labels.flag(header, "electric_dark"),
         nonlinearity_corrected=labels.flag(header, "nonlinearity"),
-        stray_light_corrected=labels.flag(header, "stray_light"),
         notes=tuple(notes),
         **more,
     )

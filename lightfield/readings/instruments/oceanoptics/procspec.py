@@ -85,7 +85,6 @@ def read(data: bytes, where: str) -> Spectrum:
         date=_date(moment),
         electric_dark_corrected=_flag(said.get("correctForElectricalDark")),
         nonlinearity_corrected=_flag(said.get("correctForNonLinearity")),
-        stray_light_corrected=_flag(said.get("correctForStrayLight")),
         notes=(Oddity(Odd.CALLED_SATURATED),) if said.get("saturated") == "true" else (),
     )
 

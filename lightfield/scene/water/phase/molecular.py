@@ -71,10 +71,11 @@ class ParticlesAndMolecules(PhaseFunction):
         return (1 - self.share) * self.particles.mean_cosine()
 
 
-def forward_weight(particles: PhaseFunction, within_rad: float = math.radians(30.0)) -> float:
+def forward_weight(particles: PhaseFunction) -> float:
     """How much of the light that a beam's readings see molecules bring, beside as much particle scattering.
 
     The ratio of what both turn by less than 30 degrees: 0.10 at g = 0.924. Exact single scattering of beams
     of 2 to 12 degrees, on their axes, has 0.06 to 0.16.
     """
+    within_rad = math.radians(30.0)
     return float(Molecular().cdf(within_rad) / particles.cdf(within_rad))

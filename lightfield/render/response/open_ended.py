@@ -1,0 +1,75 @@
+"""Rows of a tally that hold every number of scatterings from some on, in water that scatters more or less.
+
+Given the length of a path, the number of scatterings is close to a Poisson number. Averaged over n >= N the
+factor (b / b_0)^n is
+
+    e^{(b - b_0) l} P(n >= N; b l) / P(n >= N; b_0 l),    l = r + e
+
+with the straight line r to the cell and the path in excess of it e. To a far cell it is another than to a
+near one: light that was reflected is told apart by a few scatterings only, and most of it is in these rows.
+"""
+
+from __future__ import annotations
+
+from math import ceil, log
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammainc
+
+from lightfield.arrays import Array
+
+#: Factor from one length to the next at which the chances are worked out; between them the logarithm of their
+#: quotient is taken to be straight, right to 0.3 % at worst (tests/unit/render/test_open_ended.py).
+STEP = 1.05
+#: Lines shorter than this, m, or than this part of the longest are taken to be as long: on them nothing is
+#: scattered often.
+SHORTEST_M, _FARTHEST = 1e-2, 50.0
+#: A smaller chance has no logarithm to go by.
+_NEVER = 1e-200
+
+
+class Lengths(NamedTuple):
+    """Straight lines to cells, between a few lengths.
+
+    Parameters
+    ----------
+    nodes : array, shape (n_nodes,), m
+    below : array of int, shape (n_cells,)
+        The node below each.
+    part : array, shape (n_cells,)
+        How far it lies towards the next one.
+    """
+
+    nodes: Array
+    below: NDArray[np.integer[Any]]
+    part: Array
+
+    @classmethod
+    def of(cls, straight_m: Array) -> Lengths:
+        """Of straight lines, shape (n_cells,)."""
+        high = max(float(straight_m.max()), SHORTEST_M)
+        low = max(float(straight_m.min()), high / _FARTHEST, SHORTEST_M)
+        count = 2 + ceil(log(high / low) / log(STEP))
+        nodes = low * STEP ** np.arange(count)
+        length = np.maximum(straight_m, low)
+        below = np.clip(np.searchsorted(nodes, length, side="right") - 1, 0, count - 2)
+        return cls(nodes, below, (length - nodes[below]) / (nodes[below + 1] - nodes[below]))
+
+    def chances(self, n: NDArray[np.integer[Any]], excess_m: Array, b: Array, before: float) -> Array:
+        """P(n >= N; b l) / P(n >= N; b_0 l), shape (n_waters, n_rows, n_cells).
+
+        Parameters
+        ----------
+        n : array of int, shape (n_rows,)
+        excess_m : array, shape (n_rows,), m
+        b : array, shape (n_waters,), m^-1
+        before : float, m^-1
+            Of the trace, above zero.
+        """
+        length = excess_m[:, None] + self.nodes
+        now = gammainc(n[:, None], b[:, None, None] * length)
+        quotient = np.log(np.maximum(now, _NEVER) / gammainc(n[:, None], before * length))
+        here, there = quotient[..., self.below], quotient[..., self.below + 1]
+        return np.asarray(np.exp(here + self.part * (there - here)))
