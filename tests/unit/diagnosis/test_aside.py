@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 from scipy import stats
+from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.adequacy import aside
 from lightfield.diagnosis.adequacy.aside import LEVEL, structure
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 
 RATE = 0.02
@@ -167,3 +170,26 @@ def test_places_at_random_are_rarely_a_structure(monkeypatch) -> None:
 @pytest.mark.slow
 def test_places_at_random_are_called_a_structure_at_the_stated_level() -> None:
     assert _alarms(3000) <= stats.binom.isf(0.001, 3000, LEVEL)
+
+
+def test_a_reading_that_the_fit_meets_is_not_set_aside(monkeypatch) -> None:
+    """A rich model that a slip leads astray calls the slip's neighbour an outlier, too: it is taken back, and
+    the fit is that of all readings but the slip."""
+    lay = layout(5, 24)
+    toy = Toy.of([candidate("odd")], {"odd": waves(lay)["odd"]}, lay)
+    problem = toy.drawn(np.random.default_rng(1))
+    slip, neighbour = 40, 41
+    value = problem.value.copy()
+    value[slip] += 20 * toy.sigma[slip]
+    value[neighbour] = toy.base[neighbour]
+    problem = toy.with_value(value)
+    both = np.isin(np.arange(lay.size), [slip, neighbour])
+    monkeypatch.setattr(preparation, "outliers", lambda residual, basis, keep: both & (keep > 0))
+    prepared = preparation.prepare_problem(
+        problem, toy.sigma, Budget(0.0, 0.0, 0.0), np.random.default_rng(0)
+    )
+    assert np.flatnonzero(prepared.problem.keep == 0).tolist() == [slip]
+    own = np.stack([problem.forward.columns[path] for path in ("level", "slope")]) / toy.sigma
+    rest = np.delete(own, slip, axis=1).T, np.delete(value / toy.sigma, slip)
+    found = np.linalg.lstsq(*rest, rcond=None)[0]
+    np.testing.assert_allclose(prepared.reference.u, found, atol=0.2 * toy.sigma.min())
