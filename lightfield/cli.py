@@ -143,6 +143,9 @@ def _raise(number: int, frame: FrameType | None) -> None:
         _again_soon(number)
         return
     _stops.append(number)
+    from lightfield.progress import stopped  # known to every command that works
+
+    stopped.set()
     raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(_ENDS[number][1])
 
 

@@ -6,10 +6,13 @@ the functions between need not hand it on; where nobody listens, nothing is told
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+#: Set by who stops the work: while it is cleared away nobody asks how far it was.
+stopped = threading.Event()
 #: Takes words, and what part of the work is done, 0 to 1.
 Listener = Callable[[str, float], None]
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)

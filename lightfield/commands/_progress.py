@@ -12,7 +12,7 @@ from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColum
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
-from lightfield.progress import duration, heard_by
+from lightfield.progress import duration, heard_by, stopped
 
 #: Seconds between two lines; what is done before the first says nothing.
 EVERY_S = 10.0
@@ -30,13 +30,14 @@ def status_lines(name: str, every_s: float = EVERY_S) -> Iterator[Callable[[str,
         Takes what has been done in words, and what part of all it is, 0 to 1.
     """
     began, over = time.monotonic(), threading.Event()
+    stopped.clear()
     said: list[tuple[str, float]] = [("", 0.0)]
 
     def note(words: str, done: float) -> None:
         said[0] = words, done
 
     def speak() -> None:
-        while not over.wait(every_s):
+        while not over.wait(every_s) and not stopped.is_set():
             words, done = said[0]
             told = "; ".join(filter(None, (words, times(time.monotonic() - began, done))))
             print(f"{name}: {told}", file=sys.stderr, flush=True)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, Labels, layout_of
-from lightfield.diagnosis.problem.noise import MAD_TO_SIGMA
+from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA
 from lightfield.readings import Readings
 
 #: Visits of one place from which a gain error can be told from the readings' own errors.

@@ -10,8 +10,9 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.problem.candidates import Setting, candidates
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
-from lightfield.diagnosis.problem.noise import ASSUMED_FLOOR, ASSUMED_RELATIVE, Budget, errors_stated
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, errors_stated
 from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import FitError

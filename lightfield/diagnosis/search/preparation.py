@@ -31,8 +31,9 @@ from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, AdequacyTest
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
-from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener, errors_stated, smooth_stderr
+from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.quoted import errors_stated, smooth_stderr
 from lightfield.diagnosis.search.description import describe
 from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.search import Fitted

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS, layout_of
-from lightfield.diagnosis.problem.noise import ASSUMED_RELATIVE
+from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.field import direct_field, time_factor

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 
 import pytest
 
 from lightfield import cli
+from lightfield.commands._progress import status_lines
 
 
 class HalfMade:
@@ -26,3 +28,21 @@ def test_objects_complain_only_while_nothing_was_stopped(
     thing = HalfMade()
     del thing
     assert ("was never set" in capsys.readouterr().err) == (not stops)
+
+
+def test_how_far_it_is_is_told_only_while_nothing_was_stopped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Workers may take ten seconds to end: lines come while the work goes on, and none after a stop."""
+    monkeypatch.setattr(cli, "_stops", [])
+    with status_lines("sweep", every_s=0.01):
+        deadline = time.monotonic() + 10.0
+        while not capsys.readouterr().err and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert time.monotonic() < deadline
+        with pytest.raises(KeyboardInterrupt):
+            cli._raise(signal.SIGINT, None)
+        time.sleep(0.05)  # a line may be under way
+        capsys.readouterr()
+        time.sleep(0.2)
+        assert capsys.readouterr().err == ""

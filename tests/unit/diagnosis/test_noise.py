@@ -16,7 +16,8 @@ from lightfield.diagnosis.adequacy.robust import (
     unstated_error,
 )
 from lightfield.diagnosis.problem.layout import layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener, smooth_stderr
+from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.quoted import smooth_stderr
 
 RNG = np.random.default_rng(5)
 
