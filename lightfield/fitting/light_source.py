@@ -17,6 +17,7 @@ from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
+from lightfield.render.diffuse.followed import field_at
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, neutral, paths_on
@@ -27,6 +28,7 @@ from lightfield.scene.water.coefficients import scattering_per_m
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from lightfield.formula.scattered.field import ScatteredField
     from lightfield.scene.water.water import Water
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
@@ -339,6 +341,11 @@ class LightSource:
             whole, rows = self.part_of
             return whole.diffuse.some(rows)
         return self.traced
+
+    @cached_property
+    def field(self) -> ScatteredField:
+        """Scattered light at the readings as far as it is known without photons."""
+        return field_at((self.readings.x_m, self.readings.y_m, self.readings.z_m))
 
     @cached_property
     def traced(self) -> TracedDiffuse:

@@ -73,7 +73,7 @@ def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Probl
     forward, r = problem.forward, problem.forward.readings
     before = forward.light.diffuse
     response = before.response if isinstance(before, FollowedLight) else before
-    field = before.field if isinstance(before, FollowedLight) else None
+    field = before.field if isinstance(before, FollowedLight) else forward.light.field
     assert isinstance(response, DiffuseResponse)
     light = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
     return replace(problem, forward=forward.following(light))

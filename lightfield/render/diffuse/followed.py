@@ -20,6 +20,17 @@ from lightfield.scene.water.water import Water
 _PLAIN = {"lamp.ellipticity": 1.0, "detector.acceptance_hwhm_deg": 0.0, "detector.tilt_x_deg": 0.0}
 
 
+def field_at(places: tuple[Array, Array, Array]) -> ScatteredField:
+    """Light at some places that is known without photons; what it works out takes memory, and serves all that
+    is followed there."""
+    return ScatteredField(*_in_front(places))
+
+
+def _in_front(places: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    x, y, z = (np.asarray(v, float) for v in places)
+    return x, y, np.where(z > 0, z, 1.0)  # in air, or behind the window: asked for by nobody
+
+
 @dataclass(frozen=True, eq=False)
 class FollowedLight:
     """Diffuse light at n places: the ratio stays as it was traced, all else moves with the scene.
@@ -55,8 +66,7 @@ class FollowedLight:
         field : ScatteredField, optional
             At the same places: what it has worked out is known.
         """
-        x, y, z = (np.asarray(v, float) for v in places)
-        z = np.where(z > 0, z, 1.0)  # in air, or behind the window: asked for by nobody
+        x, y, z = _in_front(places)
         shares = np.array([ratio.photons for _, ratio in traced], float)
         shares /= shares.sum()
         value: Array | float = 0.0
@@ -65,7 +75,7 @@ class FollowedLight:
             basis = ratio.basis(scene, x, y, z)
             value = value + share * ratio.value @ basis.T
             roots.append(share * np.einsum("nk,wkj->wnj", basis, ratio.root))
-        known = ScatteredField(x, y, z) if field is None else field
+        known = field_at(places) if field is None else field
         return cls(known, response, np.asarray(value), np.concatenate(roots, axis=2))
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:

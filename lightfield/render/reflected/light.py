@@ -57,7 +57,7 @@ Shares = tuple[float, float]
 _Exchange = tuple[float, float, Shares, int]
 #: Lamps whose light is remembered: at most so many, and in so many bytes, but some; operators alike.
 KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 50e6, 8
-KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
+KEPT_OPERATORS, OPERATOR_BYTES = 60, 50e6
 #: What waters let through on the way from the place of a lamp: of at most so many, and in so many bytes.
 KEPT_WATERS, THROUGH_BYTES = 400, 20e6
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is

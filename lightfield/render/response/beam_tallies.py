@@ -134,10 +134,8 @@ class BeamTallies:
         out = np.empty((self._known_g(kind), len(rows), len(place)), np.float32)
         for g, tally in zip(out, self._of_rings if of_rings else self.tallies, strict=False):
             some = tally[:, rows[0] : rows[-1] + 1]
-            if kept.stop - kept.start == tally.shape[2]:
-                found = (beams @ some.reshape(len(tally), -1)).reshape(len(beams), len(rows), -1)
-            else:
-                found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
+            # Row by row, without a copy of the tallies of one class.
+            found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
             g[:] = found[which.ravel(), :, place - kept.start].T
         return out
 
