@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 15
+_WARNINGS = "PYTHONWARNINGS"
 LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
 
 
@@ -179,8 +180,7 @@ def _deaf_to(*stops: signal.Signals) -> Iterator[None]:
 
     The main thread hears of it afterwards, and ends the workers.
     """
-    # Would be begun with the first worker, and let Ctrl-C in again.
-    multiprocessing.resource_tracker.ensure_running()
+    _begin_clearing_away()
     heard: list[int] = []
     # A thread from before may still take the stop, and Python would pass it on to the main thread at once.
     is_main = threading.current_thread() is threading.main_thread()
@@ -194,6 +194,23 @@ def _deaf_to(*stops: signal.Signals) -> Iterator[None]:
             signal.signal(stop, handler)
         for number in heard[:1]:
             signal.raise_signal(number)
+
+
+def _begin_clearing_away() -> None:
+    """Start the process that clears away what others leave, in silence.
+
+    It would be begun with the first worker, and let Ctrl-C in again. What workers that were stopped have left
+    is nobody's mistake, and gone when it would say so.
+    """
+    before = os.environ.get(_WARNINGS)
+    os.environ[_WARNINGS] = "ignore"
+    try:
+        multiprocessing.resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ[_WARNINGS]
+        else:
+            os.environ[_WARNINGS] = before
 
 
 def _check_keys(scheduler: str) -> None:

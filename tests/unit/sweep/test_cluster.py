@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -45,3 +47,20 @@ def test_a_stop_while_it_is_made_closes_it(
         pytest.fail("stopped before")
     (one,) = made
     assert one.status in ("closed", distributed.core.Status.closed)
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_what_stopped_workers_leave_is_cleared_away_in_silence(silent: bool) -> None:
+    """A semaphore that nobody gives back, as of a worker that was killed: Python complains, we do not."""
+    begin = "cluster._begin_clearing_away()" if silent else "resource_tracker.ensure_running()"
+    program = f"""
+import os
+from multiprocessing import get_context, resource_tracker
+from lightfield.sweep import cluster
+{begin}
+left = get_context("spawn").Semaphore()
+os._exit(0)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert ("leaked semaphore" in done.stderr) == (not silent), done.stderr
