@@ -24,6 +24,7 @@ from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.listed import OWN
 from lightfield.scene.own.effect import OwnEffect
+from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
@@ -162,16 +163,19 @@ class SceneForward:
         """|gradient| of the readings with respect to position, per metre, shape (n,).
 
         Scattered and reflected light moves aside with the lamp, as in `DiffuseResponse`, and falls with the
-        square of the distance.
+        square of the distance and by absorption: right to 10 % in water that scatters 0.4 per metre, to a
+        third where it scatters 2 (tests/unit/fitting/test_forward.py).
         """
         scene, step_m = self.scene_at(values, validate=False), 1e-3
         r, square = self.readings, np.zeros(self.size)
         here, rest = self.light.direct(scene, r), self.light.rest(values)
+        absorption = absorption_per_m(scene.water, self.light.wavelengths_nm)[self._channel]
+        falling = rest * (2 / np.maximum(np.abs(r.z_m), step_m) + absorption)
         for axis, offset in (("x_m", "lamp.offset_x_m"), ("y_m", "lamp.offset_y_m"), ("z_m", None)):
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
             change = self.light.direct(scene, replace(r, **moved)) - here
             if offset is None:
-                change -= 2 * step_m * rest / np.maximum(np.abs(r.z_m), step_m)
+                change -= step_m * falling
             elif rest.any():
                 aside = float(scene.get(offset)) - step_m
                 change += self.light.rest({**values, offset: aside}) - rest

@@ -193,9 +193,7 @@ class LightSource:
 
     def holding(self, values: Mapping[str, float]) -> LightSource:
         """The same, whose scattered and reflected light does not follow the lamp's small changes."""
-        direct = self.direct(self.scene_at(_optical(values), validate=False), self.readings)
-        rest = self.light(values) - direct * self.correction
-        return replace(self, held=(self, np.asarray(rest), _diffuse(values)))
+        return replace(self, held=(self, self.rest(values), _diffuse(values)))
 
     @cached_property
     def channels(self) -> tuple[Array, NDArray[np.int_]]:

@@ -119,7 +119,8 @@ class ChainFactor:
             self.log_determinant += 2 * float(np.log(np.diag(root)).sum())
             gain = (gain @ inverse.T).astype(kind, copy=False)
             known = (link.carry(link.carry(known).T) + gain @ gain.T).astype(kind, copy=False)
-            nothing = np.zeros((0, 0))  # what the factor holds is not kept twice
+            # What the factor holds is not kept twice.
+            nothing = np.zeros((0, 0))
             self._links.append((replace(link, own=nothing, into=nothing, out=out), inverse, gain))
 
     def white(self, columns: Array) -> Array:

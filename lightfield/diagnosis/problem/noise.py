@@ -84,7 +84,7 @@ class Noise:
     def stays(self) -> tuple[Labels, Array]:
         """Stays that share a gain error, from 0, -1 for a reading without; its size; both of shape (n,)."""
         _, stay, count = np.unique(self.layout.visit, return_inverse=True, return_counts=True)
-        # Assumed for lack of better, it must not widen readings that have a stay to themselves.
+        # Assumed for lack of better, it must not widen the errors of readings that have a stay to themselves.
         has_one = self.budget.gain_stated | (count[stay] > 1)
         gain = np.where(has_one, self.budget.plane_gain * self._bright, 0.0)
         return np.where(gain > 0, stay, -1), gain
@@ -241,7 +241,17 @@ class Whitener:
     Few readings, or such as share nearly as many errors as there are, are one block, in the table's order.
     Many are taken in that of the scan, in which stays and serial correlation are short.
 
-    `block` is the most readings in one block.
+    Parameters
+    ----------
+    noise : Noise
+    rho : float
+        Serial correlation of neighbours in the scan.
+    phi : float
+        Variance over the quoted one.
+    tolerance : float
+        Relative error of the light that readings share smoothly.
+    block : int, optional
+        Most readings in one block.
     """
 
     def __init__(

@@ -45,8 +45,8 @@ _FAR = 3.0
 _NEAR = 1.5
 #: Traces of a ratio have seeds of their own, so many of each diagnosis.
 _SEED, _OF_EACH = 7000, 100
-#: Part of what the readings say of the photons' noise that is taken to be their own at most: of many readings
-#: what they share is known to a part alone, and one less a part is what the widening is told by.
+#: Part of what the readings say of the photons' noise that is taken to be theirs at most: the widening
+#: divides by what is left, and what many readings share is known but for a part (`noise._LEFT_OUT_OF_MANY`).
 _ALL_PHOTONS = 1 - 1e-4
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12

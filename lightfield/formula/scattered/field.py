@@ -201,11 +201,8 @@ class ScatteredField:
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
         spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(largest_kz(lamp)))]
-        out, absorption, scattering = (
-            np.empty((len(a), len(self._log_z), len(angles))),
-            np.array(a),
-            np.array(b),
-        )
+        out = np.empty((len(a), len(self._log_z), len(angles)))
+        absorption, scattering = np.array(a), np.array(b)
         for j, (z_m, paths, spread) in enumerate(
             zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
         ):

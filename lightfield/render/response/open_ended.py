@@ -70,6 +70,7 @@ class Lengths(NamedTuple):
         """
         length = excess_m[:, None] + self.nodes
         now = gammainc(n[:, None], b[:, None, None] * length)
-        quotient = np.log(np.maximum(now, _NEVER) / gammainc(n[:, None], before * length))
+        then = gammainc(n[:, None], before * length)
+        quotient = np.log(np.maximum(now, _NEVER) / np.maximum(then, _NEVER))
         here, there = quotient[..., self.below], quotient[..., self.below + 1]
         return np.asarray(np.exp(here + self.part * (there - here)))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lightfield.fitting.forward import TRACES, Retraced, SceneForward
+from lightfield.formula.scattered.field import ScatteredField
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -115,6 +116,37 @@ def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_e
         assert np.sqrt(more) == pytest.approx(0.01 * render)
         assert smooth == pytest.approx(factor * expected)
     assert forward.predict(there) == pytest.approx(plain, rel=1e-15)
+
+
+class WithoutPhotons(Glow):
+    """Scattered light as the small-angle solution has it, without an error."""
+
+    def __init__(self, *places: np.ndarray) -> None:
+        self.field = ScatteredField(*places)
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        return self.field.light(scene, wavelengths_nm)
+
+
+@pytest.mark.parametrize(("scattering", "most"), [(0.1, 0.1), (0.4, 0.1), (2.0, 0.33)])
+def test_how_readings_change_with_their_place_in_water_that_scatters(scattering: float, most: float) -> None:
+    """Beside finite differences of scattered light, which the slope takes to go aside with the lamp."""
+    x, z = (each.ravel() for each in np.meshgrid([0.0, 0.1, 0.3, 0.8], [1.5, 3.0, 6.0]))
+    water = {"absorption_per_m": 0.05 + 0.25 * scattering, "scattering_per_m": scattering}
+    scene = Scene.from_dict({"water": water, "lamp": {"hwhm_deg": 6.0}})
+
+    def predicted(along_x: float, along_z: float) -> np.ndarray:
+        return forward(along_x, along_z).predict({})
+
+    def forward(along_x: float = 0.0, along_z: float = 0.0) -> SceneForward:
+        places = {"x_m": x + along_x, "z_m": z + along_z, "value": np.ones(x.size)}
+        readings = Readings.from_arrays(**places, quantity="irradiance")
+        return SceneForward(scene, readings, lambda _, *places, **options: WithoutPhotons(*places))
+
+    step = 5e-4
+    aside = (predicted(step, 0.0) - predicted(-step, 0.0)) / (2 * step)
+    away = (predicted(0.0, step) - predicted(0.0, -step)) / (2 * step)
+    assert forward().position_slope({}) == pytest.approx(np.hypot(aside, away), rel=most)
 
 
 def test_light_is_traced_again_in_the_water_that_was_found() -> None:
