@@ -157,7 +157,8 @@ class SceneForward:
         """Errors of the predicted readings by their light's, before saturation, see `LightSource.errors`."""
         modes, smooth = self.light.errors(values)
         factor = self._gain(values) * self.power(values) * self._shown(values) * self._own(values)
-        return factor[:, None] * modes, factor * smooth
+        modes *= factor[:, None]
+        return modes, factor * smooth
 
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the readings with respect to position, per metre, shape (n,).

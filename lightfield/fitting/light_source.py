@@ -256,7 +256,8 @@ class LightSource:
         if self.trace is not None and has_diffuse_light(scene):
             modes, smooth = self.diffuse.errors(scene, self._colours(scene), self.channels[1])
         factor = np.where(self._wet, self.correction, 0.0)
-        modes, smooth = factor[:, None] * modes, factor * smooth
+        modes *= factor[:, None]
+        smooth *= factor
         if np.any(self.stderr):
             modes = np.hstack([modes, np.diag(self.stderr * np.ones(n))])
         return np.asarray(modes), np.asarray(smooth)

@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import get_lapack_funcs, solve_triangular
 from scipy.linalg.blas import dtrmm, dtrmv
-from scipy.linalg.lapack import dpstrf, dtrtri
+from scipy.linalg.lapack import dtrtri
 
 from lightfield.arrays import Array
 
@@ -176,13 +176,14 @@ def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance:
     Parameters
     ----------
     between : callable
-        Covariance of two sets of rows, shape (len(a), len(b)).
+        Covariance of two sets of rows, shape (len(a), len(b)), in the precision that is worked with.
     variance : array, shape (n,)
         Its diagonal.
     tolerance : float
     """
     n, left, rng = len(variance), variance.copy(), np.random.default_rng(0)
-    every, columns = np.arange(n), np.zeros((n, 0))
+    every = np.arange(n)
+    columns = between(every, every[:0])
     while left.max(initial=0.0) > tolerance:
         likely = np.flatnonzero(left > tolerance)
         if len(likely) > _CHOSEN_AMONG:
@@ -191,7 +192,8 @@ def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance:
             likely = likely[np.argsort(rng.exponential(size=len(likely)) / part)[:_CHOSEN_AMONG]]
         rest = between(likely, likely) - columns[likely] @ columns[likely].T
         # Further than asked for, so that rounding cannot leave a row that is asked for again.
-        root, order, rank, _ = dpstrf(rest, tol=0.5 * tolerance, lower=1)
+        (pstrf,) = get_lapack_funcs(("pstrf",), (rest,))
+        root, order, rank, _ = pstrf(rest, tol=0.5 * tolerance, lower=1)
         pivots = likely[order[:rank] - 1]
         new = between(every, pivots) - columns @ columns[pivots].T
         new = solve_triangular(root[:rank, :rank], new.T, lower=True).T

@@ -23,6 +23,8 @@ SAME = 1e-6
 PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Added to the distance of readings in air, in metres, to tell them from those in water: beyond any tank.
 AIR_APART_M = 1e4
+#: Of no more readings than this it is kept how alike their errors are: as many as are whitened as one.
+_KEPT = 512
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,19 @@ class Layout:
         if self.air.any():
             kernel *= self.air[a][:, None] == self.air[b][None]
         return kernel
+
+    def alike_among(self, rows: Labels) -> Array:
+        """The same of some readings with each other; of few it is kept, for every covariance of them."""
+        if len(rows) > _KEPT:
+            return self.alike(rows, rows)
+        key = rows.tobytes()
+        if key not in self._alike:
+            self._alike[key] = self.alike(rows, rows)
+        return self._alike[key]
+
+    @cached_property
+    def _alike(self) -> dict[bytes, Array]:
+        return {}
 
     def lag_of(self, rows: Labels) -> NDArray[np.int32]:
         """Readings that lie between two of some in the scan, shape (len(rows), len(rows))."""

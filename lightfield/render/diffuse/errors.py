@@ -76,7 +76,8 @@ def relative_modes(
     per_light = 1 / np.maximum(light, DARK * light.max(axis=1, keepdims=True, initial=1e-290))
     gathered = _by_plane if shift.asked > MANY else _one_by_one
     every = gathered(shift, parts, per_light, walls, channel)
-    return np.asarray(every / np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1))
+    every /= np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1)
+    return every
 
 
 def _one_by_one(
@@ -112,7 +113,7 @@ def _by_plane(
 ) -> Array:
     """The modes of many readings: planes share no photons, and have fewer cells than contributions."""
     at, waters = shift.cell_z_m[shift.cell], len(per_light)
-    every = []
+    of_planes = []
     for z in np.unique(shift.cell_z_m):
         cells, here = np.flatnonzero(shift.cell_z_m == z), at == z
         columns, among = [], dict[int, csr_array]()
@@ -132,12 +133,16 @@ def _by_plane(
                 columns.append(np.vstack(rows))
         modes = per_light[:, cells].reshape(-1, 1) * np.hstack(columns)
         modes = fewer_modes(modes).reshape(waters, len(cells), -1)
-        found = np.zeros((len(channel), modes.shape[2]))
+        of_planes.append((here, cells, modes))
+    # In single precision: they are errors.
+    every = np.zeros((len(channel), sum(modes.shape[2] for *_, modes in of_planes)), np.float32)
+    first = 0
+    for here, cells, modes in of_planes:
+        columns_of_plane = slice(first, first := first + modes.shape[2])
         for water in np.unique(channel):
             mine = here & (channel == water)
-            found[mine] = shift.shares[mine][:, cells] @ modes[water]
-        every.append(found)
-    return np.hstack(every)
+            every[mine, columns_of_plane] = shift.shares[mine][:, cells] @ modes[water]
+    return every
 
 
 def as_few(modes: Array) -> Array:

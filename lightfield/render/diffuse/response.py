@@ -150,7 +150,7 @@ class DiffuseResponse:
         """
         a, b = self._coefficients(scene.water, scene, wavelengths_nm)
         mine = channel, np.arange(len(channel))
-        light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0))]
+        light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0), np.float32)]
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
         for share, water in self._traced(b):
             parts = water.classes(scene, a, b, True, kinds)
@@ -159,14 +159,15 @@ class DiffuseResponse:
             in_cells = self._in_cells(parts, len(a))
             own = (share[:, None] * self._at_readings(scene, a + b, in_cells))[mine]
             relative = relative_modes(self.shift, parts, in_cells, self.wall_smoother, channel)
-            modes.append(own[:, None] * relative)
+            relative *= own[:, None]
+            modes.append(relative)
             light += own
         smooth = SCATTERED_ERROR * light
         if REFLECTED[0] in kinds:
             smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
             if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:
                 smooth += self.reflected.uncertain(scene, a + b)[mine]
-        return np.hstack(modes), smooth
+        return np.hstack(modes) if len(modes) > 2 else modes[-1], smooth
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:
         """The same, with what a trace in denser water says of waters like that one at the same places."""

@@ -123,12 +123,11 @@ class BeamTallies:
         nodes, place, flipped = self.beam_nodes.nodes, self.images.place[cells], self.images.flipped[cells]
         of_rings = len(values) == nodes.n_theta
         # What a beam brings to a mirror image is what the mirrored beam brings.
-        flips, which = np.unique(flipped, axis=0, return_inverse=True)
         if of_rings:
-            flips, which = flips[:1], np.zeros(len(place), int)
-            beams = values[None]
+            which, beams = np.zeros(len(place), int), values[None]
         else:
-            beams = np.stack([values[nodes.mirrored(*flip)] for flip in flips])
+            flips, which = np.unique(flipped @ (2, 1), return_inverse=True)
+            beams = np.stack([values[nodes.mirrored(bool(f // 2), bool(f % 2))] for f in flips])
         rows = self.rows_of[kind]
         kept = slice(int(place.min()), int(place.max()) + 1)
         out = np.empty((self._known_g(kind), len(rows), len(place)), np.float32)
@@ -136,7 +135,7 @@ class BeamTallies:
             some = tally[:, rows[0] : rows[-1] + 1]
             # Row by row, without a copy of the tallies of one class.
             found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
-            g[:] = found[which.ravel(), :, place - kept.start].T
+            g[:] = found[which, :, place - kept.start].T
         return out
 
     def _known_g(self, kind: int) -> int:

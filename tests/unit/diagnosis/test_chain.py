@@ -106,13 +106,14 @@ def test_columns_of_low_rank() -> None:
     x = np.sort(np.random.default_rng(0).uniform(-1, 1, 3000))
 
     def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.exp(-0.5 * (np.subtract.outer(x[a], x[b]) / 0.25) ** 2)
+        out = np.exp(-0.5 * (np.subtract.outer(x[a], x[b]) / 0.25) ** 2)
+        return np.asarray(out, kind)
 
-    for tolerance in (1e-2, 1e-6):
+    for kind, tolerance, rounding in ((float, 1e-2, 1e-9), (float, 1e-6, 1e-9), (np.float32, 1e-4, 1e-5)):
         columns = low_rank(between, np.ones(len(x)), tolerance)
-        assert columns.shape[1] < 40
-        left = 1 - (columns**2).sum(1)
-        assert left.min() > -1e-9 and left.max() <= tolerance
+        assert columns.dtype == kind and columns.shape[1] < 40
+        left = 1 - (columns.astype(float) ** 2).sum(1)
+        assert left.min() > -rounding and left.max() <= tolerance + rounding
     assert low_rank(lambda a, b: np.zeros((len(a), len(b))), np.zeros(5), 1e-6).shape == (5, 0)
 
 
