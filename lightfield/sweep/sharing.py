@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gammainc
+
+from lightfield.render.response.open_ended import HELD_FROM
 
 # Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
 # variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
 # Beyond 1.5 single photons show as bright cells that the stated error does not cover: another trace then.
 MOST_SPREAD = 1.5
+# Reflected light that scattered more often than a tally tells apart is known of other water to a part of
+# 0.4 |ln(b / b0)| (`open_ended`). It is most of all in dense water: there b may differ by a tenth.
+MOST_UNTOLD = 0.1
 
 
 def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -24,7 +30,8 @@ def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> 
     """
     if len(left) == 1:  # as most are where every case has a beam of its own
         return left, left[:0]
-    near = _spread(waters[left], far_m[left[0]]) <= MOST_SPREAD
+    some, far = waters[left], far_m[left[0]]
+    near = (_spread(some, far) <= MOST_SPREAD) & (_untold(some, far) <= MOST_UNTOLD)
     near[near] = _same_reflections(waters[left][near])
     return left[near], left[~near]
 
@@ -38,6 +45,14 @@ def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
     # Direct light is an expected value: without reflection, clear water has no weights to spread.
     direct_alone = (b == 0) & (waters[:, 2:] == 0).all(axis=1)
     return np.asarray(np.where(direct_alone, 0.0, (most - b) ** 2 * far_m / most))
+
+
+def _untold(waters: np.ndarray, far_m: float) -> np.ndarray:
+    """Part of reflected light that is scattered so often, times |ln(b / b0)|, shape (n,)."""
+    b, most = waters[:, 1], waters[:, 1].max()
+    reflects = waters[:, 2:].any() and most > 0
+    part = gammainc(HELD_FROM + 1, most * far_m) if reflects else 0.0
+    return np.asarray(part * np.log(most / np.maximum(b, 1e-9 * most)) if reflects else np.zeros_like(b))
 
 
 def _same_reflections(waters: np.ndarray) -> np.ndarray:

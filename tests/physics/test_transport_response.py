@@ -57,6 +57,48 @@ def test_other_water_and_walls(traced: Rendering, a: float, b: float, rho: float
         assert same_light_p(*maps) > 0.001
 
 
+def fresh_and_evaluated(
+    scene: Scene, reference: Reference, photons: float = PHOTONS
+) -> tuple[TransportResponse, TransportResponse]:
+    """The response of a trace in the scene's own water, and of one in other water."""
+    own, other = (
+        render_scene(scene, rel_error=1e-4, max_photons=photons, seed=seed, reference=where, cache=False)
+        for seed, where in ((7, None), (1, reference))
+    )
+    return own.response, other.response
+
+
+def test_coarse_cells_are_right_on_the_mean_in_other_water() -> None:
+    """Three cells over 3 m, 0.8 m away: from the lamp to the near and the far edge of the outer ones it is
+    0.3 m more or less than to their middle, and most light is near the edge. Asked by the middles, water that
+    absorbs 0.5 per m more had 10 % less light there than a fresh trace."""
+    detector = {"planes_m": [0.8, 2.5], "width_m": 3.0, "height_m": 2.0, "pixels": 3}
+    water = {"absorption_per_m": 0.6, "scattering_per_m": 0.1}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 25.0}, "water": water, "detector": detector})
+    both = fresh_and_evaluated(scene, Reference(0.1, 0.1, 0.0))
+    for part in ("all", "diffuse"):
+        maps = [one.batches(0.6, 0.1, 0.0, 0.0, part=part) for one in both]
+        assert same_light_p(*maps) > 0.001
+
+
+def test_light_of_dense_water_in_clearer_water() -> None:
+    """From b = 2.1 to 1.05 per m between walls. A sixth of the light at 4 m was reflected and scattered five
+    times or more, and is told by the length of its path; its error is what is stated of it. By the mean
+    length of all cells the light was 22 to 30 % too bright there."""
+    detector = {"planes_m": [0.8, 4.0], "width_m": 1.8, "height_m": 1.0, "pixels": 3}
+    values = {"water.absorption_per_m": 0.1, "water.scattering_per_m": 1.05}
+    scene = Scene.from_dict({**SCENE.model_dump(exclude_none=True), "detector": detector}).with_values(values)
+    own, other = fresh_and_evaluated(scene, Reference(0.05, 2.1, 0.5, 1.0), 2e6)
+    planes = [one.batches(0.1, 1.05, 0.5, 1.0, part="diffuse").mean(axis=(2, 3)) for one in (own, other)]
+    (mine, noise), (found, more) = ((p.mean(0), p.std(0, ddof=1) / np.sqrt(len(p))) for p in planes)
+    tally, water = other.tally.mean(axis=0)[None], [np.array([v]) for v in (0.1, 1.05, 0.5, 1.0)]
+    along = np.exp((2.15 - 1.15) * other.straight_m)
+    uncertain = other.uncertain(tally, *water, slice(None)).reshape(along.shape)
+    stated = (uncertain * along).mean(axis=(1, 2))
+    assert (stated < 0.06 * mine).all()
+    assert (np.abs(found - mine) < stated + 3 * np.hypot(noise, more)).all()
+
+
 def test_grid_of_path_lengths_is_fine_enough() -> None:
     """What lies between two nodes, as their weights share it, is right to 1e-3 of every map.
 

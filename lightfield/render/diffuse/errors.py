@@ -39,10 +39,12 @@ class TraceErrors(NamedTuple):
 
 
 class ClassLight(NamedTuple):
-    """Light of one class in every cell, shape (n_waters, n_cells), and its noise at every node of g."""
+    """Light of one class in every cell, shape (n_waters, n_cells), its noise at every node of g, and its
+    error by what the tally does not tell apart, see `open_ended`; if they are asked for."""
 
     value: Array
     noises: list[TraceErrors]
+    uncertain: Array
 
 
 def relative_modes(
@@ -89,7 +91,7 @@ def _one_by_one(
 ) -> Array:
     """Every contribution of every class and trace."""
     modes = []
-    for kind, (_, noises) in parts.items():
+    for kind, (_, noises, _) in parts.items():
         spreads = []
         for water, light in enumerate(per_light):
             spread = shift.shares[channel == water].toarray() * light
@@ -117,7 +119,7 @@ def _by_plane(
     for z in np.unique(shift.cell_z_m):
         cells, here = np.flatnonzero(shift.cell_z_m == z), at == z
         columns, among = [], dict[int, csr_array]()
-        for kind, (_, noises) in parts.items():
+        for kind, (_, noises, _) in parts.items():
             smooth = walls[cells][:, cells] if kind in FROM_WALLS else None
             for noise in noises:
                 images = noise.images[cells]

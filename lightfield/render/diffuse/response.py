@@ -146,11 +146,12 @@ class DiffuseResponse:
             such readings share contributions, the less the more their waters differ.
         smooth : array, shape (n,), m^-2
             Size of an error that varies little between neighbours: interpolation in g, beams of a finite
-            basis, patches of the walls.
+            basis, patches of the walls, light that was scattered more often than the tally tells apart.
         """
         a, b = self._coefficients(scene.water, scene, wavelengths_nm)
         mine = channel, np.arange(len(channel))
-        light, modes = np.zeros(len(channel)), [np.zeros((len(channel), 0), np.float32)]
+        light, often = np.zeros((2, len(channel)))
+        modes = [np.zeros((len(channel), 0), np.float32)]
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
         for share, water in self._traced(b):
             parts = water.classes(scene, a, b, True, kinds)
@@ -162,7 +163,9 @@ class DiffuseResponse:
             relative *= own[:, None]
             modes.append(relative)
             light += own
-        smooth = SCATTERED_ERROR * light
+            uncertain = sum((part.uncertain for part in parts.values()), np.zeros_like(in_cells))
+            often += (share[:, None] * self._at_readings(scene, a + b, uncertain))[mine]
+        smooth = SCATTERED_ERROR * light + often
         if REFLECTED[0] in kinds:
             smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
             if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:

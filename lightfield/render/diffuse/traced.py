@@ -102,16 +102,24 @@ class TracedLight:
         for kind in (k for k in lit if k in beams.rows_of):
             mine = beams.rows_of[kind]
             water = absorption, scattering, rho * ones, surface * ones
-            light = rows.weighed(beams.contracted(kind, scene.lamp), *water, mine) * along
-            found = average @ light.reshape(len(light), len(a), len(within), -1)
+            tallies = beams.contracted(kind, scene.lamp)
+
+            def at_nodes(light: Array) -> Array:
+                return np.asarray(average @ (light * along).reshape(len(light), len(a), len(within), -1))
+
+            found = at_nodes(rows.weighed(tallies, *water, mine))
             value, passed_on = self.between_g.light(found, shares, errors)
+            uncertain: Array = np.zeros_like(value)
+            if errors:
+                found = at_nodes(rows.uncertain(tallies, *water, mine))
+                uncertain, _ = self.between_g.light(found, shares, False)
             noises = []
             weights = rows.row_weights(*water, mine) if errors else np.zeros((0, 0))
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
                 own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
                 noises.append(TraceErrors(passed, own, beams.images.orbits))
-            out[kind] = ClassLight(value, noises)
+            out[kind] = ClassLight(value, noises, uncertain)
         return out
 
 

@@ -298,10 +298,19 @@ def reference_of(scene: Scene) -> Reference:
     )
 
 
-def straight_path(scene: Scene, grid: Grid) -> np.ndarray:
-    """Path in water of the straight line from the lamp to each cell, shape of `grid.centres()`, m."""
+def straight_path(scene: Scene, grid: Grid, nearest: bool = False) -> np.ndarray:
+    """Path in water of the straight line from the lamp to each cell, shape of `grid.centres()`, m.
+
+    Parameters
+    ----------
+    nearest : bool
+        To the nearest point of the cell, see `Planes`; else to its middle.
+    """
     x, y, z = grid.centres()
     lamp = scene.lamp
     behind = lamp.apparent_distance_m
-    full = np.sqrt((x - lamp.offset_x_m) ** 2 + (y - lamp.offset_y_m) ** 2 + (z + behind) ** 2)
-    return np.asarray(beyond_window(full, z, behind))
+    aside_x, aside_y = np.abs(x - lamp.offset_x_m), np.abs(y - lamp.offset_y_m)
+    if nearest:
+        aside_x = np.maximum(aside_x - 0.5 * grid.pitch_x_m, 0)
+        aside_y = np.maximum(aside_y - 0.5 * grid.pitch_y_m, 0)
+    return np.asarray(beyond_window(np.sqrt(aside_x**2 + aside_y**2 + (z + behind) ** 2), z, behind))

@@ -7,6 +7,7 @@ factor (b / b_0)^n is
 
 with the straight line r to the cell and the path in excess of it e. To a far cell it is another than to a
 near one: light that was reflected is told apart by a few scatterings only, and most of it is in these rows.
+How many scatterings lead to a cell is not Poisson's alone, which is an error of what is told of other water.
 """
 
 from __future__ import annotations
@@ -28,6 +29,12 @@ STEP = 1.05
 SHORTEST_M, _FARTHEST = 1e-2, 50.0
 #: A smaller chance has no logarithm to go by.
 _NEVER = 1e-200
+#: Scatterings from which light that was reflected is held together, in maps and in fits.
+HELD_FROM, HELD_FROM_IN_FITS = 5, 3
+#: Relative error of what was scattered more often than such rows hold at least, per |ln(b / b_0)|. Largest in
+#: far planes of long tanks, where b from 2.1 to 1.05 and to 1.4 per m leaves 0.3 to 0.45 of it
+#: (tests/physics/test_transport_response.py).
+OPEN_ENDED_ERROR = 0.4
 
 
 class Lengths(NamedTuple):
@@ -74,3 +81,21 @@ class Lengths(NamedTuple):
         quotient = np.log(np.maximum(now, _NEVER) / np.maximum(then, _NEVER))
         here, there = quotient[..., self.below], quotient[..., self.below + 1]
         return np.asarray(np.exp(here + self.part * (there - here)))
+
+    def beyond(self, n: NDArray[np.integer[Any]], excess_m: Array, before: float) -> Array:
+        """Part of what open-ended rows hold that was scattered more often than they hold at least.
+
+        Parameters
+        ----------
+        n, excess_m : arrays, shape (n_rows,)
+        before : float, m^-1
+            Scattering of the trace, above zero.
+
+        Returns
+        -------
+        array, shape (n_rows, n_cells)
+        """
+        mean = before * (excess_m[:, None] + self.nodes)
+        part = gammainc(n[:, None] + 1, mean) / np.maximum(gammainc(n[:, None], mean), _NEVER)
+        here, there = part[:, self.below], part[:, self.below + 1]
+        return np.asarray(here + self.part * (there - here))

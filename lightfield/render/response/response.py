@@ -21,7 +21,7 @@ from scipy.special import gammainc
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.render.response.open_ended import Lengths
+from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
 
 Rows = NDArray[np.integer[Any]] | slice
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
@@ -31,6 +31,8 @@ HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
 HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Factors of rows in cells that are worked out at a time, one water at least.
 _AT_ONCE = 1_000_000
+#: Has a logarithm, as no scattering has not; 1/m.
+_NOTHING = 1e-300
 
 
 @dataclass(frozen=True)
@@ -222,6 +224,16 @@ class TransportResponse:
         light = weights[:, ~varying] @ tallies[:, ~varying]
         some = np.arange(len(self.histories))[rows][varying]
         return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some))
+
+    def uncertain(self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: Rows) -> Array:
+        """Error of what `weighed` gives by the number of scatterings that open-ended rows do not tell."""
+        some = np.arange(len(self.histories))[rows][varying := self._varying(b, rows)]
+        if not len(some):
+            return np.zeros((len(tallies), len(b), tallies.shape[2]))
+        before = self.reference.scattering_per_m
+        beyond = self._lengths.beyond(self.histories[some, 0], self.excess_m[some], before)
+        light = self._of_varying(tallies[:, varying] * beyond, a, b, rho, surface, some)
+        return OPEN_ENDED_ERROR * np.abs(np.log(np.maximum(b, _NOTHING) / before))[:, None] * light
 
     def _of_varying(
         self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: NDArray[np.integer[Any]]

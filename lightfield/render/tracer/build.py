@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from lightfield.render.response.grid import COMPONENTS, AngleNodes, Grid, scene_grid, straight_path
+from lightfield.render.response.open_ended import HELD_FROM, HELD_FROM_IN_FITS
 from lightfield.render.response.response import Reference
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flux_planes import FluxPlanes
@@ -78,7 +79,7 @@ def histories_of(
         walls,
         surfaces,
         max_reflections=2 if (walls and surfaces) or coarse else 3,
-        max_scatterings_reflected=3 if coarse else 5,
+        max_scatterings_reflected=HELD_FROM_IN_FITS if coarse else HELD_FROM,
         longest_excess_m=_longest_excess(scene, reference, far),
         path_nodes=path_nodes or (COARSE_NODES if coarse else PATH_NODES),
         wall_nodes=told,
@@ -128,12 +129,13 @@ def assembled(
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
     ends = scene.tank.box_m[2] if scene.tank else (-inf, inf)
-    straight = straight_path(scene, grid)
+    whole_cells = nodes is None and not flux  # maps are means over cells, in whatever water
+    straight = straight_path(scene, grid, whole_cells)
     if flux:
         planes: Planes = FluxPlanes(grid, position, lamp.apparent_distance_m, ends)
         straight = np.tile(straight, (len(COMPONENTS), 1, 1))
     else:
-        planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends)
+        planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends, whole_cells)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
     reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.

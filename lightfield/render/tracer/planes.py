@@ -56,6 +56,9 @@ class Planes:
         How far behind the window the light seems to come from.
     ends_m : tuple of 2 floats, m
         Where the water begins and ends in z: no slab reaches beyond.
+    whole_cells : bool
+        Straight lines go to the nearest point of a cell, which makes its mean right in any other water; else
+        to the very point, which is for cells that are asked for the light at their middle.
     """
 
     def __init__(
@@ -65,8 +68,9 @@ class Planes:
         lamp_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         apparent_distance_m: float = 0.0,
         ends_m: tuple[float, float] = (-inf, inf),
+        whole_cells: bool = False,
     ) -> None:
-        self.receiver = receiver
+        self.receiver, self.whole_cells = receiver, whole_cells
         every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
         self.cells = int(every.sum())
         number = np.where(every, np.cumsum(every).reshape(every.shape) - 1, self.cells)
@@ -149,9 +153,19 @@ class Planes:
         """
         z = crossing.z
         to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
-        full = dr.norm(mi.Vector3f(to_lamp.x, to_lamp.y, to_lamp.z - self.apparent))
         response = self._response(direction, to_lamp, crossing.per_depth)
+        aside_x, aside_y = to_lamp.x, to_lamp.y
+        if self.whole_cells:
+            aside_x = self._to_cell(crossing.x, self.lamp[0], self.first_x, self.per_x)
+            aside_y = self._to_cell(crossing.y, self.lamp[1], self.first_y, self.per_y)
+        full = dr.norm(mi.Vector3f(aside_x, aside_y, to_lamp.z - self.apparent))
         return (response * self.per_area,), beyond_window(full, z, self.apparent)
+
+    @staticmethod
+    def _to_cell(at: mi.Float, lamp: mi.Float, first: mi.Float, per: mi.Float) -> mi.Float:
+        """From the lamp to the nearest point of the cell around a place, along one axis."""
+        low = dr.fma(dr.floor((at - first) * per), dr.rcp(per), first)
+        return dr.maximum(dr.maximum(low - lamp, lamp - low - dr.rcp(per)), 0)
 
     def _cell(self, plane: mi.UInt32, x: mi.Float, y: mi.Float, meets: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
         ny, nx = mi.Float(self._n_y), mi.Float(self._n_x)

@@ -75,3 +75,26 @@ def test_chances_between_the_lengths(before: float, excess: float) -> None:
     length = excess + straight
     exact = gammainc(n[:, None], b[:, None, None] * length) / gammainc(n[:, None], before * length)
     np.testing.assert_allclose(found, exact, rtol=3e-3)
+
+
+@pytest.mark.parametrize("before", [0.2, 2.1])
+def test_what_was_scattered_more_often_than_the_rows_hold_at_least(before: float) -> None:
+    """Beside the chances at the very lengths: little on short ways in clear water, nearly all on long."""
+    straight, n = np.linspace(0.5, 10.0, 300), np.array([3, 6])
+    found = Lengths.of(straight).beyond(n, np.array([0.1, 1.0]), before)
+    mean = before * (np.array([0.1, 1.0])[:, None] + straight)
+    np.testing.assert_allclose(found, gammainc(n[:, None] + 1, mean) / gammainc(n[:, None], mean), atol=1e-3)
+
+
+def test_the_error_of_open_ended_rows() -> None:
+    """None in the water of the trace or without such rows; else a part of their light alone."""
+    one, all_rows = response(), slice(None)
+    b = np.array([B_0, 1.4, 0.7, 0.0])
+    columns = [np.full(4, 0.2), b, np.zeros(4), np.zeros(4)]
+    light, error = (f(one.tally, *columns, all_rows)[0] for f in (one.weighed, one.uncertain))
+    relative = error[:3] / light[:3]
+    assert (relative[0] == 0).all() and (error[3] < 1e-190).all()
+    top = one.weighed(one.tally[:, 6:], *columns, np.arange(6, 9))[0]
+    assert (relative[1:] > 0).all() and (error[1:3] < 0.4 * np.log(B_0 / b[1:3, None]) * top[1:3]).all()
+    few = np.array([0, 1, 2])  # scattered once
+    assert (one.uncertain(one.tally[:, few], *columns, few) == 0).all()

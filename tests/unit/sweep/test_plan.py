@@ -89,6 +89,20 @@ def test_waters_too_far_apart_in_scattering_do_not_share_a_trace() -> None:
             assert (b0 - mine[mine > 0].min()) ** 2 * 4.0 / b0 <= MOST_SPREAD
 
 
+def test_dense_water_between_walls_shares_a_trace_with_its_like_alone() -> None:
+    """Most reflected light there scattered more often than a tally tells apart; black walls reflect none."""
+
+    def most_apart(*ranges: str) -> float:
+        plan = planned("water.scattering_per_m=1.5:2:21", *ranges)
+        b = np.array(plan.cases.axes[0].values["water.scattering_per_m"])
+        return max(
+            t.reference.scattering_per_m / b[plan.trace_of_case == t.number].min() for t in plan.traces
+        )
+
+    assert most_apart("tank.wall_albedo=0.6") < 1.2
+    assert most_apart("tank.wall_albedo=0") > 1.3
+
+
 @given(st.lists(st.integers(1, 12), min_size=1, max_size=3), st.booleans())
 def test_every_case_is_in_exactly_one_block_whatever_the_shape(sizes: list[int], transport: bool) -> None:
     paths = ["water.absorption_per_m", "lamp.hwhm_deg" if transport else "lamp.power_w", "tank.wall_albedo"]
