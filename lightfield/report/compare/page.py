@@ -171,7 +171,7 @@ def energy_rows(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:
     if emitted <= 0:
         return []
     table = [
-        (text, f"{100 * float(attributes[f'energy_{name}']) / emitted:.2f} %")
+        (text, f"{round(100 * float(attributes[f'energy_{name}']) / emitted, 2) + 0.0:.2f} %")  # no -0.00
         for name, text in names.items()
         if f"energy_{name}" in attributes
     ]
