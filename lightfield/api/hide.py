@@ -53,11 +53,15 @@ class Riddle(Result[hiding.Hidden]):
 
     def as_text(self) -> str:
         known = f"the light is known to {self.details.truth['light_error_percent']:.2g} %"
-        return f"{self.headline}\n{known}, stated with the errors"
+        doubt = self.details.in_doubt
+        warned = "" if doubt is None else f"\nwarning: {doubt.as_text()} (max_photons)"
+        return f"{self.headline}\n{known}, stated with the errors{warned}"
 
     def as_data(self) -> dict[str, Any]:
-        """Table and scene, not the truth."""
+        """Table, scene and where the render's own error is larger than the noise; not the truth."""
+        doubt = self.details.in_doubt
         return {
+            "light_in_doubt": None if doubt is None else doubt.as_data(),
             "scene_toml": self.details.believed.to_toml(),
             "readings": self.to_pandas().to_dict("records"),
         }

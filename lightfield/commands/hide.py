@@ -101,8 +101,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     if replaced:
         print(f"replaced, of a riddle of before: {', '.join(replaced)}")
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
-    light = made.truth["light_error_percent"]
-    if light > 50 * args.noise:
-        print(f"the light is known to {light:.2g} % only, stated with the errors; more: --max-photons")
+    if made.in_doubt is not None:
+        print(f"warning: {made.in_doubt.as_text()} (--max-photons)")
     print(f"do not look: {folder / 'truth.json'}")
     return 0

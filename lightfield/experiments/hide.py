@@ -18,7 +18,7 @@ from lightfield.errors import OutputError, UsageError
 from lightfield.experiments import unknowns
 from lightfield.experiments.curves import draw_curve, field_to_hide
 from lightfield.experiments.layouts import LISTED, Order, scan
-from lightfield.experiments.measure import PHOTONS, Instrument, measure, rendered
+from lightfield.experiments.measure import PHOTONS, Instrument, LightInDoubt, in_doubt, measure, rendered
 from lightfield.fitting import effects
 from lightfield.readings import Readings, write_table
 from lightfield.scene import Scene
@@ -75,12 +75,15 @@ class Hidden:
         What was hidden, with all parameters.
     noise_free : array, shape (n,)
         Readings without noise.
+    in_doubt : LightInDoubt, optional
+        Where the render's own error is larger than the noise.
     """
 
     readings: Readings
     believed: Scene
     truth: Mapping[str, Any]
     noise_free: Array
+    in_doubt: LightInDoubt | None = None
 
     def save(self, folder: str | Path) -> Path:
         """Write scene.toml and data.csv, and truth.json beside them.
@@ -325,6 +328,7 @@ def hide(
         )
     light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)
+    doubt = in_doubt(light, instrument, clean, max_photons)
     told = {
         "hidden": list(secret.names),
         "lamp": None if secret.lamp is None else Path(secret.lamp).name,
@@ -339,6 +343,7 @@ def hide(
         "plane_gain_percent": 100 * instrument.plane_gain,
         "position_mm": 1000 * instrument.position_m,
         "light_error_percent": 100 * float(np.median(light.relative_error)),
+        "light_in_doubt": None if doubt is None else doubt.as_data(),
         "seed": seed,
     }
-    return Hidden(instrument.stated(readings), scene, told, clean)
+    return Hidden(instrument.stated(readings), scene, told, clean, doubt)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,9 @@ SAMPLES = 40
 FLOOR = 0.0008
 #: Photons of the render at most, and its error as a part of the noise: readings shall scatter by their noise.
 PHOTONS, ERROR_OF_NOISE = 3e7, 0.25
+#: Part of the readings at which the render may err by more than the noise: as of the cells of a render, whose
+#: error is that of 95 in a hundred.
+_SELDOM = 0.05
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,58 @@ class LightAtReadings:
     def relative_error(self) -> Array:
         """Error over light, shape (n,); 0 where there is no light."""
         return np.divide(self.stderr, self.value, out=np.zeros(len(self.value)), where=self.value > 0)
+
+
+@dataclass(frozen=True)
+class LightInDoubt:
+    """A render whose own error is larger than the noise that readings are given.
+
+    Parameters
+    ----------
+    readings, of : int
+        Readings at which it is, and all of them.
+    light_error_percent, noise_percent : float
+        Medians there, of the reading.
+    photons : float
+        By which it would be smaller nearly everywhere: the error falls by the root of their number.
+    """
+
+    readings: int
+    of: int
+    light_error_percent: float
+    noise_percent: float
+    photons: float
+
+    def as_text(self) -> str:
+        """One sentence, with the remedy."""
+        return (
+            f"at {self.readings} of {self.of} readings the render's own error, "
+            f"{self.light_error_percent:.2g} %, is larger than the noise, {self.noise_percent:.2g} % "
+            f"(medians there); it is stated with their errors; remedy: more photons, about {self.photons:.0e}"
+        )
+
+    def as_data(self) -> dict[str, float]:
+        """The same as numbers."""
+        return asdict(self)
+
+
+def in_doubt(
+    light: LightAtReadings, instrument: Instrument, shown: Array, photons: float
+) -> LightInDoubt | None:
+    """Whether a render with so many photons is worse than the noise at more than a few readings.
+
+    Parameters
+    ----------
+    shown : array, shape (n,)
+        Readings without noise.
+    """
+    own, noise = light.relative_error * shown, instrument.sigma(shown)
+    worse = own > noise
+    if worse.mean() <= _SELDOM:
+        return None
+    of_light, of_noise = (float(np.median(100 * e[worse] / shown[worse])) for e in (own, noise))
+    enough = photons * float(np.quantile(own / noise, 1 - _SELDOM, method="higher")) ** 2
+    return LightInDoubt(int(worse.sum()), len(shown), of_light, of_noise, enough)
 
 
 def rendered(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.experiments.layouts import scan
-from lightfield.experiments.measure import Instrument, LightAtReadings, measure
+from lightfield.experiments.measure import Instrument, LightAtReadings, in_doubt, measure
 from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
 
@@ -37,6 +37,27 @@ def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
     assert (known.relative_error == 0).all() and guessed.relative_error == pytest.approx(0.01)
     assert unsure.value == pytest.approx(sure.value)
     assert np.sqrt(unsure.stderr**2 - sure.stderr**2) == pytest.approx(0.01 * clean, rel=1e-6)
+
+
+@pytest.mark.parametrize(("percent", "doubted"), [(0.1, 0), (0.4, 4), (2.0, 6)])
+def test_a_render_worse_than_the_noise_is_told(percent: float, doubted: int) -> None:
+    """Noise of 0.2 % and a floor of 0.08 % of the largest reading: light known to 0.4 % is worse than the
+    noise of readings above 0.23, light known to 2 % than that of those above 0.04, light known to 0.1 % than
+    none. An error falls by the root of the photons: with those that are asked for there is no doubt left."""
+    shown = np.array([1.0, 0.8, 0.5, 0.3, 0.1, 0.05, 0.001])
+    instrument = Instrument(0.002)
+    light = LightAtReadings(7.0 * shown, percent / 100 * 7.0 * shown)
+    found = in_doubt(light, instrument, shown, 1e6)
+    assert (0 if found is None else found.readings) == doubted
+    if found is None:
+        return
+    assert found.of == len(shown) and found.light_error_percent == pytest.approx(percent)
+    noise = np.hypot(0.2, 0.08 / shown[:doubted])
+    assert found.noise_percent == pytest.approx(float(np.median(noise)))
+    better = LightAtReadings(light.value, light.stderr / np.sqrt(1.01 * found.photons / 1e6))
+    assert in_doubt(better, instrument, shown, found.photons) is None
+    told = found.as_text()
+    assert f"{percent:.2g} %" in told and f"{found.noise_percent:.2g} %" in told and "more photons" in told
 
 
 def test_an_error_budget_states_the_errors_that_there_are() -> None:

@@ -94,11 +94,11 @@ def linear_backward(pool: Pool, node: Node, allowed: Allowed, fits: int = FITS) 
         stages.append((cost, sizes))
         live.pop(int(np.argmin(worth)))
     near = sorted((s for s in stages if len(s[1]) <= _MOST), key=lambda s: s[0])
-    for _, sizes in near[:fits]:
-        _fit(pool, node, sizes)
+    for cost, sizes in near[:fits]:
+        _fit(pool, node, sizes, cost)
 
 
-def _fit(pool: Pool, node: Node, sizes: list[tuple[_Block, Array]]) -> None:
+def _fit(pool: Pool, node: Node, sizes: list[tuple[_Block, Array]], promised: float) -> None:
     candidates = [block.candidate for block, _ in sizes]
     compatible = all(
         a.effect.combines_with(b.effect) for i, a in enumerate(candidates) for b in candidates[:i]
@@ -109,4 +109,4 @@ def _fit(pool: Pool, node: Node, sizes: list[tuple[_Block, Array]]) -> None:
     for block, size in sizes:
         if block.shape is not None:
             begin = with_effect(begin, block.candidate, size, block.shape, block.columns)
-    pool.fit(candidates, [begin])
+    pool.fit(candidates, [begin], promised)

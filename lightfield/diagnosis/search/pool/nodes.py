@@ -16,6 +16,7 @@ from scipy import special
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
@@ -168,22 +169,37 @@ class Pool:
         nodes = self.nodes.values()
         return min((n for n in nodes if allowed is None or all(map(allowed, n.explanation))), key=self.cost)
 
-    def fit(self, explanation: Iterable[Candidate], begins: Sequence[Begin]) -> Node:
-        """The set as fitted from the best of several places, or as it is remembered."""
+    def fit(
+        self, explanation: Iterable[Candidate], begins: Sequence[Begin], promised: float = np.inf
+    ) -> Node:
+        """The set as fitted from the best of several places, or as it is remembered.
+
+        Parameters
+        ----------
+        promised : float
+            What it would cost, were the model linear: what may be near is fitted to the end, also where it
+            was once left far away.
+        """
         order = self.problem.candidates
         whole = tuple(sorted(explanation, key=order.index))
         if (known := self.nodes.get(frozenset(c.key for c in whole))) is not None:
-            return known
+            if known.key in self._settled or not self._is_near(promised):
+                return known
+            begins = [*begins, Begin(fitted_at(known))]
         fits = [self._quick(whole, begin, _FEW if len(begins) > 1 else _STEPS) for begin in begins]
         fit = min(fits, key=lambda f: f.chi2)
         if len(begins) > 1:
             fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
         self.fits += 1
         node = self._remember(Node(whole, fit))
-        near = self.cost(node) < self._lowest + _NEAR
+        near = self._is_near(min(self.cost(node), promised))
         done = self.settled(node) if near or not node.is_diffuse else node
         self.progress(self.best())
         return done
+
+    def _is_near(self, cost: float) -> bool:
+        """Is a set of that cost not far from the best?"""
+        return cost < self._lowest + _NEAR
 
     def _quick(self, explanation: Explanation, begin: Begin, steps: int) -> Fit:
         near = (self._lowest + _NEAR - sum(map(self.ground.price, explanation))) * self.ground.phi
@@ -271,7 +287,17 @@ class Pool:
     def drop(self, node: Node, candidate: Candidate) -> Node:
         """The set without one of its effects."""
         rest = tuple(c for c in node.explanation if c is not candidate)
-        return self.fit(rest, [begin_at(node)])
+        return self.fit(rest, [begin_at(node)], self._promised_without(node, candidate))
+
+    def _promised_without(self, node: Node, candidate: Candidate) -> float:
+        """What a set would cost without one of its effects, were the model linear."""
+        fit, own = node.fit, {p.path for p in candidate.parameters}
+        free = ~fit.at_bound() & [path not in own for path in fit.paths]
+        at = [fit.paths.index(p.path) for p in candidate.amplitudes]
+        removed = fit.jacobian[:, at] @ (fit.u[at] - [p.start for p in candidate.amplitudes])
+        left = beside(orthonormal(fit.jacobian[:, free], INDEPENDENT), (fit.residual + removed)[:, None])
+        more = float((left**2).sum()) - fit.chi2
+        return self.cost(node) + more / self.ground.phi - self.ground.price(candidate)
 
 
 def joins(candidate: Candidate, node: Node) -> bool:
