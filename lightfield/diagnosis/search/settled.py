@@ -270,6 +270,8 @@ def _settled(
         widened = _widened(now)
         if _moved(fit, before) < _MOVED and widened < _WIDENED:
             break
+        if not scatters(own, fit):
+            break  # clear water has no light to trace
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
     return now, traced
 

@@ -60,6 +60,29 @@ def test_an_explanation_that_settles_where_it_was_stays_accepted(found: Diagnosi
     assert again.accepted[0].fit.chi2 == pytest.approx(found.finding.accepted[0].fit.chi2)
 
 
+@pytest.mark.parametrize(("scatters", "traces"), [(True, 4), (False, 1)])
+def test_water_that_a_fit_has_cleared_is_not_traced_again(
+    found: Diagnosis, monkeypatch, scatters: bool, traces: int
+) -> None:
+    """A fit by better light may end at b = 0, where there is nothing that could be traced."""
+    made, best = list[float](), found.finding.accepted[0]
+    assert best.test is not None and isinstance(best.test.whiten, Whitener)
+
+    def ratio_at(light: object, values: object, photons: float, seed: int) -> tuple[None, None]:
+        made.append(photons)
+        return None, None
+
+    for name, value in (
+        ("ratio_at", ratio_at),
+        ("with_light", lambda problem, traced: problem),
+        ("scatters", lambda *_: scatters),
+        ("_moved", lambda *_: 1.0),
+    ):
+        monkeypatch.setattr(module, name, value)
+    module.settle(found.prepared.problem, best.explanation, best.fit, best.test.whiten)
+    assert len(made) == traces
+
+
 def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, monkeypatch) -> None:
     """A slant of 5 % is too much; one of 0.3 % is too much for the errors alone, and within a tolerance."""
     budget = replace(found.prepared.noise.budget, tolerance=0.0)
