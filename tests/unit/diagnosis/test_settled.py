@@ -13,6 +13,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search import settled as module
+from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
 
@@ -106,6 +107,47 @@ def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypa
         assert (after.level is not found.finding.level) == (prepared is not found.prepared) == moved
         assert after.size == 0 and after.level in after.levels
         assert after.level.base.chi2 == pytest.approx(found.finding.level.base.chi2)
+
+
+@pytest.fixture(scope="module")
+def several() -> Diagnosis:
+    """Three effects at once: the pool finds them."""
+    table, scene = readings(
+        {"detector.background": 0.02, "lamp.tilt_x_deg": 0.8, "lamp.drift_per_hour": -0.1}
+    )
+    only = ["beam_tilt", "background", "lamp_drift"]
+    return diagnose(table, scene, diffuse=None, only=only, advise=False)
+
+
+def beside(several: Diagnosis, monkeypatch, slant: float) -> tuple[Finding, Finding]:
+    """A finding that accepts the best set and one of fewer effects, which costs more; and after settling
+    the best one alone."""
+    finding = several.finding
+    assert finding.many is not None and finding.beyond_two
+    best, pool = finding.accepted[0], finding.many.pool
+    less = next(n for n in pool.nodes.values() if len(n.explanation) == 2)
+    other = replace(best, explanation=less.explanation, fit=less.fit, bic=pool.cost(less))
+    before = replace(finding, accepted=[best, other], weights=[0.9, 0.1])
+    settle_to(monkeypatch, slant)
+    monkeypatch.setattr(module, "scatters", lambda _, fit: fit is best.fit)
+    return before, settled(several.prepared, before, np.random.default_rng(0))[1]
+
+
+def test_of_many_effects_the_price_decides_not_their_number(several: Diagnosis, monkeypatch) -> None:
+    """A set of fewer effects may cost more: one of them is a curve of many functions."""
+    before, after = beside(several, monkeypatch, 0.0)
+    assert [t.names for t in after.accepted] == [t.names for t in before.accepted]
+    assert after.size == 3 and after.identified == before.identified
+    assert after.accepted[0].bic == pytest.approx(before.accepted[0].bic)
+
+
+def test_what_is_known_of_effects_is_known_of_those_of_the_answer(several: Diagnosis, monkeypatch) -> None:
+    """Where the best set passes no more, another one is the answer, and not for all of its effects is
+    anything sure that was sure of the best one's."""
+    _, after = beside(several, monkeypatch, 0.05)
+    assert after.size == 2 and after.many is not None
+    assert {e.candidate.key for e in after.many.evidence} == {c.key for c in after.accepted[0].explanation}
+    assert not any(e.is_claimed for e in after.many.evidence) and not after.identified
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.02, 3.0])
