@@ -14,6 +14,8 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
 
@@ -131,6 +133,18 @@ def beside(several: Diagnosis, monkeypatch, slant: float) -> tuple[Finding, Find
     settle_to(monkeypatch, slant)
     monkeypatch.setattr(module, "scatters", lambda _, fit: fit is best.fit)
     return before, settled(several.prepared, before, np.random.default_rng(0))[1]
+
+
+def test_beside_a_width_at_its_bound_nothing_is_certain(several: Diagnosis) -> None:
+    """A lamp that is brighter off its axis asks for more than an even one: what makes up for that is no
+    effect that is certain, whatever sets of the same beam cost."""
+    many = several.finding.many
+    assert many is not None and {e.level for e in many.evidence} == {"certain"}
+    fit, i = many.best.fit, many.best.fit.paths.index("lamp.hwhm_deg")
+    ends = fit.u.copy()
+    ends[i] = fit.model.high[i]
+    there = Node(many.best.explanation, replace(fit, u=ends))
+    assert {e.level for e in evidence(many.pool, there, adequate=True)} == {"one of"}
 
 
 def test_of_many_effects_the_price_decides_not_their_number(several: Diagnosis, monkeypatch) -> None:
