@@ -202,14 +202,21 @@ def _score(finding: Finding, explanation: Explanation, fit: Fit, phi: float) -> 
 
 
 def _with_evidence(finding: Finding) -> Finding:
-    """The finding with what is known of the effects of its best set, where that is another one now."""
+    """The finding with what is known of the effects of its best set, where that is another one now.
+
+    What no other set does without stays sure while the set that this was found of is accepted too.
+    """
     many = finding.many
     if many is None or not (many.sought and finding.accepted):
         return finding
-    best = many.pool.nodes.get(frozenset(c.key for c in finding.accepted[0].explanation))
+    keys = [frozenset(c.key for c in t.explanation) for t in finding.accepted]
+    best = many.pool.nodes.get(keys[0])
     if best is None or (best.key == many.best.key and many.adequate):
         return finding
-    return replace(finding, many=replace(many, evidence=evidence(many.pool, best, adequate=True)))
+    stands = many.adequate and many.best.key in keys
+    known = {e.candidate.key: e for e in many.evidence} if stands else {}
+    own = [known.get(e.candidate.key, e) for e in evidence(many.pool, best, adequate=True)]
+    return replace(finding, many=replace(many, evidence=own))
 
 
 def _simpler(problem: Problem, pair: Tried) -> list[Tried]:

@@ -121,14 +121,16 @@ def several() -> Diagnosis:
     return diagnose(table, scene, diffuse=None, only=only, advise=False)
 
 
-def beside(several: Diagnosis, monkeypatch, slant: float) -> tuple[Finding, Finding]:
-    """A finding that accepts the best set and one of fewer effects, which costs more; and after settling
-    the best one alone."""
+def beside(several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False) -> tuple[Finding, Finding]:
+    """A finding that accepts the best set and one of fewer effects, which costs more or is said to cost less;
+    and after settling the best one alone."""
     finding = several.finding
     assert finding.many is not None and finding.beyond_two
     best, pool = finding.accepted[0], finding.many.pool
     less = next(n for n in pool.nodes.values() if len(n.explanation) == 2)
-    other = replace(best, explanation=less.explanation, fit=less.fit, bic=pool.cost(less))
+    other = replace(
+        best, explanation=less.explanation, fit=less.fit, bic=-1.0 if cheaper else pool.cost(less)
+    )
     before = replace(finding, accepted=[best, other], weights=[0.9, 0.1])
     settle_to(monkeypatch, slant)
     monkeypatch.setattr(module, "scatters", lambda _, fit: fit is best.fit)
@@ -162,6 +164,18 @@ def test_what_is_known_of_effects_is_known_of_those_of_the_answer(several: Diagn
     assert after.size == 2 and after.many is not None
     assert {e.candidate.key for e in after.many.evidence} == {c.key for c in after.accepted[0].explanation}
     assert not any(e.is_claimed for e in after.many.evidence) and not after.identified
+
+
+def test_what_is_sure_stays_sure_while_the_best_set_of_the_search_is_accepted(
+    several: Diagnosis, monkeypatch
+) -> None:
+    """Better light may rank another set first: what both hold no set of the search does without."""
+    before, after = beside(several, monkeypatch, 0.0, cheaper=True)
+    assert before.many is not None and after.many is not None
+    assert (after.size, len(after.accepted)) == (2, 2)
+    sure = {e.candidate.key: e.level for e in before.many.evidence}
+    assert [e.level for e in after.many.evidence] == [sure[c.key] for c in after.accepted[0].explanation]
+    assert set(sure.values()) == {"certain"}
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.02, 3.0])
