@@ -80,6 +80,34 @@ BENCHES = {
     )
 }  # fmt: skip
 
+#: How many different beams and waters the tanks of campaigns have: one for every set.
+_MANY = 1_000_000
+
+
+def _campaign(name: str, like: str, layout: str, hwhm_deg: tuple[float, float]) -> Bench:
+    return replace(
+        BENCHES[like], name=f"campaign-{name}", layout=layout, hwhm_deg=hwhm_deg,
+        absorption_per_m=(0.06, 0.16), beams=_MANY,
+    )  # fmt: skip
+
+
+#: Tanks of the field cases, and two that show walls and a surface, each with lamps and waters of its own.
+CAMPAIGN = {
+    bench.name: bench
+    for bench in (
+        _campaign("line", "line", "line", (3.4, 5.6)),
+        _campaign("grid", "grid", "grid", (3.4, 5.6)),
+        _campaign("fine", "line", "fine", (3.4, 5.6)),
+        _campaign("wide", "wide", "line", BENCHES["wide"].hwhm_deg),
+        _campaign("column", "column", "column", BENCHES["column"].hwhm_deg),
+    )
+}
+
+
+def bench_named(name: str) -> Bench:
+    """A bench of the benchmark, or of campaigns."""
+    return (BENCHES | CAMPAIGN)[name]
+
 
 def number_of(text: str) -> int:
     """A number that depends on the text alone, the same on every machine."""

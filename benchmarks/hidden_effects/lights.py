@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hidden_effects.benches import BENCHES, number_of, table_of, true_scene, with_held_out
+from benchmarks.hidden_effects.benches import bench_named, number_of, table_of, true_scene, with_held_out
 from benchmarks.hidden_effects.catalogue import Truth
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS
@@ -22,12 +22,12 @@ PHOTONS, REL_ERROR = 1e8, 0.002
 def lit_scene(truth: Truth) -> Scene:
     """The true scene without what acts after the light has arrived."""
     optical = {path: value for path, value in truth.values if path not in paths_on(AFTERWARDS)}
-    return true_scene(BENCHES[truth.bench], truth.beam).with_values(optical)
+    return true_scene(bench_named(truth.bench), truth.beam).with_values(optical)
 
 
 def scene_of(truth: Truth) -> Scene:
     """The true scene."""
-    return true_scene(BENCHES[truth.bench], truth.beam).with_values(dict(truth.values))
+    return true_scene(bench_named(truth.bench), truth.beam).with_values(dict(truth.values))
 
 
 def _file(truth: Truth, folder: Path) -> Path:
@@ -40,7 +40,7 @@ def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
     For unit on-axis intensity; rendered now unless it was before, at these very places.
     """
-    path, bench = _file(truth, folder), BENCHES[truth.bench]
+    path, bench = _file(truth, folder), bench_named(truth.bench)
     readings = with_held_out(bench, table_of(bench, "plane", np.random.default_rng(0)))
     places = np.stack([readings.x_m, readings.y_m, readings.z_m])
     if path.exists():

@@ -19,7 +19,7 @@ from benchmarks.many_effects.experiment import run
 from benchmarks.many_effects.page import page
 
 ROOT = Path(__file__).resolve().parents[2]
-STRATA = ("clean", "lamp", "misspecified", "unknown", "later")
+STRATA = ("clean", "lamp", "misspecified", "unknown", "later", "campaign")
 
 
 def main() -> None:
@@ -35,8 +35,8 @@ def main() -> None:
     parser.add_argument("--page", type=Path, default=Path(__file__).parent / "README.md")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
-    planned, kept = trials(), args.store / "sets.jsonl"
-    chosen = [t for t in planned[args.first :: args.every] if not args.only or t.truth.stratum in args.only]
+    planned = [t for t in trials() if not args.only or t.truth.stratum in args.only]
+    kept, chosen = args.store / "sets.jsonl", planned[args.first :: args.every]
     done = {row["seed"] for row in store.read(kept)}
     left = [t for t in chosen if t.seed not in done]
     if left and not args.score:

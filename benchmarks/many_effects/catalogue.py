@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hidden_effects.benches import BENCHES, Order, number_of, table_of, true_scene
+from benchmarks.hidden_effects.benches import BENCHES, Order, bench_named, number_of, table_of, true_scene
 from benchmarks.hidden_effects.catalogue import LAMPS as EARLIER_LAMPS
 from benchmarks.hidden_effects.catalogue import NOISES, Truth
+from benchmarks.many_effects import campaign
 from lightfield.experiments.hide import draw_effect
 from lightfield.fitting import effects
 
@@ -54,6 +55,11 @@ LATER: Sequence[tuple[str, tuple[str, ...]]] = (
     ("colour", ("attenuation_spectrum",)), ("colour", ("attenuation_spectrum", "background")),
 )  # fmt: skip
 LATER_STRENGTH, LATER_DRAWS = (2.0, 10.0), 3
+#: Which of these tanks that of a campaign is.
+_CAMPAIGN_TANK = {
+    "campaign-line": "line", "campaign-grid": "grid", "campaign-fine": "line", "campaign-wide": "wide",
+    "campaign-column": "column",
+}  # fmt: skip
 #: In which tank the sets of a stratum are read, in turn.
 _TANKS = ("line", "grid", "line", "wide", "grid", "line", "column", "grid", "line", "air", "line", "grid")
 _SIMPLE_TANKS = ("line", "grid")
@@ -69,9 +75,9 @@ class Trial:
     Parameters
     ----------
     truth : Truth
-        Its stratum is "clean", "lamp", "misspecified", "unknown" or "later".
+        Its stratum is "clean", "lamp", "misspecified", "unknown" or "later" or "campaign".
     lamp, errors : str
-        Of `LAMPS`, of `ERRORS`; "" for a Gaussian, and for errors as stated.
+        Of `LAMPS` or of `campaign.SHAPES`, of `ERRORS`; "" for a Gaussian, and for errors as stated.
     """
 
     truth: Truth
@@ -138,6 +144,37 @@ def _later(bench: str, names: tuple[str, ...], draw: int) -> Trial:
     return Trial(truth, "", "", "random", float(rng.choice(NOISES)), draw)
 
 
+def _campaign(plan: campaign.Plan) -> Trial:
+    rng, bench = plan.rng, bench_named(plan.bench)
+    beam = int(rng.integers(bench.beams))
+    scene, table = true_scene(bench, beam), table_of(bench, "random", np.random.default_rng(0))
+    may = MAY_ACT[_CAMPAIGN_TANK[plan.bench]]
+    weight = {n: campaign.FAVOURED if n in campaign.FIELD else 1.0 for n in may if n not in plan.must}
+    if plan.shape:
+        weight = {n: w for n, w in weight.items() if n not in BEAM_FORMS}
+    if not plan.draw % 2:
+        weight.pop("scattering", None)
+        weight.pop("wall_reflection", None)
+    odds = np.array([*weight.values()])
+    order_of_draw = rng.choice([*weight], len(weight), replace=False, p=odds / odds.sum()).tolist()
+    known, names = effects.table(), list(plan.must)
+    for name in order_of_draw:
+        if len(names) < plan.count and all(known[name].combines_with(known[other]) for other in names):
+            names.append(name)
+    values: dict[str, object] = {}
+    for name in names:
+        strength = float(np.exp(rng.uniform(*np.log(campaign.STRENGTH))))
+        values |= draw_effect(scene, table, name, rng, strength)
+    if plan.shape:
+        path = campaign.lamp_table(plan.shape, plan.bench, beam)
+        values |= {"lamp.profile": "table", "lamp.intensity_table": str(path)}
+    truth = Truth(
+        "campaign", plan.bench, beam, " + ".join(names) or "nothing", tuple(names), tuple(values.items())
+    )
+    order: Order = "plane" if rng.random() < campaign.PLANE_BY_PLANE else "random"
+    return Trial(truth, plan.shape, "", order, float(rng.choice(campaign.NOISES)), plan.draw)
+
+
 def _planned() -> Iterator[Trial]:
     for count in range(7):
         for draw in range(CLEAN):
@@ -158,6 +195,7 @@ def _planned() -> Iterator[Trial]:
     for draw in range(LATER_DRAWS):
         for bench, names in LATER:
             yield _later(bench, names, draw)
+    yield from map(_campaign, campaign.plans())
 
 
 def trials() -> list[Trial]:

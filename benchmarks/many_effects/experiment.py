@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects.benches import BENCHES, believed_scene, table_of, true_scene
+from benchmarks.hidden_effects.benches import believed_scene, bench_named, table_of, true_scene
 from benchmarks.hidden_effects.experiment import BRIGHT
 from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.many_effects.catalogue import Trial
@@ -36,7 +36,7 @@ def run(trial: Trial, folder: Path) -> Row:
     row: Row = {
         "seed": trial.seed, "key": trial.key, "stratum": truth.stratum, "bench": truth.bench,
         "hidden": list(truth.hidden), "count": len(truth.hidden), "lamp": trial.lamp, "errors": trial.errors,
-        "unknown": truth.unknown,
+        "unknown": truth.unknown, "draw": trial.draw,
     }  # fmt: skip
     try:
         return row | _run(trial, folder)
@@ -45,7 +45,7 @@ def run(trial: Trial, folder: Path) -> Row:
 
 
 def _run(trial: Trial, folder: Path) -> Row:
-    truth, bench = trial.truth, BENCHES[trial.truth.bench]
+    truth, bench = trial.truth, bench_named(trial.truth.bench)
     rng = np.random.default_rng(trial.seed)
     table = table_of(bench, trial.order, rng)
     believed = believed_scene(true_scene(bench, truth.beam), rng)

@@ -24,6 +24,13 @@ diagnosis fits; width and absorption that it is told are 10 to 25 % wrong.
 | misspecified | wrong errors (below), with nought to four effects |
 | unknown | a ripple, a flicker, a shadow or a kink that is in no table, beside one to three effects |
 | later | effects that came to the table later: plane gains, a floor, waves, a colour of the water |
+| campaign | nought to six effects as the field cases have them (below), half with diffuse light |
+
+A campaign is read in the tank of the field cases, on a line, a grid or fifteen planes, one in eight in a tank
+that shows its walls or its surface; every set has a lamp and a water of its own, errors of 0.5 or 0.8 % and a
+dark floor, and effects of one to twelve times the typical size, those of the field cases three times as often
+as others. Four in ten have a lamp that is no Gaussian, of seven shapes with numbers drawn for each: a flood
+with a soft edge, a ring, a pedestal, one darker on its axis, a cusp, a far ring, a power of the angle.
 
 `lamps/measured-spot.csv` and `lamps/measured-flood.csv` name the source of the goniophotometer tables. Wrong
 errors: stated half or double as large as they are, correlated from reading to reading (0.4), or two clusters
@@ -52,7 +59,7 @@ def page(rows: Sequence[Row], planned: int) -> str:
     if len(rows) < planned and len(seconds):
         hours = planned * float(seconds.mean()) / 3600
         lines += [
-            "They are a sample over all strata. In brackets: 95 % Clopper-Pearson limits; sets. So few "
+            "They are a sample of the plan. In brackets: 95 % Clopper-Pearson limits; sets. So few "
             "sets tell a figure of some per cent from none only roughly. The diagnoses of all would take "
             f"{hours:.1f} hours of one processor, the renders and the deltas about as long again "
             "(`--every N` runs every N-th).",
@@ -70,7 +77,13 @@ def _strata(rows: Sequence[Row]) -> list[str]:
         "certain, wrong | simplest, wrong |",
         "|---|---|---|---|---|---|---|",
     ]
-    groups = [(name, [r for r in rows if r["stratum"] == name]) for name in ("clean", "later")]
+    groups = [(name, [r for r in rows if r["stratum"] == name]) for name in ("clean", "later", "campaign")]
+    campaigns = [r for r in rows if r["stratum"] == "campaign"]
+    for lit in (False, True):
+        for lamp in (False, True):
+            mine = [r for r in campaigns if bool(r["lamp"]) == lamp and (r["draw"] % 2 == 1) == lit]
+            light = "with scattered or reflected light" if lit else "direct light"
+            groups.append((f"campaign, {light}, {'other' if lamp else 'Gaussian'} lamp", mine))
     for key, word in (("lamp", "lamp "), ("errors", "errors: "), ("unknown", "")):
         for kind in sorted({r[key] for r in rows} - {""}):
             groups.append((word + kind, [r for r in rows if r[key] == kind]))

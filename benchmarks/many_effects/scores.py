@@ -73,7 +73,12 @@ def is_right_set(row: Row, names: Sequence[str]) -> bool:
 
 
 def of(rows: Sequence[Row], *strata: str) -> list[Row]:
-    return [r for r in rows if r["stratum"] in strata and r["verdict"] != "error"]
+    """Rows of some strata that ended in a verdict; a campaign counts as "lamp", or as "clean" without one."""
+
+    def counts_as(row: Row) -> str:
+        return str(row["stratum"]) if row["stratum"] != "campaign" else "lamp" if row["lamp"] else "clean"
+
+    return [r for r in rows if counts_as(r) in strata and r["verdict"] != "error"]
 
 
 def _rate(flags: Iterable[bool]) -> Rate:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.many_effects.catalogue import BEAM_FORMS, LAMPS, Trial
+from benchmarks.many_effects.catalogue import BEAM_FORMS, Trial
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import layout_of
@@ -44,7 +44,9 @@ def deltas(
     truth = trial.truth
     lit = believed
     if trial.lamp:
-        lit = believed.with_values({"lamp.profile": "table", "lamp.intensity_table": str(LAMPS[trial.lamp])})
+        lit = believed.with_values(
+            {name: value for name, value in truth.values if name in ("lamp.profile", "lamp.intensity_table")}
+        )
     curve = ("beam_profile",) if trial.lamp else ()
     whole = _Fits(lit, readings, known, sigma_of(known), [*truth.hidden, *curve])
     values = dict(truth.values)

@@ -21,6 +21,8 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
+from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
 from lightfield.diagnosis.search.search import Tried, bic
@@ -172,7 +174,7 @@ def _accepted(
         if adequacy.passes(alpha):
             fit, errors = profiled(one.problem, tried.explanation, fit, whiten, adequacy.phi, False)
             adequacy = test(fit)
-        score = bic(fit, tried.explanation, adequacy.phi, finding.n)
+        score = _score(finding, tried.explanation, fit, adequacy.phi)
         score += whiten.log_determinant - main.log_determinant
         new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
         made[id(tried.explanation)] = there, new
@@ -182,11 +184,39 @@ def _accepted(
 
     passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
     passing = [t for t in passing if not t.at_edge] or passing
-    size = min((len(t.explanation) for t in passing), default=None)
-    passing = [t for t in passing if len(t.explanation) == size]
+    if not finding.beyond_two:  # any number of effects have their price
+        fewest = min((len(t.explanation) for t in passing), default=0)
+        passing = [t for t in passing if len(t.explanation) == fewest]
+    size = len(passing[0].explanation) if passing else None
     weights = with_base(passing, finding.level, finding.n) if passing else []
     best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
-    return best, replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
+    after = replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
+    return best, _with_evidence(after)
+
+
+def _score(finding: Finding, explanation: Explanation, fit: Fit, phi: float) -> float:
+    """By what a set is ranked beside others of the finding, which were not settled: as they are."""
+    if finding.many is None or not finding.beyond_two:
+        return bic(fit, explanation, phi, finding.n)
+    return finding.many.pool.cost(Node(explanation, fit))
+
+
+def _with_evidence(finding: Finding) -> Finding:
+    """The finding with what is known of the effects of its best set, where that is another one now.
+
+    What no other set does without stays sure while the set that this was found of is accepted too.
+    """
+    many = finding.many
+    if many is None or not (many.sought and finding.accepted):
+        return finding
+    keys = [frozenset(c.key for c in t.explanation) for t in finding.accepted]
+    best = many.pool.nodes.get(keys[0])
+    if best is None or (best.key == many.best.key and many.adequate):
+        return finding
+    stands = many.adequate and many.best.key in keys
+    known = {e.candidate.key: e for e in many.evidence} if stands else {}
+    own = [known.get(e.candidate.key, e) for e in evidence(many.pool, best, adequate=True)]
+    return replace(finding, many=replace(many, evidence=own))
 
 
 def _simpler(problem: Problem, pair: Tried) -> list[Tried]:
@@ -270,6 +300,8 @@ def _settled(
         widened = _widened(now)
         if _moved(fit, before) < _MOVED and widened < _WIDENED:
             break
+        if not scatters(own, fit):
+            break  # clear water has no light to trace
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
     return now, traced
 

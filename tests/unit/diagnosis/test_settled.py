@@ -13,6 +13,9 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search import settled as module
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
 
@@ -60,6 +63,29 @@ def test_an_explanation_that_settles_where_it_was_stays_accepted(found: Diagnosi
     assert again.accepted[0].fit.chi2 == pytest.approx(found.finding.accepted[0].fit.chi2)
 
 
+@pytest.mark.parametrize(("scatters", "traces"), [(True, 4), (False, 1)])
+def test_water_that_a_fit_has_cleared_is_not_traced_again(
+    found: Diagnosis, monkeypatch, scatters: bool, traces: int
+) -> None:
+    """A fit by better light may end at b = 0, where there is nothing that could be traced."""
+    made, best = list[float](), found.finding.accepted[0]
+    assert best.test is not None and isinstance(best.test.whiten, Whitener)
+
+    def ratio_at(light: object, values: object, photons: float, seed: int) -> tuple[None, None]:
+        made.append(photons)
+        return None, None
+
+    for name, value in (
+        ("ratio_at", ratio_at),
+        ("with_light", lambda problem, traced: problem),
+        ("scatters", lambda *_: scatters),
+        ("_moved", lambda *_: 1.0),
+    ):
+        monkeypatch.setattr(module, name, value)
+    module.settle(found.prepared.problem, best.explanation, best.fit, best.test.whiten)
+    assert len(made) == traces
+
+
 def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, monkeypatch) -> None:
     """A slant of 5 % is too much; one of 0.3 % is too much for the errors alone, and within a tolerance."""
     budget = replace(found.prepared.noise.budget, tolerance=0.0)
@@ -83,6 +109,73 @@ def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypa
         assert (after.level is not found.finding.level) == (prepared is not found.prepared) == moved
         assert after.size == 0 and after.level in after.levels
         assert after.level.base.chi2 == pytest.approx(found.finding.level.base.chi2)
+
+
+@pytest.fixture(scope="module")
+def several() -> Diagnosis:
+    """Three effects at once: the pool finds them."""
+    table, scene = readings(
+        {"detector.background": 0.02, "lamp.tilt_x_deg": 0.8, "lamp.drift_per_hour": -0.1}
+    )
+    only = ["beam_tilt", "background", "lamp_drift"]
+    return diagnose(table, scene, diffuse=None, only=only, advise=False)
+
+
+def beside(several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False) -> tuple[Finding, Finding]:
+    """A finding that accepts the best set and one of fewer effects, which costs more or is said to cost less;
+    and after settling the best one alone."""
+    finding = several.finding
+    assert finding.many is not None and finding.beyond_two
+    best, pool = finding.accepted[0], finding.many.pool
+    less = next(n for n in pool.nodes.values() if len(n.explanation) == 2)
+    other = replace(
+        best, explanation=less.explanation, fit=less.fit, bic=-1.0 if cheaper else pool.cost(less)
+    )
+    before = replace(finding, accepted=[best, other], weights=[0.9, 0.1])
+    settle_to(monkeypatch, slant)
+    monkeypatch.setattr(module, "scatters", lambda _, fit: fit is best.fit)
+    return before, settled(several.prepared, before, np.random.default_rng(0))[1]
+
+
+def test_beside_a_width_at_its_bound_nothing_is_certain(several: Diagnosis) -> None:
+    """A lamp that is brighter off its axis asks for more than an even one: what makes up for that is no
+    effect that is certain, whatever sets of the same beam cost."""
+    many = several.finding.many
+    assert many is not None and {e.level for e in many.evidence} == {"certain"}
+    fit, i = many.best.fit, many.best.fit.paths.index("lamp.hwhm_deg")
+    ends = fit.u.copy()
+    ends[i] = fit.model.high[i]
+    there = Node(many.best.explanation, replace(fit, u=ends))
+    assert {e.level for e in evidence(many.pool, there, adequate=True)} == {"one of"}
+
+
+def test_of_many_effects_the_price_decides_not_their_number(several: Diagnosis, monkeypatch) -> None:
+    """A set of fewer effects may cost more: one of them is a curve of many functions."""
+    before, after = beside(several, monkeypatch, 0.0)
+    assert [t.names for t in after.accepted] == [t.names for t in before.accepted]
+    assert after.size == 3 and after.identified == before.identified
+    assert after.accepted[0].bic == pytest.approx(before.accepted[0].bic)
+
+
+def test_what_is_known_of_effects_is_known_of_those_of_the_answer(several: Diagnosis, monkeypatch) -> None:
+    """Where the best set passes no more, another one is the answer, and not for all of its effects is
+    anything sure that was sure of the best one's."""
+    _, after = beside(several, monkeypatch, 0.05)
+    assert after.size == 2 and after.many is not None
+    assert {e.candidate.key for e in after.many.evidence} == {c.key for c in after.accepted[0].explanation}
+    assert not any(e.is_claimed for e in after.many.evidence) and not after.identified
+
+
+def test_what_is_sure_stays_sure_while_the_best_set_of_the_search_is_accepted(
+    several: Diagnosis, monkeypatch
+) -> None:
+    """Better light may rank another set first: what both hold no set of the search does without."""
+    before, after = beside(several, monkeypatch, 0.0, cheaper=True)
+    assert before.many is not None and after.many is not None
+    assert (after.size, len(after.accepted)) == (2, 2)
+    sure = {e.candidate.key: e.level for e in before.many.evidence}
+    assert [e.level for e in after.many.evidence] == [sure[c.key] for c in after.accepted[0].explanation]
+    assert set(sure.values()) == {"certain"}
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.02, 3.0])

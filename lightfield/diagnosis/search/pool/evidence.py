@@ -30,6 +30,8 @@ PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 FAMILY = 10.0
 
 
+#: The half width of the beam: its range is chosen, and where it lies at its end all sets are compared there.
+_WIDTH = "lamp.hwhm_deg"
 #: What stands in for gains of planes: an attenuation that changes along the tank.
 _K_OF_Z = ("attenuation_profile",)
 
@@ -177,9 +179,9 @@ def _left(weighing: Weighing) -> float:
 
 
 def _at_edge(node: Node, candidate: Candidate) -> bool:
-    """Does an amplitude lie at a bound of what is plausible?"""
+    """Does an amplitude lie at a bound of what is plausible, or the beam that all effects act on?"""
     bounded = dict(zip(node.fit.paths, node.fit.at_bound(), strict=True))
-    return any(bounded[p.path] for p in candidate.amplitudes)
+    return bounded.get(_WIDTH, False) or any(bounded[p.path] for p in candidate.amplitudes)
 
 
 def _alternatives(
