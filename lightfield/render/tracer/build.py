@@ -129,7 +129,8 @@ def assembled(
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
     ends = scene.tank.box_m[2] if scene.tank else (-inf, inf)
-    whole_cells = nodes is None and not flux  # maps are means over cells, in whatever water
+    # Maps are means over cells, in whatever water; paths that are asked for themselves lead to the point.
+    whole_cells = nodes is None and not flux and path_nodes is None
     straight = straight_path(scene, grid, whole_cells)
     if flux:
         planes: Planes = FluxPlanes(grid, position, lamp.apparent_distance_m, ends)
