@@ -21,8 +21,9 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import PHOTONS, can_follow, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
-from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.search import named
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled, restarted
 from lightfield.diagnosis.search.search import Tried, bic
@@ -187,11 +188,19 @@ def _accepted(
     if not finding.beyond_two:  # any number of effects have their price
         fewest = min((len(t.explanation) for t in passing), default=0)
         passing = [t for t in passing if len(t.explanation) == fewest]
+    passing = _named_first(passing)
     size = len(passing[0].explanation) if passing else None
     weights = with_base(passing, finding.level, finding.n) if passing else []
     best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
     after = replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
     return best, _with_evidence(after)
+
+
+def _named_first(passing: list[Tried]) -> list[Tried]:
+    """Best first, but of sets that are no further apart than a gap that with fewest curves."""
+    near = [t for t in passing if t.bic < passing[0].bic + GAP]
+    first = min(near, key=lambda t: (sum(not named(c) for c in t.explanation), t.bic), default=None)
+    return sorted(passing, key=lambda t: t is not first)
 
 
 def _score(finding: Finding, explanation: Explanation, fit: Fit, phi: float) -> float:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
@@ -155,6 +157,19 @@ def test_of_many_effects_the_price_decides_not_their_number(several: Diagnosis, 
     assert [t.names for t in after.accepted] == [t.names for t in before.accepted]
     assert after.size == 3 and after.identified == before.identified
     assert after.accepted[0].bic == pytest.approx(before.accepted[0].bic)
+
+
+def test_named_forms_win_where_they_suffice(found: Diagnosis) -> None:
+    """No curve is the answer that is no more than a gap cheaper than a name in its place."""
+
+    def costing(bic: float, curves: int) -> Tried:
+        effects: Any = (SimpleNamespace(effect=SimpleNamespace(is_free_form=k < curves)) for k in range(3))
+        return replace(found.finding.accepted[0], explanation=tuple(effects), bic=bic)
+
+    two, one, far = costing(10.0, 2), costing(10.0 + 0.9 * GAP, 1), costing(10.0 + 1.1 * GAP, 0)
+    assert module._named_first([two, one, far]) == [one, two, far]
+    assert module._named_first([two, far]) == [two, far]
+    assert module._named_first([]) == []
 
 
 def test_what_is_known_of_effects_is_known_of_those_of_the_answer(several: Diagnosis, monkeypatch) -> None:
