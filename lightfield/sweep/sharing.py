@@ -14,6 +14,8 @@ MOST_SPREAD = 1.5
 # Reflected light that scattered more often than a tally tells apart is known of other water to a part of
 # 0.4 |ln(b / b0)| (`open_ended`). It is most of all in dense water: there b may differ by a tenth.
 MOST_UNTOLD = 0.1
+# Has a logarithm, as no scattering has not, 1/m.
+_NOTHING = 1e-300
 
 
 def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -50,9 +52,9 @@ def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:
 def _untold(waters: np.ndarray, far_m: float) -> np.ndarray:
     """Part of reflected light that is scattered so often, times |ln(b / b0)|, shape (n,)."""
     b, most = waters[:, 1], waters[:, 1].max()
-    reflects = waters[:, 2:].any() and most > 0
-    part = gammainc(HELD_FROM + 1, most * far_m) if reflects else 0.0
-    return np.asarray(part * np.log(most / np.maximum(b, 1e-9 * most)) if reflects else np.zeros_like(b))
+    if most == 0 or not waters[:, 2:].any():
+        return np.zeros_like(b)
+    return np.asarray(gammainc(HELD_FROM + 1, b * far_m) * np.log(most / np.maximum(b, _NOTHING)))
 
 
 def _same_reflections(waters: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.render.response.grid import AngleNodes
+from lightfield.render.response.open_ended import HELD_FROM
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Histories:
         max_walls: int = 0,
         max_surfaces: int = 0,
         max_reflections: int = 3,
-        max_scatterings_reflected: int = 5,
+        max_scatterings_reflected: int = HELD_FROM,
         longest_excess_m: float = 8.0,
         path_nodes: int = 28,
         nodes: AngleNodes | None = None,

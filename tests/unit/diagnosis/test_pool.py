@@ -9,10 +9,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scipy import stats
-from toy_problem import Toy, candidate, curve, layout, waves
+from toy_pool import more_waves, pool_of, toy
+from toy_problem import Toy, candidate, curve, layout
 
 from lightfield.diagnosis.problem import problem as problems
-from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
@@ -20,7 +20,7 @@ from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.moves import polish
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
 from lightfield.diagnosis.search.progress import SILENT
@@ -32,24 +32,6 @@ from lightfield.fitting.least_squares import Fit
 @pytest.fixture(autouse=True)
 def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preparation, "REPLICATES", 199)
-
-
-def more_waves(lay) -> dict[str, np.ndarray]:
-    """Seven columns that no smooth unknown is; no two alike."""
-    time = lay.phase_of_scan
-    return {
-        **waves(lay),
-        "fan": np.cos(4 * lay.x_m) * (lay.z_m - 6.5) ** 2,
-        "late": 4 * time * (lay.z_m - 6.5),
-        "braid": np.sin(5 * lay.x_m + lay.z_m),
-        "fringe": 3 * time * np.cos(3 * lay.x_m),
-    }
-
-
-def toy(**more: np.ndarray) -> Toy:
-    lay = layout()
-    columns = {**more_waves(lay), **more}
-    return Toy.of([candidate(name) for name in columns], columns, lay)
 
 
 def many(made: Toy, problem, seed: int = 0) -> Many:
@@ -226,13 +208,6 @@ def expected_of_curve(made: Toy, problem) -> float:
     return made.regression(problem, *(f"profile{k}" for k in range(4)))[2]
 
 
-def pool_of(made: Toy, problem) -> Pool:
-    replicates = np.random.default_rng(0).standard_normal((60, 99))
-    pool = Pool(Ground(made.test(problem, replicates), 1.0, 1000))
-    pool.fit((), [Begin({})])
-    return pool
-
-
 def test_elimination_from_everything_leaves_what_is_there() -> None:
     """Four effects in one move from nothing."""
     made = toy()
@@ -336,52 +311,6 @@ def test_scattered_light_is_not_asked_for_without_end() -> None:
     pool.diffuse = pool.most_diffuse
     assert pool.affordable(direct) and not pool.affordable([*direct, diffuse])
     assert not pool.affordable([candidate(f"n{k}") for k in range(60)])
-
-
-def with_scattering(**hidden: float) -> tuple[Toy, Problem, dict[str, Candidate]]:
-    """Effects of which "fringe" makes scattered light: sets with it may be left where they are far."""
-    made = toy()
-    free = (Free("water.scattering_per_m", 0.0, 2.0, 0.02),)
-    diffuse = Effect("fringe", "toy", (Form("linear", free),), "", "", "")
-    drawn = made.drawn(np.random.default_rng(1), **hidden)
-    every = tuple(replace(c, effect=diffuse) if c.name == "fringe" else c for c in drawn.candidates)
-    return made, replace(drawn, candidates=every), {c.name: c for c in every}
-
-
-def left_far(problem: Problem, pool: Pool, chosen: Explanation) -> Node:
-    """A set whose fit saw no way on from where it began: by the slopes of elsewhere there is none."""
-    flat = {p.path: np.zeros(problem.layout.size) for p in problem.model(chosen).parameters}
-    node = pool.fit(chosen, [Begin({}, flat)])
-    assert node.fit.evaluations == 1 and pool.cost(node) > pool.cost(pool.best()) + 50
-    return node
-
-
-@pytest.mark.parametrize("by_elimination", [False, True])
-def test_a_set_that_was_left_far_is_fitted_where_a_larger_one_shows_it_near(by_elimination: bool) -> None:
-    """Else the larger one, with an effect that is not there, passes for the best: field case 006, where
-    the rough fit of the true set stayed 150 above the best, and two needless effects with it."""
-    made, problem, by = with_scattering(odd=30.0, fringe=30.0)
-    true, whole = (by["odd"], by["fringe"]), (by["odd"], by["fringe"], by["fan"])
-    pool = pool_of(made, problem)
-    larger = pool.fit(whole, [Begin({})])
-    left_far(problem, pool, true)
-    assert pool.best() is larger
-    if by_elimination:
-        linear_backward(pool, larger, everything)
-    else:
-        pool.drop(larger, by["fan"])
-    assert pool.best().names == {"odd", "fringe"}
-    assert pool.best().fit.chi2 == pytest.approx(made.regression(problem, "odd", "fringe")[2], abs=0.05)
-
-
-def test_a_set_that_is_far_stays_as_it_was_left() -> None:
-    """Without an effect of thirty sigma nothing is near, and no fit is spent on it."""
-    made, problem, by = with_scattering(odd=30.0, fringe=30.0)
-    pool = pool_of(made, problem)
-    larger = pool.fit((by["odd"], by["fringe"], by["fan"]), [Begin({})])
-    far = left_far(problem, pool, (by["fringe"], by["fan"]))
-    spent = pool.fits
-    assert pool.drop(larger, by["odd"]) is far and pool.fits == spent
 
 
 def test_of_many_readings_a_sample_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,8 +28,6 @@ NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 #: Sets that cost no more than this above the best are accepted beside it: e^-5 of its weight.
 FAMILY = 10.0
-
-
 #: The half width of the beam: its range is chosen, and where it lies at its end all sets are compared there.
 _WIDTH = "lamp.hwhm_deg"
 #: What stands in for gains of planes: an attenuation that changes along the tank.

@@ -1,0 +1,64 @@
+"""Sets whose fits were left far from the best, and what brings them near."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_pool import pool_of, toy
+from toy_problem import Toy
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.search import everything
+from lightfield.fitting.effects import Effect, Form, Free
+
+
+def with_scattering(**hidden: float) -> tuple[Toy, Problem, dict[str, Candidate]]:
+    """Effects of which "fringe" makes scattered light: sets with it may be left where they are far."""
+    made = toy()
+    free = (Free("water.scattering_per_m", 0.0, 2.0, 0.02),)
+    diffuse = Effect("fringe", "toy", (Form("linear", free),), "", "", "")
+    drawn = made.drawn(np.random.default_rng(1), **hidden)
+    every = tuple(replace(c, effect=diffuse) if c.name == "fringe" else c for c in drawn.candidates)
+    return made, replace(drawn, candidates=every), {c.name: c for c in every}
+
+
+def left_far(problem: Problem, pool: Pool, chosen: Explanation) -> Node:
+    """A set whose fit saw no way on from where it began: by the slopes of elsewhere there is none."""
+    flat = {p.path: np.zeros(problem.layout.size) for p in problem.model(chosen).parameters}
+    node = pool.fit(chosen, [Begin({}, flat)])
+    assert node.fit.evaluations == 1 and pool.cost(node) > pool.cost(pool.best()) + 50
+    return node
+
+
+@pytest.mark.parametrize("by_elimination", [False, True])
+def test_a_set_that_was_left_far_is_fitted_where_a_larger_one_shows_it_near(by_elimination: bool) -> None:
+    """Else the larger one, with an effect that is not there, passes for the best: field case 006, where
+    the rough fit of the true set stayed 150 above the best, and two needless effects with it."""
+    made, problem, by = with_scattering(odd=30.0, fringe=30.0)
+    true, whole = (by["odd"], by["fringe"]), (by["odd"], by["fringe"], by["fan"])
+    pool = pool_of(made, problem)
+    larger = pool.fit(whole, [Begin({})])
+    left_far(problem, pool, true)
+    assert pool.best() is larger
+    if by_elimination:
+        linear_backward(pool, larger, everything)
+    else:
+        pool.drop(larger, by["fan"])
+    assert pool.best().names == {"odd", "fringe"}
+    assert pool.best().fit.chi2 == pytest.approx(made.regression(problem, "odd", "fringe")[2], abs=0.05)
+
+
+def test_a_set_that_is_far_stays_as_it_was_left() -> None:
+    """Without an effect of thirty sigma nothing is near, and no fit is spent on it."""
+    made, problem, by = with_scattering(odd=30.0, fringe=30.0)
+    pool = pool_of(made, problem)
+    larger = pool.fit((by["odd"], by["fringe"], by["fan"]), [Begin({})])
+    far = left_far(problem, pool, (by["fringe"], by["fan"]))
+    spent = pool.fits
+    assert pool.drop(larger, by["odd"]) is far and pool.fits == spent
