@@ -84,6 +84,12 @@ class Fit:
             for p, x, s in zip(self.model.parameters, self.u, sigma, strict=True)
         }
 
+    def away_from(self, u: Array) -> float:
+        """How far it lies from other coordinates, shape (n_parameters,), in its errors, at most."""
+        sigma = np.sqrt(np.diag(self.covariance()))
+        known = np.isfinite(sigma) & (sigma > 0)
+        return float(np.max(np.abs(self.u - u)[known] / sigma[known], initial=0.0))
+
     def at_bound(self) -> NDArray[np.bool_]:
         """Which parameters lie at a bound, shape (n_parameters,); what is held has none."""
         room = self.model.high - self.model.low

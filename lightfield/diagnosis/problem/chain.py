@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs, solve_triangular
-from scipy.linalg.blas import dtrmm, dtrmv
 from scipy.linalg.lapack import dtrtri
 
 from lightfield.arrays import Array
@@ -26,8 +25,6 @@ Rows = NDArray[np.int_]
 #: Rows among which the next columns of a factor of low rank are chosen: it has no more of them than among
 #: 1500, in half the time.
 _CHOSEN_AMONG = 400
-#: Up to so many columns are multiplied by a triangle one by one: time goes into reading it from memory.
-_ONE_BY_ONE = 8
 
 
 @dataclass(frozen=True)
@@ -76,12 +73,6 @@ class ChainBlock:
         return factor * state[source] if len(state) else np.zeros((len(source), state.shape[1]))
 
 
-def alone(covariance: Array) -> ChainBlock:
-    """A chain of one block."""
-    nothing = np.zeros((len(covariance), 0))
-    return ChainBlock(covariance, nothing, nothing, np.zeros(0, int), np.zeros(0))
-
-
 class ChainFactor:
     """Multiplies columns by the Cholesky factor of a covariance, and by its inverse.
 
@@ -125,8 +116,6 @@ class ChainFactor:
 
     def white(self, columns: Array) -> Array:
         """L^-1 times columns of shape (n, k)."""
-        if len(self._links) == 1:
-            return _lower(self._links[0][1], columns)
         state: Array = np.zeros((0, columns.shape[1]), self._kind)
         out, at = np.empty_like(columns), 0
         for link, inverse, gain in self._links:
@@ -141,30 +130,15 @@ class ChainFactor:
 
     def coloured(self, columns: Array) -> Array:
         """L times columns of shape (n, k)."""
-        if len(self._links) == 1:
-            return _back(self._links[0][1], columns)
         state: Array = np.zeros((0, columns.shape[1]), self._kind)
         out, at = np.empty_like(columns), 0
         for link, inverse, gain in self._links:
             rows = slice(at, at := at + len(inverse))
-            out[rows] = _back(inverse, columns[rows])
+            out[rows] = solve_triangular(inverse, columns[rows], lower=True, check_finite=False)
             if len(state):
                 out[rows] += link.out @ state
             state = self._carried(link, state) + gain @ columns[rows].astype(self._kind, copy=False)
         return out
-
-
-def _back(inverse: Array, columns: Array) -> Array:
-    """Columns before a lower triangle was applied to them."""
-    return np.asarray(solve_triangular(inverse, columns, lower=True, check_finite=False))
-
-
-def _lower(triangle: Array, columns: Array) -> Array:
-    """Product of a lower triangle, in Fortran's order, with columns of shape (n, k), but for its zeros."""
-    if columns.shape[1] <= _ONE_BY_ONE:
-        each = [dtrmv(triangle, column, lower=1) for column in columns.T]
-        return np.stack(each, axis=1) if each else np.zeros(columns.shape)
-    return np.asarray(dtrmm(1.0, triangle, columns.T, side=1, lower=1, trans_a=1).T)
 
 
 def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.chain import ChainBlock, ChainFactor, alone, fewer_columns, low_rank
+from lightfield.diagnosis.problem.chain import ChainFactor, fewer_columns, low_rank
+from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
 
@@ -118,7 +119,9 @@ class Noise:
                 out += shared
             out *= lay.alike_among(a) if a is b else lay.alike(a, b)
         if self.photon_modes is not None and self.photon_modes.size:
-            out += self.photon_modes[a] @ self.photon_modes[b].T
+            some = self.photon_modes[a]
+            # Of one array with itself BLAS does half the work.
+            out += some @ (some if a is b else self.photon_modes[b]).T
         return out
 
     def _smooth_variance(self, tolerance: float) -> Array:
@@ -280,15 +283,16 @@ class Whitener:
         self.log_determinant = self._factor.log_determinant
 
     @cached_property
-    def _factor(self) -> ChainFactor:
+    def _factor(self) -> DenseFactor | ChainFactor:
         noise, tolerance, block = self.noise, self.tolerance, self._block
         n, size = noise.layout.size, block or BLOCK
+        factor: DenseFactor | ChainFactor
         if n <= (block or FEW) or (block is None and self._is_one(size)):
-            links: Iterable[ChainBlock] = [alone(noise.covariance(self.rho, self.phi, tolerance))]
+            factor = DenseFactor(noise.covariance(self.rho, self.phi, tolerance))
         else:
             self._order = np.argsort(noise.layout.position, kind="stable")
             links = links_of(noise, self.rho, self.phi, tolerance, self._order, size)
-        factor = ChainFactor(links, single=self._order is not None and n > _MANY)
+            factor = ChainFactor(links, single=n > _MANY)
         # Noise of another serial correlation shares what it was made of.
         noise.forget(columns=self.rho == 0)
         return factor

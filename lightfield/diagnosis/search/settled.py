@@ -39,9 +39,10 @@ _TRIED_ANEW = 1
 #: By what factor photons grow from one trace to the next, and where the ratio's own noise widens an error; no
 #: trace has more.
 _MORE, _MANY_MORE, _MOST_PHOTONS = 2.0, 3.0, 1.2e7
-#: A fit is settled when no parameter has moved by this part of its error, and photons widen no error by this
-#: one.
-_MOVED, _WIDENED = 0.3, 0.2
+#: A fit is settled when no parameter will move by this part of its error, and photons widen no error by this
+#: one. Of a move the next is some so much at most: 0.02 to 0.2 of moves by 2.8 to 33 errors, in the waters of
+#: benchmarks/scattering_fits, with what the photons' noise moves.
+_MOVED, _WIDENED, _NEXT = 0.2, 0.2, 0.2
 #: Better light that moves a fit by more than so many errors may move its valleys: other shapes are tried.
 _FAR = 3.0
 #: Traces are pooled that were made within so many errors of where the fit has come to.
@@ -296,30 +297,23 @@ def _settled(
     for k in range(_ROUNDS):
         if k > 0:
             new = _traced(light, now.fit, photons, seed, first + k)
-            traced = [t for t in traced if _moved(now.fit, t[0]) < _NEAR] + [new]
+            traced = [t for t in traced if now.fit.away_from(t[0]) < _NEAR] + [new]
         own = _in_light(now.problem, traced)
         before = now.fit.u
         # Many readings are fitted from where a sample has led, and that leads on: errors are known nearly.
         rounds = 1 if of_many and k > 0 else 2
         whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten, rounds)
-        if k == 0 and _moved(fit, before) > _FAR:
+        if k == 0 and fit.away_from(before) > _FAR:
             fit = restarted(own, explanation, fit, whiten)
             whiten, fit = under_own_errors(own, explanation, fit, whiten, rounds=1)
         now = Settled(own, whiten, fit)
         widened = _widened(now)
-        if _moved(fit, before) < _MOVED and widened < _WIDENED:
+        if _NEXT * fit.away_from(before) < _MOVED and widened < _WIDENED:
             break
         if not scatters(own, fit):
             break  # clear water has no light to trace
         photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
     return now, traced
-
-
-def _moved(fit: Fit, other: Array) -> float:
-    """How far a fit lies from other coordinates, in its errors, at most."""
-    sigma = np.sqrt(np.diag(fit.covariance()))
-    known = np.isfinite(sigma) & (sigma > 0)
-    return float(np.max(np.abs(fit.u - other)[known] / sigma[known], initial=0.0))
 
 
 def _widened(now: Settled) -> float:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from lightfield.diagnosis.adequacy.robust import noise_scale
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.problem import noise as noise_module
-from lightfield.diagnosis.problem.chain import _lower, fewer_columns, low_rank
+from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
+from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 
@@ -154,11 +155,20 @@ def test_readings_that_share_photons_are_one_block() -> None:
     assert not noise._smooth_columns
 
 
-@pytest.mark.parametrize("k", [0, 1, 8, 9, 30])
-def test_a_triangle_times_columns_passes_over_its_zeros(k: int) -> None:
+@pytest.mark.parametrize("k", [0, 1, 2, 30])
+def test_a_dense_factor_is_that_of_numpy(k: int) -> None:
     rng = np.random.default_rng(k)
-    triangle, columns = np.asfortranarray(np.tril(rng.normal(size=(50, 50)))), rng.normal(size=(50, k))
-    np.testing.assert_allclose(_lower(triangle, columns), triangle @ columns, rtol=1e-12, atol=1e-12)
+    square, columns = rng.normal(size=(50, 60)), rng.normal(size=(50, k))
+    covariance = square @ square.T
+    root, factor = np.linalg.cholesky(covariance), DenseFactor(covariance.copy())
+    assert factor.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-12)
+    np.testing.assert_allclose(factor.white(columns), np.linalg.solve(root, columns), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(factor.coloured(columns), root @ columns, rtol=1e-12, atol=1e-12)
+
+
+def test_what_is_no_covariance_has_no_factor() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        DenseFactor(np.array([[1.0, 2.0], [2.0, 1.0]]))
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4])

@@ -81,7 +81,7 @@ def test_water_that_a_fit_has_cleared_is_not_traced_again(
         ("ratio_at", ratio_at),
         ("with_light", lambda problem, traced: problem),
         ("scatters", lambda *_: scatters),
-        ("_moved", lambda *_: 1.0),
+        ("_MOVED", 0.0),
     ):
         monkeypatch.setattr(module, name, value)
     module.settle(found.prepared.problem, best.explanation, best.fit, best.test.whiten)
