@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from montecarlo import keeps_its_rate, same_light_p
 from scipy import stats
 
 from lightfield.errors import RenderError
@@ -72,22 +73,36 @@ def _means_over_cells(field: TracedField, place: np.ndarray, normal: np.ndarray)
     return np.asarray(total)
 
 
-def test_another_water_without_another_trace(field: TracedField) -> None:
-    """Weighed to less scattering and more absorption: as a trace there, within the errors of both."""
+def in_another_water(field: TracedField, seed: int, photons: float) -> list[np.ndarray]:
+    """Readings at 40 places of a field weighed to other water and of a trace there, batch by batch."""
     other = SCENE.with_values({"water.scattering_per_m": 0.2, "water.absorption_per_m": 0.1})
-    fresh = traced_field(other, REGION, photons=6e5, seed=9, cache=False)
+    fresh = traced_field(other, REGION, photons=photons, seed=seed, cache=False)
     rng = np.random.default_rng(1)
     place = rng.uniform([-SIDE, -SIDE, 2.9], [SIDE, SIDE, 4.1], (40, 3))
     normal = np.tile([0.3, 0.0, -np.sqrt(1 - 0.09)], (40, 1))
-    (one, e1), (two, e2) = (f.irradiance(place, normal) for f in (field.in_water_of(other), fresh))
-    pulls = (one - two) / np.hypot(e1, e2)
-    # Neighbouring places share cells: 40 places are some ten independent ones.
-    assert np.sqrt((pulls**2).mean()) < stats.t.isf(1e-3, 7) / np.sqrt(2)
+    return [f.batches(place, normal) for f in (field.in_water_of(other), fresh)]
+
+
+def test_another_water_without_another_trace(field: TracedField) -> None:
+    """Weighed to less scattering and more absorption: as a trace there, within the errors of both."""
+    found = in_another_water(field, 9, 6e5)
+    assert same_light_p(*found) > 0.001
     # All places together are known better: their mean, of eight independent traces each.
-    means = [(f.batches(place, normal) / two).mean(axis=1) for f in (field.in_water_of(other), fresh)]
+    means = [(batches / found[1].mean(axis=0)).mean(axis=1) for batches in found]
     error = np.sqrt(sum(m.var(ddof=1) / len(m) for m in means))
     assert error < 0.005
-    assert abs(means[0].mean() - means[1].mean()) < stats.t.isf(5e-4, 7) * error
+    assert stats.ttest_ind(*means, equal_var=False).pvalue > 0.001
+
+
+@pytest.mark.slow
+def test_another_water_keeps_the_rate_of_its_test() -> None:
+    """Of 40 places that share cells, and of their mean."""
+
+    def p_of(seed: int) -> float:
+        field = traced_field(SCENE, REGION, photons=1e5, seed=1000 + seed, cache=False)
+        return same_light_p(*in_another_water(field, seed, 1e5))
+
+    keeps_its_rate(p_of)
 
 
 def test_flux_vector_of_an_independent_walk(field: TracedField) -> None:
