@@ -118,7 +118,12 @@ class Case:
         water: dict[str, object] = {"base": "none", "absorption_per_m": BELIEVED_PER_M}
         if self.cdom:
             water |= {"base": "table", "table": str(WATER), "cdom_slope_per_nm": SLOPE_PER_NM}
-        whole = {"lamp": {"hwhm_deg": WIDER * self.truth["lamp.hwhm_deg"]}, "water": water}
+        whole: dict[str, dict[str, object]] = {
+            "lamp": {"hwhm_deg": WIDER * self.truth["lamp.hwhm_deg"]},
+            "water": water,
+        }
+        if self.cdom:
+            whole["detector"] = {"bands_nm": [[at - 1, at + 1] for at, _ in COLOURS]}
         if self.walls:
             width, height, back, end = TANK_M
             whole["tank"] = {
