@@ -77,7 +77,7 @@ beside the search's light, which does not fit there (b 0.7, g 0.95: in eleven se
 variance, 2.0 in the mean), and not again beside light that does; without that the pulls of these sets would
 have an rms of 0.73 instead of 0.51. What the ratio's polynomials leave out, 0.2 %, is 4 to 9 % of an error.
 
-Between walls scattering is hardly told from less absorption: noise-free light of walls of 0.35 is met by walls
+Between walls scattering is hardly told from absorption: noise-free light of walls of 0.35 is met by walls
 alone, more absorption and a wider beam to a chi-square of 10 (108 readings). The simpler model is named, for
 sure, and its errors do not know of the other.
 
