@@ -280,9 +280,9 @@ class TracedField:
         some = self._open_ended
         if not len(some):
             return 0.0
-        water = (*self._water, *(np.array([v]) for v in self.scene.reflectances))
+        (a, b), (rho, surface) = self._water, (np.array([v]) for v in self.scene.reflectances)
         weigh = self.response.uncertain if uncertain else self.response.weighed
-        light = weigh(tallies[:, some], *water, some)
+        light = weigh(tallies[:, some], a, b, rho, surface, some)
         return self._coefficients(np.asarray(light, np.float32))[:, 0]
 
     @cached_property
