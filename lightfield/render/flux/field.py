@@ -15,8 +15,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter1d
 
 from lightfield.arrays import Array
@@ -151,7 +153,7 @@ class TracedField:
     def in_water_of(self, scene: Scene) -> TracedField:
         """The same trace in the water, walls and surface of another scene."""
         other = TracedField(scene, self.grid, self.response)
-        other.__dict__["_whole"] = self._whole
+        other.__dict__["_whole"], other.__dict__["_tally"] = self._whole, self._tally
         if "_parts" in self.__dict__:
             other.__dict__["_parts"] = self._parts
         return other
@@ -160,15 +162,17 @@ class TracedField:
         """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
         mean, batches = self._whole, self._parts
         found = []
-        for one in batches:
+        for one, tally in zip(batches, self.response.tally, strict=True):
             other = TracedField(self.scene, self.grid, self.response)
             other.__dict__["_whole"] = (len(batches) * mean - one) / (len(batches) - 1)
+            other.__dict__["_tally"] = (len(batches) * self._tally - tally) / (len(batches) - 1)
             other.__dict__["_parts"] = batches
             found.append(other)
         return found
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
-        """Readings and their standard errors, 1/m^2, shape (n,).
+        """Readings and their standard errors, 1/m^2, shape (n,): of photons, and of light from walls that
+        scattered more often than a trace in other water tells apart (`render/response/open_ended`).
 
         Parameters
         ----------
@@ -179,7 +183,11 @@ class TracedField:
         direct = on_receivers(direct_flux(self.scene, place), normal)
         diffuse = on_receivers(self._quick.at(self._cells(place)) * self._factor(place)[:, None], normal)
         spread = self.batches(place, normal)
-        return direct + diffuse, np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
+        photons = np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
+        if not len(self._open_ended):
+            return direct + diffuse, photons
+        doubt = self._doubt.at(self._cells(place)) * self._factor(place)[:, None]
+        return direct + diffuse, np.hypot(photons, on_receivers(doubt, normal))
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """`reading` of every independent part of the trace, shape (n_batches, n)."""
@@ -258,15 +266,41 @@ class TracedField:
     def _weights(self) -> Array:
         a, b = self._water
         rho, surface = (np.array([v]) for v in self.scene.reflectances)
-        return np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
+        weights = self.response.row_weights(a, b, rho, surface)[0]
+        weights[self._open_ended] = 0
+        return np.asarray(weights, np.float32)
+
+    @cached_property
+    def _open_ended(self) -> NDArray[np.integer[Any]]:
+        """Rows that have another factor in every cell."""
+        return np.flatnonzero(self.response.varying(self._water[1]))
+
+    def _often(self, tallies: Array, uncertain: bool = False) -> Array | float:
+        """What open-ended rows add, or the error of it: weighed cell by cell, then splines like `_mean`."""
+        some = self._open_ended
+        if not len(some):
+            return 0.0
+        (a, b), (rho, surface) = self._water, (np.array([v]) for v in self.scene.reflectances)
+        weigh = self.response.uncertain if uncertain else self.response.weighed
+        light = weigh(tallies[:, some], a, b, rho, surface, some)
+        return self._coefficients(np.asarray(light, np.float32))[:, 0]
+
+    @cached_property
+    def _tally(self) -> Array:
+        return np.asarray(self.response.tally.mean(axis=0))
 
     @cached_property
     def _mean(self) -> Array:
-        return np.tensordot(self._weights, self._whole, axes=1)
+        found = np.tensordot(self._weights, self._whole, axes=1)[None] + self._often(self._tally[None])
+        return np.asarray(found[0])
 
     @cached_property
     def _quick(self) -> Splines:
         return Splines.of(self._mean[:3])
+
+    @cached_property
+    def _doubt(self) -> Splines:
+        return Splines.of(np.asarray(self._often(self._tally[None], uncertain=True))[0, :3])
 
     @cached_property
     def _quick_batches(self) -> Splines:
@@ -275,7 +309,8 @@ class TracedField:
 
     @cached_property
     def _batches(self) -> Array:
-        return np.tensordot(self._parts, self._weights, axes=([1], [0]))
+        every = np.tensordot(self._parts, self._weights, axes=([1], [0]))
+        return np.asarray(every + self._often(self.response.tally))
 
     @cached_property
     def _whole(self) -> Array:

@@ -190,7 +190,7 @@ class TransportResponse:
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
-        varying = np.flatnonzero(self._varying(b, slice(None)) & weights.any(axis=0))
+        varying = np.flatnonzero(self.varying(b, slice(None)) & weights.any(axis=0))
         more = self._of_varying(self.tally[:, varying], a, b, rho, surface, varying) if len(varying) else 0.0
         weights[:, varying] = 0
         used = np.flatnonzero(weights.any(axis=0))
@@ -218,7 +218,7 @@ class TransportResponse:
         -------
         array, shape (k, n_waters, n_cells)
         """
-        weights, varying = self.row_weights(a, b, rho, surface, rows), self._varying(b, rows)
+        weights, varying = self.row_weights(a, b, rho, surface, rows), self.varying(b, rows)
         if not varying.any():
             return np.asarray(weights @ tallies)
         light = weights[:, ~varying] @ tallies[:, ~varying]
@@ -227,7 +227,7 @@ class TransportResponse:
 
     def uncertain(self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: Rows) -> Array:
         """Error of what `weighed` gives by the number of scatterings that open-ended rows do not tell."""
-        some = np.arange(len(self.histories))[rows][varying := self._varying(b, rows)]
+        some = np.arange(len(self.histories))[rows][varying := self.varying(b, rows)]
         if not len(some):
             return np.zeros((len(tallies), len(b), tallies.shape[2]))
         before = self.reference.scattering_per_m
@@ -270,7 +270,7 @@ class TransportResponse:
     def _lengths(self) -> Lengths:
         return Lengths.of(self._straight_of_tally)
 
-    def _varying(self, b: Array, rows: Rows) -> NDArray[np.bool_]:
+    def varying(self, b: Array, rows: Rows = slice(None)) -> NDArray[np.bool_]:
         """Which of some rows have another factor in every cell, shape (n_rows,)."""
         before, open_ended = self.reference.scattering_per_m, self.open_ended[rows]
         return open_ended & bool(before > 0 and (b != before).any() and np.ptp(self.straight_m) > 0)
