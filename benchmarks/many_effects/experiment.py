@@ -28,6 +28,10 @@ SERIAL, STATED = 0.4, {"half stated": 0.5, "double stated": 2.0}
 #: Readings that follow each other and are spoiled together, as a part of all, twice; by so many sigma.
 CLUSTER, SPOILED = 0.012, (6.0, 30.0)
 Row = dict[str, Any]
+#: What a row keeps of each effect of the best set: with the gaps other rules can be tried on the same rows.
+_OF_EACH = {
+    "effect", "form", "level", "sigma_to_remove", "gap", "gap_named", "gap_plus", "rival", "alternatives",
+}  # fmt: skip
 
 
 def run(trial: Trial, folder: Path) -> Row:
@@ -94,6 +98,7 @@ def as_data(verdict: Verdict) -> Row:
             for one in verdict.found
             if one.level == "one of"
         ],
+        "found": [one.model_dump(include=_OF_EACH) for one in verdict.found],
         "family": [sorted(e.effects) for e in verdict.explanations],
         "coordinate": verdict.unexplained_coordinate,
         "percent": [first.error_percent, last.error_percent, verdict.noise_floor_percent],

@@ -125,6 +125,22 @@ def test_a_duplicate_is_one_of_two() -> None:
     assert levels["dusk"][0] == levels["fan"][0] == "certain"
 
 
+@pytest.mark.parametrize(("one_curve", "level"), [(True, "one of"), (False, "certain")])
+def test_of_two_forms_of_a_curve_none_is_certain_where_one_is_at_its_bound(
+    one_curve: bool, level: str
+) -> None:
+    """A lamp with straight flanks was certainly a super-Gaussian beside a second Gaussian that took all the
+    light that it may: what they make together is a curve, and neither is there."""
+    lay = layout()
+    bounded = [candidate("odd"), candidate("dusk", high=2.0), candidate("fan")]
+    both = curve("curve", (2,), ("odd", "dusk") if one_curve else ("odd",))
+    columns = more_waves(lay) | {"curve0": lay.x_m**3, "curve1": lay.x_m**5}
+    made = Toy.of([*bounded, *both], columns, lay)
+    found = many(made, made.drawn(np.random.default_rng(1), odd=6.0, dusk=2.5, fan=6.0))
+    levels = {e.candidate.name: e.level for e in found.evidence}
+    assert levels == {"odd": level, "dusk": "one of", "fan": "certain"}
+
+
 def test_what_is_certain_beside_an_unknown_is_said() -> None:
     """A structure of no effect's shape, 12 sigma, beside effects of hundreds of sigma and of few."""
     made = toy()

@@ -1,4 +1,4 @@
-"""Sets whose fits were left far from the best, and what brings them near."""
+"""Sets whose fits were left far from the best, or never made, and what brings them near."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_pool import pool_of, toy
-from toy_problem import Toy
+from toy_pool import more_waves, pool_of, toy
+from toy_problem import Toy, layout
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -62,3 +63,19 @@ def test_a_set_that_is_far_stays_as_it_was_left() -> None:
     far = left_far(problem, pool, (by["fringe"], by["fan"]))
     spent = pool.fits
     assert pool.drop(larger, by["odd"]) is far and pool.fits == spent
+
+
+def test_an_effect_that_a_rival_holds_for_nothing_is_taken_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set of the campaigns was called by walls, in whose light a saturation had been met: the true set was
+    theirs less the walls, 7 cheaper than the best, and had never been fitted."""
+    columns = more_waves(layout())
+    made = toy(both=columns["odd"] + columns["fringe"] + 0.1 * columns["braid"])
+    problem = made.drawn(np.random.default_rng(1), odd=4.0, fringe=4.0)
+    by = {c.name: c for c in problem.candidates}
+    pool = pool_of(made, problem)
+    found, rival = (
+        pool.fit([by[name] for name in names], [Begin({})]) for names in (("both",), ("odd", "fringe", "fan"))
+    )
+    assert pool.best() is found and pool.cost(rival) < pool.cost(found) + 8
+    monkeypatch.setattr(pooled, "seek_rivals", lambda *_: None)  # it found the rival
+    assert pooled._beside_rivals(pool, found).names == {"odd", "fringe"}

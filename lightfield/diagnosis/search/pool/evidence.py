@@ -150,7 +150,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
     elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         level = "partial" if min(gap, gap_named) > PARTIAL * left else "one of"
-    elif not (gap_named > NAMED_GAP and gap > GAP) or _at_edge(best, candidate):
+    elif not (gap_named > NAMED_GAP and gap > GAP) or _at_edge(pool, best, candidate):
         level = "one of"
     else:
         level = "certain" if gap_plus > PLUS_GAP else "simplest"
@@ -176,10 +176,15 @@ def _left(weighing: Weighing) -> float:
     return (fit.chi2 / pool.ground.phi - spare) * pool.ground.phi / weighing.phi
 
 
-def _at_edge(node: Node, candidate: Candidate) -> bool:
-    """Does an amplitude lie at a bound of what is plausible, or the beam that all effects act on?"""
+def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
+    """Does an amplitude lie at a bound of what is plausible, or the beam that all effects act on?
+
+    Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
+    """
     bounded = dict(zip(node.fit.paths, node.fit.at_bound(), strict=True))
-    return bounded.get(_WIDTH, False) or any(bounded[p.path] for p in candidate.amplitudes)
+    curves = [c.effect.contains for c in pool.problem.candidates if candidate.name in c.effect.contains]
+    forms = [c for c in node.explanation if c is candidate or any(c.name in names for names in curves)]
+    return bounded.get(_WIDTH, False) or any(bounded[p.path] for c in forms for p in c.amplitudes)
 
 
 def _alternatives(

@@ -101,6 +101,21 @@ def polish(
     return best_of(pool, allowed)
 
 
+def thin(pool: Pool, reach: float = REACH) -> None:
+    """Fit sets near the best less one of their effects, where that promises to come as near.
+
+    Searches for rivals drop effects of the best set that they find alone: of others an effect that another
+    one of the set has made superfluous would stay.
+    """
+    for node in sorted(pool.nodes.values(), key=pool.cost):
+        limit = pool.cost(pool.best()) + reach
+        if pool.cost(node) > limit:
+            break
+        for candidate in node.explanation:
+            if pool.promised_without(node, candidate) < limit and _without(pool, node, candidate):
+                pool.drop(node, candidate)
+
+
 def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
     """Fit nested forms of the effects of a set, longer and shorter curves, from where it lies."""
     for candidate in best.explanation:

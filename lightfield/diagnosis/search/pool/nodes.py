@@ -287,9 +287,9 @@ class Pool:
     def drop(self, node: Node, candidate: Candidate) -> Node:
         """The set without one of its effects."""
         rest = tuple(c for c in node.explanation if c is not candidate)
-        return self.fit(rest, [begin_at(node)], self._promised_without(node, candidate))
+        return self.fit(rest, [begin_at(node)], self.promised_without(node, candidate))
 
-    def _promised_without(self, node: Node, candidate: Candidate) -> float:
+    def promised_without(self, node: Node, candidate: Candidate) -> float:
         """What a set would cost without one of its effects, were the model linear."""
         fit, own = node.fit, {p.path for p in candidate.parameters}
         free = ~fit.at_bound() & [path not in own for path in fit.paths]

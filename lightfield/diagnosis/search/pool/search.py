@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.following import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
-from lightfield.diagnosis.search.pool.moves import forward, polish
+from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
@@ -245,7 +245,8 @@ def _beside_rivals(pool: Pool, found: Node) -> Node:
     for candidate in found.explanation:
         seek_rivals(pool, found, candidate)
         if pool.best() is not found:
-            break
+            return pool.best()
+    thin(pool)
     return pool.best()
 
 
