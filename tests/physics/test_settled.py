@@ -7,13 +7,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.scattering_fits.__main__ import BELIEVED, CASES, readings_of
+from benchmarks.scattering_fits.__main__ import CASES, readings_of
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem import problem
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.source import response_for
-from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
 
 
@@ -21,7 +20,7 @@ from lightfield.studies.compare.readings import fit_readings
 def test_dense_forward_scattering_is_found_within_its_errors() -> None:
     """b = 0.4 per m, g = 0.96: a search alone falls short by many of its errors, and settled it does not."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
-    readings, scene = readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED)
+    readings, scene = readings_of(case, 0, walk=False), case.believed
     pulls = []
     for source in (response_for, "trace"):
         found = diagnose(readings, scene, diffuse=source, advise=False).verdict
@@ -43,7 +42,7 @@ def test_many_readings_settle_where_a_sample_leads(monkeypatch: pytest.MonkeyPat
     readings = readings_of(case, 0, walk=False)
     monkeypatch.setattr(problem, "MANY", 100)
     monkeypatch.setattr(problem, "SAMPLE", 60)
-    found = diagnose(readings, Scene.from_toml(BELIEVED), advise=False)
+    found = diagnose(readings, case.believed, advise=False)
     light = found.found.prepared.problem.forward.light.followed
     assert isinstance(light, FollowedLight) and light.ratio.shape[1] == len(readings.value)
     numbers = found.verdict.explanations[0].parameters
@@ -58,7 +57,7 @@ def test_an_effect_that_describes_the_noise_of_the_search_is_dropped() -> None:
     """b = 0.7 per m, g = 0.88: the search's trace asks for a skirt beside scattering; settled, scattering by
     itself leaves nothing to explain (p 0.98; of other traces 0.96)."""
     case = next(c for c in CASES if (c.b, c.g) == (0.7, 0.88))
-    readings, scene = readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED)
+    readings, scene = readings_of(case, 0, walk=False), case.believed
     found = diagnose(readings, scene, only=["scattering", "beam_skirt"], advise=False)
     assert (found.verdict.verdict, found.verdict.effects) == ("identified", ["scattering"])
     assert ("beam_skirt", "scattering") in [one.names for one in found.finding.tried]
@@ -70,9 +69,7 @@ def test_a_scene_that_states_its_scattering_is_settled_too() -> None:
     light of the search it came out 7 too small), and the stated scattering supported."""
     case = next(c for c in CASES if (c.b, c.g) == (0.7, 0.95))
     stated = {path: case.truth[path] for path in ("water.scattering_per_m", "water.phase.g")}
-    found = diagnose(
-        readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED).with_values(stated), advise=False
-    )
+    found = diagnose(readings_of(case, 0, walk=False), case.believed.with_values(stated), advise=False)
     base = found.finding.level.base
     sigma = dict(zip(base.paths, np.sqrt(np.diag(base.covariance())), strict=True))
     (scattering,) = [one for one in found.verdict.stated if one.effect == "scattering"]
@@ -87,9 +84,7 @@ def test_a_comparison_by_hand_is_settled_too() -> None:
     """b = 0.4 per m, g = 0.96, set free by hand: everything within three of its errors (by the trace of a
     search alone b came out more than four too small)."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
-    found = fit_readings(
-        readings_of(case, 0, walk=False), Scene.from_toml(BELIEVED), ["scattering"], diffuse="trace"
-    )
+    found = fit_readings(readings_of(case, 0, walk=False), case.believed, ["scattering"], diffuse="trace")
     for path, truth in case.truth.items():
         if path in found.estimates:
             one = found.estimates[path]
@@ -102,7 +97,7 @@ def test_a_plan_does_not_hang_on_the_noise_of_a_trace(scattering: bool) -> None:
     """Detection limits from two traces of few photons are the same to 1 %: the light followed has none of
     their noise, which moves that of scattering by 46 % where the scene scatters, by 9 % where it does not."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
-    scene = Scene.from_toml(BELIEVED)
+    scene = case.believed
     scene = scene.with_values(case.truth) if scattering else scene
     layout = readings_of(case, 0, walk=False)
     one, other = (plan(layout, scene, partial(response_for, photons=60_000, seed=seed)) for seed in (1, 2))
