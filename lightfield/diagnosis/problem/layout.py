@@ -24,7 +24,7 @@ PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Added to the distance of readings in air, in metres, to tell them from those in water: beyond any tank.
 AIR_APART_M = 1e4
 #: Of no more readings than this it is kept how alike their errors are: as many as are whitened as one.
-_KEPT = 1500
+_KEPT = 512
 
 
 @dataclass(frozen=True)
@@ -104,13 +104,13 @@ class Layout:
     def _alike(self) -> dict[bytes, Array]:
         return {}
 
-    def lag_of(self, rows: Labels) -> Labels:
+    def lag_of(self, rows: Labels) -> NDArray[np.int32]:
         """Readings that lie between two of some in the scan, shape (len(rows), len(rows))."""
-        position = self.position[rows].astype(np.intp)
+        position = self.position[rows].astype(np.int32)
         return np.asarray(np.abs(np.subtract.outer(position, position)))
 
     @cached_property
-    def lag(self) -> Labels:
+    def lag(self) -> NDArray[np.int32]:
         """Between two of all: asked for where they are few, and for every covariance of them."""
         return self.lag_of(np.arange(self.size))
 
