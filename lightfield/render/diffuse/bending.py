@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from lightfield.render.response.grid import Grid
 from lightfield.scene.tank import Tank
 
 NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
+#: So many are looked at: up to eight cells of a grid are equally far, of which the first of the plane counts.
+_LOOKED_AT = NEIGHBOURS_2D + 8
 #: Far from the lamp: cells this near to each other are smoothed together; neighbours tell of the bending when
 #: the nearest on each axis are at most so far away.
 SMOOTHED_M, NEIGHBOUR_M = 0.11, 0.3
@@ -52,7 +55,6 @@ class TalliedCells:
         self._smoothed_m = SMOOTHED_M * min(1.0, grid.fineness / SMOOTHED_FROM)
         self._neighbour_m = NEIGHBOUR_M * grid.fineness
         self._even = grid.even
-        self._on_plane = {z: np.flatnonzero(self.z == z) for z in np.unique(self.z)}
 
     @property
     def size(self) -> int:
@@ -77,15 +79,28 @@ class TalliedCells:
 
         Cells along one line through the axis do not show the curvature across it: that of a round field.
         """
-        same = self._on_plane[self.z[i]]
-        dx, dy = np.round(self.x[same] - self.x[i], 9), np.round(self.y[same] - self.y[i], 9)
-        order = np.argsort(np.hypot(dx, dy), kind="stable")[:NEIGHBOURS_2D]
-        for across, along, aside in ((1, dx, self.y[same]), (0, dy, self.x[same])):
-            if len(order) > 2 and np.abs(aside[order]).max() < ON_AXIS_M:
+        near = self._nearest[i]
+        near = near[near >= 0]
+        dx, dy = (np.round(at[near] - at[i], 9) for at in (self.x, self.y))
+        for across, along, aside in ((1, dx, self.y), (0, dy, self.x)):
+            if len(near) > 2 and np.abs(aside[near]).max() < ON_AXIS_M:
                 close = np.count_nonzero(np.abs(along) <= self._smoothed_m) > 2
-                order = order[: NEIGHBOURS_1D if close else 3]
-                return self._along_line(i, same[order], along[order], across)
-        return self._all_over(same[order], dx[order], dy[order])
+                few = slice(NEIGHBOURS_1D if close else 3)
+                return self._along_line(i, near[few], along[few], across)
+        return self._all_over(near, dx, dy)
+
+    @cached_property
+    def _nearest(self) -> np.ndarray:
+        """Cells of its plane that are nearest to each, itself first; -1 for none, (n, NEIGHBOURS_2D)."""
+        out = np.full((self.size, NEIGHBOURS_2D), -1)
+        for z in np.unique(self.z):
+            same = np.flatnonzero(self.z == z)
+            places = np.stack([self.x[same], self.y[same]], axis=1)
+            _, near = KDTree(places).query(places, np.arange(1, min(_LOOKED_AT, len(same)) + 1))
+            apart = np.round(places[near] - places[:, None], 9)
+            order = np.lexsort((near, np.hypot(*np.moveaxis(apart, -1, 0))))[:, :NEIGHBOURS_2D]
+            out[same, : order.shape[1]] = same[np.take_along_axis(near, order, axis=1)]
+        return out
 
     def told(self, i: int) -> bool:
         """Are these cells near enough for the light to bend between them as the quadratic does?"""

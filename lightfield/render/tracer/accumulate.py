@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import asdict
 from math import ceil
 
@@ -49,6 +50,7 @@ def trace_until(
     response, energy, reached
         Response, energy balance (sr), and the relative error that was reached.
     """
+    free_memory()
     if settings.symmetry:
         grid = merge_mirror_images(scene, grid)
     # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
@@ -83,6 +85,7 @@ def trace_until(
             progress(spent, reached, settings.rel_error)
         if reached <= settings.rel_error or spent >= settings.max_photons:
             tell("", 1.0)  # what follows is no trace
+            free_memory()
             return (
                 response_from(sums, counted(first, mirrored), spent, setup),
                 average(books, shares),
@@ -146,8 +149,12 @@ def average(books: list[Bookkeeping], photons: list[int]) -> Bookkeeping:
 
 
 def free_memory() -> None:
-    """Give back the memory of tallies that were read."""
+    """Give back the memory of tallies that were read, and what glibc keeps of arrays that are gone: of a
+    diagnosis of 10,000 readings 140 of 840 MB."""
     dr.flush_malloc_cache()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def trace_by_direction(

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lightfield.render.diffuse.bending import surrounded
+from lightfield.render.diffuse.bending import NEIGHBOURS_2D, TalliedCells, surrounded
 from lightfield.render.diffuse.response import SCATTERED_ERROR
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.source import CELL_M
@@ -79,3 +79,20 @@ def test_even_layouts_that_tell_of_themselves_need_no_more_cells() -> None:
         x, y, z = spread_out(places, [4.5, 6.5])
         occupied = surrounded(positions_grid(x, y, z, CELL_M, 3.81)).occupied
         assert occupied is not None and occupied.sum() == len(x)
+
+
+@given(PLACES, PLANES, st.sampled_from([1.0, 3.81, 15.0]))
+@example([(0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5)], [4.5, 5.5], 3.81)
+def test_a_cell_is_known_by_the_nearest_of_its_plane(
+    places: list[tuple[float, float]], planes: list[float], hwhm_deg: float
+) -> None:
+    """Of as many that are equally far the first; looked for among all."""
+    x, y, z = spread_out(places, planes)
+    cells = TalliedCells(surrounded(positions_grid(x, y, z, CELL_M, hwhm_deg)))
+    for i in range(cells.size):
+        apart = np.hypot(np.round(cells.x - cells.x[i], 9), np.round(cells.y - cells.y[i], 9))
+        nearest = np.argsort(np.where(cells.z == cells.z[i], apart, np.inf), kind="stable")
+        count = min(NEIGHBOURS_2D, np.count_nonzero(cells.z == cells.z[i]))
+        found = cells.bending(i)
+        assert found is None or set(found.near) <= set(nearest[:count])
+        assert list(cells._nearest[i][:count]) == list(nearest[:count])
