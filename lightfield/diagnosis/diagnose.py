@@ -18,6 +18,7 @@ from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
+from lightfield.diagnosis.search.scattered_too import with_scattering
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.truncation import with_truncation
@@ -329,6 +330,9 @@ def _diagnose(
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
+    also = with_scattering(prepared.problem, finding, seed) if diffuse == "trace" else None
+    if also is not None:
+        finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]
     phi = finding.level.bench.phi
@@ -336,5 +340,5 @@ def _diagnose(
     steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, problem, finding)
-    found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed)
+    found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed, also)
     return Diagnosis(compose.verdict_of(found, advise), found)

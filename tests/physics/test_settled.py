@@ -104,3 +104,18 @@ def test_a_plan_does_not_hang_on_the_noise_of_a_trace(scattering: bool) -> None:
     assert one.limits.keys() == other.limits.keys() >= {"scattering", "beam_shape"}
     for name, limit in one.limits.items():
         assert limit.value == pytest.approx(other.limits[name].value, rel=0.01)
+
+
+@pytest.mark.slow
+def test_between_walls_errors_know_of_scattering_that_is_not_told() -> None:
+    """b = 0.15 per m beside walls of 0.35 is met by walls alone: with the errors of these alone the absorption
+    is 14 of them off. How far it goes with scattering is in the errors, and said."""
+    case = next(c for c in CASES if c.walls and not c.cdom)
+    verdict = diagnose(readings_of(case, 1, walk=False), case.believed).verdict
+    assert verdict.effects == ["wall_reflection"]
+    numbers = verdict.explanations[0].parameters
+    for path in ("water.absorption_per_m", "lamp.hwhm_deg", "tank.wall_albedo"):
+        assert abs(numbers[path].value - case.truth[path]) < 3 * (numbers[path].stderr or 0.0)
+    assert verdict.detection_limits["scattering"].value > case.b, "it would have been seen otherwise"
+    (told,) = (one for one in verdict.unnamed if one.effect == "scattering")
+    assert told.in_errors and "water.absorption_per_m" in told.with_it

@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestab
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
+from lightfield.diagnosis.search.scattered_too import WithScattering
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
@@ -59,6 +60,8 @@ class Found:
         What absolute readings say of the lamp's power.
     seed : int
         Of the bootstrap.
+    also : WithScattering, optional
+        What reflects, with scattering too.
     """
 
     forward: SceneForward
@@ -70,6 +73,7 @@ class Found:
     trust: Trust
     lamp: Sequence[Judged] = ()
     seed: int = 0
+    also: WithScattering | None = None
 
 
 def estimates(
@@ -172,10 +176,15 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
     return out
 
 
-def _limits(finding: Finding, units: dict[str, str]) -> dict[str, DetectionLimit]:
+def _limits(
+    finding: Finding, units: dict[str, str], also: WithScattering | None
+) -> dict[str, DetectionLimit]:
     best = finding.best
     adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
     named = {c.name for c in best.explanation} if best else set()
+    limits = detection_limits(adequacy, adequacy.phi)
+    if also is not None:
+        limits[also.candidate.name] = also.limit
     return {
         name: DetectionLimit(
             parameter=limit.path,
@@ -183,7 +192,7 @@ def _limits(finding: Finding, units: dict[str, str]) -> dict[str, DetectionLimit
             unit=units.get(limit.path, "1"),
             within_range=limit.reachable,
         )
-        for name, limit in detection_limits(adequacy, adequacy.phi).items()
+        for name, limit in limits.items()
         if name not in named
     }
 
@@ -325,14 +334,14 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         lambda fit, least: estimates(fit, phi, units, least),
     )
     budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
-    small = unnamed.unnamed(finding, units) if advise else []
+    small = unnamed.unnamed(finding, units, found.also) if advise else []
     return Verdict(
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
         found=found_effects(found.forward, finding, of_best),
         nearest_rival=rival,
-        detection_limits=_limits(finding, units),
+        detection_limits=_limits(finding, units, found.also),
         hindrances={name: list(why) for name, why in untestable.items()},
         unexplained_coordinate=coordinate,
         misfit=misfit,

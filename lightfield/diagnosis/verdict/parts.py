@@ -112,11 +112,12 @@ class FoundEffect(Record):
 
 
 class Unnamed(Record):
-    """An effect that is too small to be named, and changes values by more than their stated errors."""
+    """An effect that is too small to be named, and changes values by more than the errors of the best set."""
 
     effect: str
     sigma: float = Field(description="by how much the readings ask for it; less than its price")
     with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
+    in_errors: bool = Field(False, description="the stated errors reach what they would be")
 
 
 class NearestRival(Record):

@@ -10,6 +10,8 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.scattered_too import WithScattering
+from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.found import unnamed, words
 from lightfield.diagnosis.verdict.parts import Estimate
 
@@ -84,3 +86,33 @@ def test_what_changes_nothing_is_not() -> None:
     assert told == []
     (promise,) = [p for p in pool.promises(best) if p.candidate.name == "dusk"]
     assert promise.starts[0].gain > 6, "it is asked for all the same"
+
+
+def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
+    """The error of a value reaches what it would be with scattering, and that value's own error."""
+    _, found = finding(0.0)
+    node = found.many.best
+    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0), errors={"slope": 0.0})
+    also = WithScattering(
+        candidate("scattering"),
+        SimpleNamespace(paths=[*node.fit.paths, "b"], values={**node.fit.values, "slope": 0.3, "b": 0.1}),
+        {**dict.fromkeys(node.fit.paths, 0.0), "slope": 0.4, "b": 0.05},
+        saved=1.0,
+    )
+    wide = also.widened(best)
+    apart = node.fit.values["slope"] - 0.3
+    assert wide.errors["slope"] == pytest.approx(np.hypot(0.4, apart))
+    there = SimpleNamespace(many=found.many, best=wide)
+    (one,) = unnamed.unnamed(there, {"slope": "1/m", "b": "1/m"}, also)
+    assert (one.effect, one.in_errors, list(one.with_it)) == ("scattering", True, ["slope", "b"])
+    (said,) = words.unnamed_sentences([one], {})
+    assert "with it slope = 0.3 ± 0.4 1/m, b = 0.1 ± 0.05 1/m; the stated errors reach there" in said
+
+
+def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
+    _, found = finding(0.0)
+    node = found.many.best
+    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0))
+    also = WithScattering(candidate("scattering"), node.fit, node.fit.stderr(), saved=0.0)
+    there = SimpleNamespace(many=found.many, best=also.widened(best))
+    assert unnamed.unnamed(there, {}, also) == []

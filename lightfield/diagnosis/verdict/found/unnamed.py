@@ -15,6 +15,7 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
 from lightfield.fitting.parameter import GAIN
 
@@ -27,7 +28,7 @@ CHANGED = 2.0
 _FITTED, _TOLD = 4, 2
 
 
-def unnamed(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
+def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None = None) -> list[Unnamed]:
     """Named effects that are absent from the best set for their price alone, those first that save most.
 
     None of many readings, where fits take their time, and none beside an unexplained rest, whose own size is
@@ -37,7 +38,31 @@ def unnamed(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
     ----------
     units : mapping
         Unit of every parameter.
+    also : WithScattering, optional
+        The best set with scattering too: told first, and not once more of the light of the search.
     """
+    first = [] if also is None else _hardly_told(also, finding, units)
+    taken = None if also is None else also.candidate.name
+    others = [one for one in _absent(finding, units) if one.effect != taken]
+    return [*first, *others][:_TOLD]
+
+
+def _hardly_told(also: WithScattering, finding: Finding, units: dict[str, str]) -> list[Unnamed]:
+    """Scattering where it widens an error so many times that a change would be spoken of."""
+    best = finding.best
+    assert best is not None and best.adequacy is not None
+    own, values = best.fit.stderr(best.adequacy.phi), also.fit.values
+    wide = {path for path in own if best.errors[path] > CHANGED * own[path] and not path.startswith(GAIN)}
+    with_it = {
+        path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))
+        for path in also.fit.paths
+        if path in wide or path not in own
+    }
+    name, sigma = also.candidate.name, float(np.sqrt(max(also.saved, 0.0)))
+    return [Unnamed(effect=name, sigma=sigma, with_it=with_it, in_errors=True)] if wide else []
+
+
+def _absent(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
     many, best = finding.many, finding.best
     if many is None or best is None or many.pool.problem.layout.size > MANY:
         return []
@@ -51,7 +76,7 @@ def unnamed(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
         saved = (node.fit.chi2 - other.fit.chi2) / weighing.phi
         if saved > _asked(pool, candidate) and (changed := _changed(node, other, weighing.phi, units)):
             out.append(Unnamed(effect=candidate.name, sigma=float(np.sqrt(saved)), with_it=changed))
-    return sorted(out, key=lambda one: -one.sigma)[:_TOLD]
+    return sorted(out, key=lambda one: -one.sigma)
 
 
 def _asked(pool: Pool, candidate: Candidate) -> float:

@@ -149,10 +149,15 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     """
     out = []
     for one in told:
+        if one.in_errors:
+            there = ", ".join(f"{path} = {_size(e)}" for path, e in one.with_it.items())
+            out.append(
+                f"{join([one.effect])} is hardly told from what was found here, and every water has some: "
+                f"with it {there}; the stated errors reach there"
+            )
+            continue
         changes = [
-            f"{path} from {values[path].value:.3g} to {e.value:.3g}"
-            + ("" if e.stderr is None else f" ± {e.stderr:.1g}")
-            + ("" if e.unit == "1" else f" {e.unit}")
+            f"{path} from {values[path].value:.3g} to {_size(e)}"
             for path, e in one.with_it.items()
             if path in values
         ]
@@ -162,3 +167,8 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
                 f"it changes {', '.join(changes)}: more than the stated errors say"
             )
     return out
+
+
+def _size(e: Estimate) -> str:
+    error = "" if e.stderr is None else f" ± {e.stderr:.1g}"
+    return f"{e.value:.3g}{error}{'' if e.unit == '1' else f' {e.unit}'}"

@@ -1,0 +1,110 @@
+"""What is found between walls, with scattering too.
+
+Every water scatters, and between walls that reflect, light that was turned a little and light from the walls
+look nearly alike. A set without scattering then passes, and absorption, width and albedo carry what is
+scattered, by many errors that do not know of it. So the set is fitted with scattering too, in light that is
+traced there and under the errors which that light has: beside them the readings may hardly tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.following import can_follow, following, scatters
+from lightfield.diagnosis.search.own_errors import with_response_error
+from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, Limit
+from lightfield.diagnosis.search.search import Tried
+from lightfield.fitting.least_squares import Fit
+
+_SCATTERING = "water.scattering_per_m"
+#: Scattering that is traced, in 1/m: between that of clear ocean and of coastal water (0.04 and 0.22 at
+#: 514 nm, Petzold 1972, SIO Ref. 72-78).
+_TRACED_PER_M = 0.1
+
+
+@dataclass(frozen=True)
+class WithScattering:
+    """The best set with scattering too, of the scene's phase function: with another one free any b would do.
+
+    Parameters
+    ----------
+    fit : Fit
+    errors : mapping
+        Standard errors by path; where the best scattering is none, those beside some.
+    saved : float
+        Chi-square that it saves, in units of the noise.
+    """
+
+    candidate: Candidate
+    fit: Fit
+    errors: Mapping[str, float]
+    saved: float
+
+    @property
+    def limit(self) -> Limit:
+        """Smallest scattering that would have been seen, as rough as the tests that share the level."""
+        (parameter,) = self.candidate.amplitudes
+        size, room = DETECTABLE_SIGMA * self.errors[_SCATTERING], parameter.high - parameter.low
+        return Limit(self.candidate.name, _SCATTERING, min(size, room), bool(size <= room))
+
+    def widened(self, best: Tried) -> Tried:
+        """The set as it stands, with errors that reach what its values would be with scattering."""
+        there, errors = self.fit.values, dict(best.errors)
+        for path in best.fit.paths:
+            reach = np.hypot(self.errors[path], there[path] - best.fit.values[path])
+            errors[path] = float(np.fmax(errors.get(path, 0.0), reach))
+        return replace(best, errors=errors)
+
+
+def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScattering | None:
+    """The best set with scattering too, where it reflects and does not scatter; else None.
+
+    None of so many readings that a sample leads: fits take their time there.
+    """
+    best = finding.best
+    if best is None or best.test is None or best.adequacy is None or problem.sample is not None:
+        return None
+    found = next((c for c in problem.candidates if _scatters(c) and _joins(c, best)), None)
+    if found is None or not can_follow(problem) or not _reflects(problem, best.fit):
+        return None
+    candidate = replace(found, shapes=(), grid=((),))
+    explanation, main = (*best.explanation, candidate), best.test.whiten
+    assert isinstance(main, Whitener)
+    known = dict(zip(best.fit.paths, best.fit.u, strict=True)) | {_SCATTERING: _TRACED_PER_M}
+    start = np.array([known[p.path] for p in problem.model(explanation).parameters])
+    traced = problem.fit(explanation, main, [start], max_steps=0)
+    if not scatters(problem, traced):
+        return None
+    there = following(problem, traced, seed)
+    own = with_response_error(there, main.noise, traced)
+    whiten = Whitener(own, main.rho, main.phi, main.tolerance)
+    fit = there.fit(explanation, whiten, [start])
+    alone = there.fit(best.explanation, whiten, [best.fit.u])
+    i, phi, sure = fit.paths.index(_SCATTERING), best.adequacy.phi, fit
+    if fit.at_bound()[i]:
+        some = fit.u.copy()
+        some[i] = _TRACED_PER_M
+        sure = there.fit(explanation, whiten, [some], max_steps=0)
+    return WithScattering(candidate, fit, sure.stderr(phi), (alone.chi2 - fit.chi2) / phi)
+
+
+def _scatters(candidate: Candidate) -> bool:
+    return any(p.path == _SCATTERING for p in candidate.amplitudes) and not candidate.is_stated
+
+
+def _joins(candidate: Candidate, best: Tried) -> bool:
+    moved = {p.path for c in best.explanation for p in c.parameters}
+    new = moved.isdisjoint(p.path for p in candidate.parameters)
+    return new and all(candidate.effect.combines_with(c.effect) for c in best.explanation)
+
+
+def _reflects(problem: Problem, fit: Fit) -> bool:
+    scene = problem.forward.light.scene_at(fit.values, validate=False)
+    return scene.tank is not None and scene.tank.wall_albedo > 0 and not scatters(problem, fit)
