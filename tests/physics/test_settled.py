@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.scattering_fits.__main__ import CASES, readings_of
+from benchmarks.scattering_fits.cases import CASES, readings_of
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem import problem
