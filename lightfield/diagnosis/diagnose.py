@@ -317,11 +317,11 @@ def _diagnose(
     finding = levelled(data, prepared, finding, alpha)
     if diffuse == "trace":
         before = prepared
-        prepared, finding = settled(prepared, finding, rng, alpha, progress, seed)
+        prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
         if finding.size is None and (finding.many is None or not finding.many.sought):
             # Better light took back what one or two effects seemed to explain.
             prepared, finding = beyond_two(data, before, finding, alpha, seed, progress)
-            prepared, finding = settled(prepared, finding, rng, alpha, progress, seed)
+            prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
         forward = prepared.problem.forward
         problem = replace(problem, forward=forward)
     finding = with_truncation(finding)

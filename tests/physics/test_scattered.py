@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import j0
 
+from lightfield.errors import RenderError
 from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.nodes import (
@@ -324,3 +325,11 @@ def test_absorption_below_zero_is_none_on_endless_paths() -> None:
     field, (a, b) = ScatteredField(x, 0 * x, z), (np.zeros(1), np.array([0.3]))
     none, less = field.at(scene(), a, b), field.at(scene(), a - 1e-6, b)
     assert np.isfinite(none).all() and less == pytest.approx(none, rel=1e-4)
+
+
+def test_clear_water_has_no_ratio() -> None:
+    """What is asked of a trace in which nothing scatters is said, not where its algebra breaks."""
+    z = np.array([4.0, 5.0, 6.0])
+    clear = scene(water__scattering_per_m=0.0)
+    with pytest.raises(RenderError, match=r"scattering of 0 per m"):
+        traced_ratio(clear, 0 * z, 0 * z, z, np.array([500.0]), photons=1e4, seed=1)

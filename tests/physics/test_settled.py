@@ -6,14 +6,19 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from benchmarks.scattering_fits.__main__ import CASES, readings_of
+from benchmarks.scattering_fits.cases import CASES, readings_of
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem import problem
+from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.source import response_for
 from lightfield.studies.compare.readings import fit_readings
+
+#: A scale of right errors is farther off in one set of a thousand.
+BY_CHANCE = 1e-3
 
 
 @pytest.mark.slow
@@ -61,6 +66,20 @@ def test_an_effect_that_describes_the_noise_of_the_search_is_dropped() -> None:
     found = diagnose(readings, scene, only=["scattering", "beam_skirt"], advise=False)
     assert (found.verdict.verdict, found.verdict.effects) == ("identified", ["scattering"])
     assert ("beam_skirt", "scattering") in [one.names for one in found.finding.tried]
+
+
+@pytest.mark.slow
+def test_the_noise_is_that_of_the_readings_not_of_the_light_of_the_search() -> None:
+    """b = 0.7 per m, g = 0.95: as judged beside the search's light, errors had 3.1 times their variance and a
+    correlation of 0.75; they are as stated, and independent."""
+    case = next(c for c in CASES if (c.b, c.g) == (0.7, 0.95))
+    found = diagnose(readings_of(case, 0, walk=False), case.believed, advise=False)
+    best = found.finding.best
+    assert best is not None and best.adequacy is not None
+    scale, nu = error_scale(found.prepared, found.finding), best.adequacy.nu
+    low, high = stats.chi2.ppf([BY_CHANCE / 2, 1 - BY_CHANCE / 2], nu) / nu
+    assert found.prepared.excess == 1 and low < scale < high
+    assert 0 in found.prepared.serial.levels
 
 
 @pytest.mark.slow

@@ -309,12 +309,12 @@ def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) 
 def bench(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Bench:
     """Whitening, noise scale and adequacy test at one tolerance."""
     if tolerance not in prepared.whitenings:
-        whiten = _whitening(prepared, tolerance)
+        whiten = whitening(prepared, tolerance)
         prepared.whitenings[tolerance] = whiten, whitened_unknowns(prepared.problem, whiten)
     return _bench(prepared, *prepared.whitenings[tolerance], rng)
 
 
-def _whitening(prepared: Prepared, tolerance: float) -> Whitener:
+def whitening(prepared: Prepared, tolerance: float) -> Whitener:
     """By all errors, the quoted ones scaled to the scatter beside the richest model."""
     problem, noise = prepared.problem, prepared.noise
     plain, reference, rich = prepared.richest

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from lightfield.arrays import Array
+from lightfield.errors import RenderError
 from lightfield.formula.scattered.field import ScatteredField
 from lightfield.formula.scattered.nodes import half_width_rad
 from lightfield.render.maps import Rendering, render_scene
@@ -94,6 +95,11 @@ def traced_ratio(
     wavelengths_nm : array, shape (n_wavelengths,)
     photons : float
     seed : int
+
+    Raises
+    ------
+    RenderError
+        No photon was scattered to any of the places, or none can be.
     """
     span, most = (float(z_m.min()), float(z_m.max())), _most(scene, x_m, y_m, z_m)
     black = scene
@@ -194,13 +200,19 @@ def _fitted(
             for ai, bi in zip(a, b, strict=True)
         ]
     )  # [n_wavelengths, n_batches, n_cells]
-    ratio = traced / known[:, None]
-    lit = np.all(ratio.mean(axis=1) > 0, axis=0)
+    lit = np.all(traced.mean(axis=1) > 0, axis=0)
     for plane in np.unique(z):
         here = z == plane
         lit[here] &= np.all(known[:, here] > _DARK * known[:, here].max(axis=1, keepdims=True), axis=0)
+    if not lit.any():
+        raise RenderError(
+            "no cell has scattered light to compare",
+            found=f"scattering of {b.max():g} per m, {response.photons:g} photons",
+            rule="water that scatters, and photons enough to reach the places",
+            remedy="trace more photons, or where the water scatters",
+        )
     terms, in_tank, basis = _terms_told(scene, (x[lit], y[lit], z[lit]), known[0, lit], span, most)
-    value, root = _polynomials(ratio[:, :, lit], basis)
+    value, root = _polynomials(traced[:, :, lit] / known[:, None, lit], basis)
     return Ratio(span, most, terms, in_tank, value, root, response.photons)
 
 

@@ -190,7 +190,7 @@ class TransportResponse:
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
-        varying = np.flatnonzero(self.varying(b, slice(None)) & weights.any(axis=0))
+        varying = np.flatnonzero(self.varying(b) & weights.any(axis=0))
         more = self._of_varying(self.tally[:, varying], a, b, rho, surface, varying) if len(varying) else 0.0
         weights[:, varying] = 0
         used = np.flatnonzero(weights.any(axis=0))

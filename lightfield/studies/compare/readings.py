@@ -20,7 +20,7 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of,
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
-from lightfield.diagnosis.search.settled import settle
+from lightfield.diagnosis.search.settling import settle
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution
 from lightfield.diagnosis.verdict.cautions.plausibility import hints

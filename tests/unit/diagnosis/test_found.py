@@ -209,7 +209,7 @@ def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(mon
     table, believed = readings({"detector.background": 0.02}, seed=4)
     taken = []
 
-    def takes_back(prepared, finding, *_):
+    def takes_back(_, prepared, finding, *__):
         taken.append(finding.size)
         nothing = replace(finding, size=None, accepted=[], weights=[])
         return prepared, nothing if len(taken) == 1 else finding
