@@ -18,13 +18,13 @@ from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
-from lightfield.diagnosis.search.scattered_too import with_scattering
 from lightfield.diagnosis.search.search import Fitted
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.found.left import ranked
+from lightfield.diagnosis.verdict.found.scattered_too import with_scattering
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason

@@ -127,8 +127,8 @@ def test_a_plan_does_not_hang_on_the_noise_of_a_trace(scattering: bool) -> None:
 
 @pytest.mark.slow
 def test_between_walls_errors_know_of_scattering_that_is_not_told() -> None:
-    """b = 0.15 per m beside walls of 0.35 is met by walls alone: with the errors of these alone the absorption
-    is 14 of them off. How far it goes with scattering is in the errors, and said."""
+    """b = 0.15 per m beside walls of 0.35 is met by walls alone, whose own errors have the absorption 14 of
+    them off. How far it goes with scattering is in the errors, and said."""
     case = next(c for c in CASES if c.walls and not c.cdom)
     verdict = diagnose(readings_of(case, 1, walk=False), case.believed).verdict
     assert verdict.effects == ["wall_reflection"]

@@ -13,7 +13,6 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestab
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
-from lightfield.diagnosis.search.scattered_too import WithScattering
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
@@ -22,6 +21,7 @@ from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.misfit import along, unexplained
 from lightfield.diagnosis.verdict.found.records import found_effects
+from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement, look
 from lightfield.diagnosis.verdict.parts import (

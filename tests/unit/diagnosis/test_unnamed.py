@@ -10,9 +10,9 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.scattered_too import WithScattering
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.found import unnamed, words
+from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate
 
 #: So many sigma of chi-square without it: below the price of one of five, which is 3.1 (chi-square 9.5).
