@@ -16,6 +16,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.own_judge import OwnErrors
+from lightfield.diagnosis.search.pool.evidence import GAP
 from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench
 from lightfield.diagnosis.search.progress import SILENT, Progress
@@ -135,9 +136,16 @@ class Finding:
             return False
         if self.many is not None and self.many.sought:
             return all(e.is_claimed for e in self.many.evidence) and not self.accepted[0].undetermined
-        if self.weights[0] <= CONVINCING:
+        if self.weights[0] <= CONVINCING or self._rivalled:
             return False
         return not (self.accepted[0].at_bound or self.accepted[0].undetermined)
+
+    @property
+    def _rivalled(self) -> bool:
+        """Does a set of named effects, of any number, cost hardly more without one of the answer's?"""
+        answer = {c.key for c in self.accepted[0].explanation}
+        known = self.many.evidence if self.many is not None else ()
+        return any(e.candidate.key in answer and e.gap_named <= GAP for e in known)
 
 
 def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:

@@ -48,7 +48,10 @@ def _found(verdict: Verdict) -> words.Said:
     limits = {name: limit for name, limit in verdict.detection_limits.items() if name not in own}
     many = found_words.said_of_many(verdict.verdict, verdict.found, verdict.ladder, verdict.misfit)
     curve = any(found_words.follows_any(one) for one in verdict.found)
-    on = words.Grounds(limits, verdict.misfit, within, verdict.determined, noise, curve)
+    certain, instead = found_words.told_of_shared(verdict.found, [e.effects for e in verdict.explanations])
+    on = words.Grounds(
+        limits, verdict.misfit, within, verdict.determined, noise, curve, tuple(certain), tuple(instead)
+    )
 
     def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
         if many is not None:

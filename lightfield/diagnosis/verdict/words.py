@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
@@ -93,6 +94,10 @@ class Grounds:
         What the detection limits rest on.
     follows_any : bool
         The explanation has a curve that would follow nearly any readings at these places.
+    certain : tuple of str
+        Effects of one explanation that are certain, whatever stands in for the others.
+    instead : tuple of str
+        What does as well in place of effects that every explanation has, a sentence for each.
     """
 
     limits: Mapping[str, DetectionLimit] = field(default_factory=dict)
@@ -101,6 +106,8 @@ class Grounds:
     determined: bool = True
     noise: str = ""
     follows_any: bool = False
+    certain: tuple[str, ...] = ()
+    instead: tuple[str, ...] = ()
 
 
 def said(
@@ -125,7 +132,7 @@ def said(
         return Said(f"{what} ({kinds}){next_one}.", f"{what}.", (f"{_sentence(kinds)}{next_one}.",))
     if kind == "ambiguous":
         if len(explanations) == 1:
-            doubt = "the evidence against chance is weak"
+            doubt = "other sets do as well" if on.instead else "the evidence against chance is weak"
             if on.follows_any:
                 doubt = "so would it nearly any readings at these places: it is a curve as free as they are"
             reasons = {e.reason for e in explanations[0].parameters.values()}
@@ -135,17 +142,22 @@ def said(
                 doubt = "with as many parameters as there are readings anything can"
             elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
                 doubt = "these readings do not determine its size"
-            return Said.of(
+            certain = [f"Certain: {join(on.certain)}."] if on.certain else []
+            what = (
                 f"Perhaps {join(explanations[0].effects)}{within}: it would explain the misfit, but {doubt}."
             )
+            return Said.of(what, *certain, *on.instead)
         listed = " or ".join(join(e.effects) for e in explanations[:_NAMED])
         others = len(explanations) - _NAMED
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
+        if on.instead:
+            more = " or others"
         what = f"{_sentence(listed)}{more}: these readings cannot tell"
         if rival is None:
-            return Said.of(f"{what}{within}.")
+            return Said.of(f"{what}{within}.", *on.instead)
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
-        return Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
+        first = Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
+        return reduce(Said.then, on.instead, first)
     return Said.of(f"Unexplained by any known effects; {unexplained_about(on.misfit)}.")
 
 

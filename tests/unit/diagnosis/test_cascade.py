@@ -10,9 +10,13 @@ from scipy import stats
 from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.adequacy import robust, score_tests, templates
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import cascade, preparation
 from lightfield.diagnosis.search import search as searching
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
+from lightfield.diagnosis.search.many import levelled
+from lightfield.diagnosis.search.pool.evidence import GAP
+from lightfield.diagnosis.search.pool.search import Data
 
 
 @pytest.fixture(autouse=True)
@@ -76,6 +80,25 @@ def test_a_duplicate_of_an_effect_leaves_the_answer_open() -> None:
     answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0))
     assert (answer.size, {t.names for t in answer.accepted}) == (1, {("odd",), ("copy",)})
     assert answer.weights == pytest.approx([0.5, 0.5], abs=1e-3)
+    assert not answer.identified
+
+
+def test_a_set_of_more_effects_that_costs_hardly_more_leaves_the_answer_open() -> None:
+    """Three effects make the readings. One column is nearly the sum of two of them: with the third it passes
+    every test, for one parameter less than the truth has and nearly its price in chi-square."""
+    lay = layout()
+    both = waves(lay)["odd"] + waves(lay)["dusk"] + 0.5 * np.cos(5 * lay.x_m) * np.cos(3 * lay.z_m)
+    made = toy(both=both)
+    problem = made.drawn(np.random.default_rng(1), odd=2.0, dusk=2.0, rows=3.0)
+    pair, truth = (made.regression(problem, *n)[2] for n in (("both", "rows"), ("odd", "dusk", "rows")))
+    assert 9 < pair - truth < 15
+    answer = found(made, problem)
+    assert {t.names for t in answer.accepted} == {("both", "rows")} and answer.weights[0] > CONVINCING
+    answer = levelled(Data(problem, made.sigma, Budget(0, 0, 0)), made.prepared(problem), answer, 0.01)
+    assert answer.many is not None
+    known = {e.candidate.name: e for e in answer.many.evidence}
+    assert known["both"].gap_named < GAP < known["rows"].gap_named
+    assert known["both"].alternatives == (("dusk", "odd"),)
     assert not answer.identified
 
 

@@ -174,6 +174,14 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
     assert said is not None and said.headline == headline
 
 
+def test_rivals_are_told_of_effects_that_all_explanations_have() -> None:
+    """What one explanation has and another lacks is told by these."""
+    found = [effect("a", "one of", ["d", "e"], ["f"]), effect("b", "certain"), effect("c", "one of", ["g"])]
+    said = found_words.told_of_shared(found, [["a", "b", "c"], ["a", "b", "g"]])
+    assert said == (["b"], ["Instead of a: d with e or f."])
+    assert found_words.told_of_shared([effect("a", "one of")], [["a"]]) == ([], [])
+
+
 def test_one_and_two_effects_are_told_as_before() -> None:
     assert (
         found_words.said_of_many("ambiguous", [effect("a", "certain"), effect("b", "one of")], [], None)

@@ -156,6 +156,40 @@ def beside(several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False)
     return before, settled(data_of(several), several.prepared, before, np.random.default_rng(0))[1]
 
 
+@pytest.mark.parametrize(("above", "level"), [(1.0, "one of"), (100.0, "certain")])
+def test_nothing_is_surer_than_settled_scattering_in_its_place_leaves_it(
+    monkeypatch: pytest.MonkeyPatch, above: float, level: str
+) -> None:
+    """The search knows a far worse fit with scattering, here with saturation, than better light gives."""
+    table, scene = readings(
+        {"detector.background": 0.02, "lamp.tilt_x_deg": 0.8, "lamp.drift_per_hour": -0.1}
+    )
+    only = ["beam_tilt", "background", "lamp_drift", "saturation"]
+    found = diagnose(table, scene, diffuse=None, only=only, advise=False)
+    many = found.finding.many
+    assert many is not None and {e.level for e in many.evidence} == {"certain"}
+    tried = []
+
+    def settle(problem: Problem, explanation: Any, fit: Any, whiten: Whitener, seed: int) -> Settled:
+        tried.append({c.name for c in explanation})
+        chi2 = many.best.fit.chi2 + above * max(many.pool.ground.phi, 1.0)
+        return Settled(problem, whiten, replace(fit, chi2=chi2))
+
+    best = found.finding.accepted[0].fit
+    for name, value in (
+        ("can_follow", lambda *_: True), ("scatters", lambda _, fit: fit is not best), ("settle", settle),
+        ("restarted", lambda problem, explanation, fit, whiten: fit), ("_SCATTERING", "saturation"),
+        ("_WITHIN", np.inf),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, value)
+    _, after = settled(data_of(found), found.prepared, found.finding, np.random.default_rng(0))
+    assert after.many is not None and {e.level for e in after.many.evidence} == {level}
+    names = many.best.names
+    assert sorted(map(sorted, tried)) == sorted(sorted(names - {n} | {"saturation"}) for n in names)
+    assert after.identified == (level == "certain")
+    assert all((("saturation",) in e.alternatives) == (level == "one of") for e in after.many.evidence)
+
+
 def test_beside_a_width_at_its_bound_nothing_is_certain(several: Diagnosis) -> None:
     """A lamp that is brighter off its axis asks for more than an even one: what makes up for that is no
     effect that is certain, whatever sets of the same beam cost."""

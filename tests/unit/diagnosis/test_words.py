@@ -51,6 +51,31 @@ def test_a_curve_that_would_follow_anything_is_no_weak_evidence() -> None:
     assert "chance" not in text.sentence
 
 
+def test_what_stands_against_the_only_explanation_is_said() -> None:
+    """Not that the evidence against chance is weak; and what is certain all the same."""
+    instead = ("Instead of beam offset: stratification with surface reflection.",)
+    text = words.said(
+        "ambiguous",
+        [explanation("saturation", "beam_offset")],
+        None,
+        words.Grounds(certain=("saturation",), instead=instead),
+    )
+    assert text.headline == (
+        "Perhaps saturation and beam offset: it would explain the misfit, but other sets do as well."
+    )
+    assert text.support == ("Certain: saturation.", *instead)
+
+
+def test_several_explanations_that_share_an_effect_do_not_make_it_sure() -> None:
+    instead = ("Instead of beam offset: surface reflection.",)
+    pairs = [explanation("beam_offset", "saturation"), explanation("beam_offset", "background")]
+    text = words.said("ambiguous", pairs, RIVAL, words.Grounds(instead=instead))
+    assert text.headline == (
+        "Beam offset and saturation or beam offset and background or others: these readings cannot tell."
+    )
+    assert text.support[-1] == instead[0] and text.sentence.endswith(instead[0])
+
+
 def test_reasons_are_written_as_ever() -> None:
     """Programs compare the values in the JSON file."""
     written = [

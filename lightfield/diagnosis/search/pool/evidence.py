@@ -7,7 +7,7 @@ the gap to the best set without it does.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -70,6 +70,18 @@ class Evidence:
     def is_claimed(self) -> bool:
         """Is it the answer, or the simplest one?"""
         return self.level in ("certain", "simplest")
+
+    def against(self, weighing: Weighing, rival: Node) -> Evidence:
+        """The same of a claimed effect where one more set does without it."""
+        above, unpriced = weighing.above(rival), weighing.above_unpriced(rival)
+        gap, named, plus = min(self.gap, above), min(self.gap_named, above), min(self.gap_plus, unpriced)
+        instead = tuple(sorted(rival.names - weighing.best.names))
+        near = above <= FAMILY and instead not in self.alternatives
+        return replace(
+            self, level=_claim(gap, named, plus), gap=gap, gap_named=named, gap_plus=plus,
+            rival=rival if above < self.gap else self.rival,
+            alternatives=(*self.alternatives, instead) if near else self.alternatives,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -150,14 +162,19 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
     elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         level = "partial" if min(gap, gap_named) > PARTIAL * left else "one of"
-    elif not (gap_named > NAMED_GAP and gap > GAP) or _at_edge(pool, best, candidate):
-        level = "one of"
     else:
-        level = "certain" if gap_plus > PLUS_GAP else "simplest"
+        level = "one of" if _at_edge(pool, best, candidate) else _claim(gap, gap_named, gap_plus)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
         _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name),
     )  # fmt: skip
+
+
+def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:
+    """How sure an effect is by its gaps, where nothing else speaks against it."""
+    if not (gap_named > NAMED_GAP and gap > GAP):
+        return "one of"
+    return "certain" if gap_plus > PLUS_GAP else "simplest"
 
 
 def contained(name: str, node: Node) -> bool:

@@ -43,6 +43,16 @@ def instead(one: FoundEffect) -> str:
     return " or ".join(told)
 
 
+def told_of_shared(
+    found: Sequence[FoundEffect], explanations: Sequence[Sequence[str]]
+) -> tuple[list[str], list[str]]:
+    """Of effects that all explanations name: which are certain, and what else does as well, in sentences."""
+    shared = [one for one in found if all(one.effect in names for names in explanations)]
+    certain = [one.effect for one in shared if one.level == "certain"]
+    open_ = [one for one in shared if one.level == "one of" and one.alternatives]
+    return certain, [f"Instead of {join([o.effect])}: {instead(o)}." for o in open_]
+
+
 def _with(names: Sequence[str]) -> str:
     return join(names) if len(names) < 2 else " with ".join(join([n]) for n in names)
 
