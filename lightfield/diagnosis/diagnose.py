@@ -36,6 +36,7 @@ from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource
+from lightfield.memory import give_back
 from lightfield.readings import Readings
 from lightfield.render.at_readings import REL_ERROR, rendered_light
 from lightfield.scene import Scene
@@ -341,4 +342,6 @@ def _diagnose(
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, problem, finding)
     found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed, also)
-    return Diagnosis(compose.verdict_of(found, advise), found)
+    verdict = compose.verdict_of(found, advise)
+    give_back()
+    return Diagnosis(verdict, found)
