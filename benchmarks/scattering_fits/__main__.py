@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.scattering_fits.cases import CASES, HERE, Case, readings_of
 from benchmarks.scattering_fits.page import FOUND, MODES, page
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.render.diffuse.source import response_for
 from lightfield.storage.files import atomic_path
 
@@ -27,7 +28,8 @@ STORE = HERE / "found.csv"
 def row_of(case: Case, seed: int, mode: str, found: Diagnosis, seconds: float) -> dict[str, str]:
     """What was found, as a row of the store."""
     row = {"case": case.name, "seed": str(seed), "mode": mode, "verdict": found.verdict.verdict,
-           "effects": " + ".join(found.verdict.effects), "seconds": f"{seconds:.1f}"}  # fmt: skip
+           "effects": " + ".join(found.verdict.effects), "seconds": f"{seconds:.1f}",
+           "noise": f"{found.prepared.excess * error_scale(found.prepared, found.finding):.3g}"}  # fmt: skip
     best = found.verdict.explanations[0] if found.verdict.explanations else None
     known = dict(best.parameters) if best else {}
     for path in FOUND:

@@ -50,20 +50,17 @@ same of all numbers that were fitted, which hang together: their parts are known
 Named: what is hidden and nothing else; the numbers of a row are of these sets.
 A seed is that of the readings' noise and of the traces that settle a fit.
 
-Errors of `diagnose` are too large where scattering is strong. Part of it: the noise of readings is judged
-beside the search's light, which does not fit there (b 0.7, g 0.95: in eleven sets 0.8 to 3.3 times its
-variance, 2.0 in the mean), and not again beside light that does; without that the pulls of these sets would
-have an rms of 0.73 instead of 0.51. What the ratio's polynomials leave out, 0.2 %, is 4 to 9 % of an error.
+Noise: the variance of the readings' errors as judged over the stated one, mean of the sets; the stated is
+right.
 
-Between walls scattering is hardly told from absorption: noise-free light of walls of 0.35 is met by walls
-alone, more absorption and a wider beam to a chi-square of 10 (108 readings). The simpler model is named, for
-sure, and its errors do not know of the other.
+Between walls scattering is hardly told from absorption: walls alone, more absorption and a wider beam meet
+the readings too. The simpler model is named, for sure, and its errors do not know of the other.
 
 Rows of `search` are of an
 earlier state of the code.
 
-| truth, per m | light | n | named | mean b | stated | scatter | pull | rms | in 1 | in 2 | all: 1, 2 |
-|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|
+| truth, 1/m | light | n | named | mean b | stated | scatter | pull | rms | in 1 | in 2 | all: 1, 2 | noise |
+|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|
 """
 
 
@@ -92,7 +89,7 @@ def page(rows: list[dict[str, str]]) -> str:
                     f"| `{path}` | {mode} | {len(pulls)} | {pulls.mean():+.2f} | "
                     f"{np.sqrt(np.mean(pulls**2)):.2f} | {inside[0]} | {inside[1]} |"
                 )
-    lines += [_together(rows, mode) for mode in MODES]
+    lines += [_together(rows, mode) for mode in MODES if any(_named(c, _of(rows, c, mode)) for c in CASES)]
     lines += [
         "",
         "Processor time of a diagnosis without advice, s, median (a first one also traces for the search):",
@@ -178,11 +175,13 @@ def _line(case: Case, mode: str, found: list[dict[str, str]], path: str) -> str:
     (value, error), pulls = _known(rows, path), _pulls(case, rows, path)
     head = f"| {case.name} | {mode} | {len(found)} | {len(rows)} |"
     if not len(value):
-        return f"{head} | | | | | | | |"
+        return f"{head} | | | | | | | | |"
     scatter = f"{value.std(ddof=1):.3f}" if len(value) > 1 else ""
     every = np.abs(np.concatenate([_pulls(case, rows, path) for path in case.truth]))
+    noise = [float(r["noise"]) for r in rows if r.get("noise")]
     return (
         f"{head} {value.mean():.3f} | {error.mean():.3f} | {scatter} | {pulls.mean():+.1f} | "
         f"{np.sqrt(np.mean(pulls**2)):.1f} | {_share(np.abs(pulls) < 1)} | {_share(np.abs(pulls) < 2)} | "
-        f"{100 * np.mean(every < 1):.0f}, {100 * np.mean(every < 2):.0f} % |"
+        f"{100 * np.mean(every < 1):.0f}, {100 * np.mean(every < 2):.0f} % | "
+        + (f"{np.mean(noise):.2f} |" if noise else "|")
     )
