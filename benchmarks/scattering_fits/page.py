@@ -54,7 +54,8 @@ Noise: the variance of the readings' errors as judged over the stated one, mean 
 right.
 
 Between walls scattering is hardly told from absorption: walls alone, more absorption and a wider beam meet
-the readings too. The simpler model is named, for sure, and its errors do not know of the other.
+the readings too. The simpler model is named, for sure. Its errors reach what its values would be with
+scattering of the scene's phase function, and a warning says so; the values themselves stay those without.
 
 Rows of `search` are of an
 earlier state of the code.
