@@ -21,6 +21,8 @@ from lightfield.scene.water.coefficients import scattering_per_m
 
 #: Photons of a first trace.
 PHOTONS = 1e6
+#: Water that scatters less, in 1/m, is clear: of that many photons a thousand are scattered on 10 m.
+_CLEAR_PER_M = 1e-4
 
 
 def can_follow(problem: Problem) -> bool:
@@ -35,7 +37,7 @@ def scatters(problem: Problem, fit: Fit) -> bool:
     if light.trace is None:
         return False
     scene = light.scene_at(fit.values, validate=False)
-    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > 0) and describes(scene)
+    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > _CLEAR_PER_M) and describes(scene)
 
 
 def scattering(problem: Problem, base: Fit) -> Fit | None:

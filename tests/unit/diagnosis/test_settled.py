@@ -17,6 +17,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search import settling
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.following import scatters
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.search import Data
@@ -24,6 +25,7 @@ from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.search.settled import settled
 from lightfield.diagnosis.search.settling import Judge, Settled
 from lightfield.fitting.least_squares import Fit
+from lightfield.scene import Scene
 
 #: Seen by errors of 0.5 % together, and hidden by a tolerance of 0.3 %.
 SLANT = 0.003
@@ -266,3 +268,14 @@ def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float
         told = settling._widened(Settled(problem, whiten, fit))
         assert told == pytest.approx(widened, rel=1e-3, abs=1e-5)
         assert (widened > 1) == (amplitude > 1) and (widened > 1e-3) == (amplitude > 0)
+
+
+@pytest.mark.parametrize(("per_m", "is_clear"), [(0.0, True), (1e-6, True), (0.01, False)])
+def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> None:
+    """A trace of it has no light whose ratio could be told."""
+    scene = Scene.from_dict({"water": {"scattering_per_m": per_m}})
+    light = SimpleNamespace(
+        trace=object(), scene_at=lambda values, validate: scene, wavelengths_nm=np.array([525.0])
+    )
+    problem = SimpleNamespace(forward=SimpleNamespace(light=light))
+    assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)
