@@ -270,3 +270,15 @@ def test_next_to_no_light_is_none() -> None:
         law = scatter_law(quoted, np.ones((60, 1)), np.ones(60), quoted, faint, 10.0)
     assert law is None
     np.testing.assert_allclose(sigma, smooth_stderr(quoted, 0 * faint, channel))
+
+
+@pytest.mark.parametrize("times", [10.0, 1000.0, 10_000.0])
+def test_photons_that_know_nothing_leave_a_covariance(times: float) -> None:
+    """Errors of photons in single precision, so many times the readings' own: against double precision."""
+    lay = layout(10, 100)
+    own, modes = np.full(lay.size, 0.01), RNG.standard_normal((lay.size, 300)) / np.sqrt(300)
+    modes = (0.01 * times * modes).astype(np.float32)
+    noise = Noise(lay, own, np.ones(lay.size), Budget(0.0, 0.0, 0.0), 0 * own, photon_modes=modes)
+    exact = np.diag(own**2) + modes.astype(float) @ modes.T.astype(float)
+    _, log_determinant = np.linalg.slogdet(exact)
+    assert Whitener(noise).log_determinant == pytest.approx(log_determinant, abs=0.01)
