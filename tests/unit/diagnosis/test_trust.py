@@ -37,6 +37,7 @@ def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)  # 168 tables
 def test_no_effect_is_named_in_any_sort_of_garbage() -> None:
     """Four of every sort; benchmarks/garbage has twelve."""
     for table in tables(4 * len(KINDS) * len(ERRORS)):
