@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.search.settled import settled
+from lightfield.diagnosis.search.settled import nearly_explained, settled
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -310,13 +310,20 @@ def _diagnose(
         traces.asked, known = prepared.to_trace_per_m, prepared.known
         if traces.asked is not None and traces.left:
             continue
-        finding = search(prepared, budget.tolerance, rng, alpha, progress)
+        finding, early = search(prepared, budget.tolerance, rng, alpha, progress), None
+        if finding.size is None and diffuse == "trace":
+            early = nearly_explained(data, prepared, finding, rng, alpha, progress, seed)
+        if early is not None:
+            prepared, finding = early
+            data = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
+            break
         if finding.size is None:
             prepared, finding = beyond_two(data, prepared, finding, alpha, seed, progress)
-        traces.asked = forward.light.to_trace(one.fit.values for one in finding.contenders)
+        light = prepared.problem.forward.light
+        traces.asked = light.to_trace(one.fit.values for one in finding.contenders)
     progress("rivals of every effect")
     finding = levelled(data, prepared, finding, alpha)
-    if diffuse == "trace":
+    if diffuse == "trace" and early is None:
         before = prepared
         prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
         if finding.size is None and (finding.many is None or not finding.many.sought):

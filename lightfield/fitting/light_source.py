@@ -267,7 +267,10 @@ class LightSource:
         return dense_water(scattering_per_m(self.scene_at(values, validate=False).water, self.wavelengths_nm))
 
     def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
-        """The trace that is still missing for the first of what was found in dense water, m^-1."""
+        """The trace that is still missing for the first of what was found in dense water, m^-1; none where
+        light was traced at a fit."""
+        if self.followed is not None:
+            return None
         now = self.dense_per_m or CLEAR_PER_M
         asked = [trace_for(b, now) for values in found if (b := self.dense_water(values)) is not None]
         return asked[0] if asked and asked[0] != self.dense_per_m else None

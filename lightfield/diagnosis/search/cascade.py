@@ -168,7 +168,7 @@ def with_base(found: list[Tried], level: Level, n: int) -> list[float]:
     return weights([*found, base])[:-1]
 
 
-def _beyond(problem: Problem, level: Level, fit: Fit) -> bool:
+def far_beyond(problem: Problem, level: Level, fit: Fit) -> bool:
     """Does a fit miss the readings by far more than errors and tolerance?"""
     residual = level.bench.whiten(problem.keep * (problem.value - fit.prediction))
     return float(residual @ residual) > _BEYOND_TOLERANCE * level.phi * float(problem.keep.sum())
@@ -240,7 +240,7 @@ def search(
         return finding(2, exact, found, pairs)
     if tolerance == 0:
         return finding(None, exact, [], pairs + singles)
-    if all(_beyond(problem, tolerant, t.fit) for t in (*singles, *pairs)):
+    if all(far_beyond(problem, tolerant, t.fit) for t in (*singles, *pairs)):
         return finding(None, tolerant, [], pairs + singles)
     level_alpha = level_for(tolerant)
     _, singles = one_more(tolerant, fitted)

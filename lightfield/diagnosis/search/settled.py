@@ -18,7 +18,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.cascade import Finding, level_at, level_for, with_base
+from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at, level_for, with_base
 from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
 from lightfield.diagnosis.search.pool.evidence import GAP, Weighing, evidence
@@ -79,7 +79,7 @@ def settled(
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
         return prepared, finding
-    if finding.size == 2 and not finding.beyond_two:
+    if finding.size in (2, None) and not finding.beyond_two:
         simpler = _simpler(problem, chosen[0])
         finding = replace(finding, accepted=[*finding.accepted, *simpler], tried=[*finding.tried, *simpler])
         chosen += simpler
@@ -109,6 +109,28 @@ def settled(
     if tolerant.adequacy.passes(alpha):
         return prepared, replace(within, size=0, accepted=[], weights=[])
     return _accepted(prepared, within, done, rng)
+
+
+def nearly_explained(
+    data: Data,
+    prepared: Prepared,
+    finding: Finding,
+    rng: np.random.Generator,
+    alpha: float = ALPHA,
+    progress: Callable[[str], None] = lambda stage: None,
+    seed: int = 0,
+) -> tuple[Prepared, Finding] | None:
+    """What one or two effects explain by scattered light once it is settled, where in the search's light they
+    explained nothing; None where they do not, or were far from it.
+
+    Before more effects are sought: of many readings they would describe what the search's light has wrong.
+    """
+    problem = prepared.problem
+    near = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:_TRIED_ANEW]
+    if not can_follow(problem) or all(far_beyond(problem, finding.level, t.fit) for t in near):
+        return None
+    now = settled(data, prepared, finding, rng, alpha, progress, seed)
+    return now if now[1].accepted else None
 
 
 def _judge(data: Data, finding: Finding) -> Judge | None:
@@ -286,7 +308,9 @@ def _beside_scattering(prepared: Prepared, finding: Finding, seed: int) -> Findi
 def _simpler(problem: Problem, pair: Tried) -> list[Tried]:
     """The one of two effects that scatters, by itself: the other may describe what the trace of the search
     has wrong."""
-    out = []
+    out: list[Tried] = []
+    if len(pair.explanation) < 2:
+        return out
     for alone in pair.explanation:
         kept = {*(p.path for p in problem.base), *(p.path for p in alone.parameters)}
         start = np.array([u for path, u in zip(pair.fit.paths, pair.fit.u, strict=True) if path in kept])

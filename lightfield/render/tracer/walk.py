@@ -143,7 +143,11 @@ class Absorption:
         self.curve = AbsorptionCurve(layers.absorption_departure) if layers.absorption_departure else None
 
     def depth(self, start: mi.Point3f, direction: mi.Vector3f, t: mi.Float) -> mi.Float:
-        """Optical depth of absorption along a flight of length t."""
+        """Optical depth of absorption along a flight of length t; never below nothing.
+
+        In water without walls a gradient has somewhere, far behind the lamp or above it, less absorption than
+        none: what strays there would gain light without bounds, and return.
+        """
         if self.is_uniform:
             return self.uniform * t
         z0, cos_z = start.z, direction.z
@@ -156,7 +160,7 @@ class Absorption:
         height = start.y + 0.5 * direction.y * t
         graded = self.gradient * (0.5 * (z0 + z1) - self.centre) + self.upwards * height
         depth = (self.uniform + graded) * t + self.layer * in_layer
-        return depth if self.curve is None else depth + t * self.curve.mean(z0, z1)
+        return dr.maximum(depth if self.curve is None else depth + t * self.curve.mean(z0, z1), 0)
 
 
 def first_or_free_flight(

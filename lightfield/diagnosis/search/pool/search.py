@@ -22,7 +22,7 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
 from lightfield.diagnosis.search.progress import Progress
-from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
 _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
@@ -32,6 +32,11 @@ _MORE = 6
 _ROUNDS, _RIVAL_ROUNDS = 4, 3
 #: Traces where a best set lies have seeds of their own.
 _SEED = 6000
+#: Sets are compared in light traced within so many errors of where the best lies, for the tolerance too after
+#: so many rounds at most. Chosen: in light of other water they hold effects that describe what it has wrong.
+_NEAR, _ROUNDS_WITHIN = 1.0, 3
+#: Traces until one set stays where it was traced, at most; most take one or two.
+_TRACES = 4
 
 
 @dataclass(frozen=True)
@@ -72,11 +77,30 @@ class Data:
         With every usable reading, and every candidate.
     quoted : array, shape (n,)
         Standard errors of the table; NaN where unknown.
+    whole : Problem, optional
+        Of many readings, of which the problem is the sample.
     """
 
     problem: Problem
     quoted: Array
     budget: Budget
+    whole: Problem | None = None
+
+    def can_follow(self, fit: Fit) -> bool:
+        """Does a fit scatter light that can be followed without photons?"""
+        every = self.whole or self.problem
+        return can_follow(every) and scatters(every, fit)
+
+    def following(self, fit: Fit, seed: int) -> Data:
+        """The same with scattered light traced where a fit lies, if it has some that can be followed."""
+        every = self.whole or self.problem
+        if not self.can_follow(fit):
+            return self
+        every = following(every, fit, seed)
+        if self.whole is None:
+            return replace(self, problem=every)
+        assert every.sample is not None
+        return replace(self, problem=every.sample[1], whole=every)
 
 
 def named(candidate: Candidate) -> bool:
@@ -172,35 +196,43 @@ def search_many(
     """
     if data.problem.sample is not None:
         return _of_sample(data, begun, alpha, rng, progress)
+    found = Node(begun.explanation, begun.reference)
+    data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
-    found = Node(prepared.explanation, prepared.reference)
-    _, ground = _ground(prepared, 0.0, rng, found.fit)
+    made, ground = _ground(prepared, 0.0, rng, found.fit)
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
     for k in range(_ROUNDS):
-        before = found.names
-        if scatters(data.problem, found.fit) and can_follow(data.problem):
-            data = replace(data, problem=following(data.problem, found.fit, _SEED + k))
+        before = found
+        seed = _SEED + (1 + k) * _TRACES
+        data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
         made, ground = _ground(prepared, 0.0, rng, found.fit)
         pool = _pool(ground, found, progress)
         found = _again(pool)
-        if found.names != before:
+        if found.names != before.names or _is_elsewhere(data, found, before):
             continue
         found, adequacy = _settled(pool, made, found, alpha)
         if not adequacy.passes(alpha) and data.budget.tolerance > 0:
             break
         found = _beside_rivals(pool, found)
-        if found.names == before:
+        if found.names == before.names:
             break
     tolerance = 0.0
     found, adequacy = _settled(pool, made, found, alpha)
     if not adequacy.passes(alpha) and data.budget.tolerance > 0:
         tolerance = data.budget.tolerance
-        made, ground = _ground(prepared, tolerance, rng, found.fit)
-        pool = _pool(ground, found, progress)
-        found, adequacy = _settled(pool, made, _again(pool), alpha)
+        for k in range(_ROUNDS_WITHIN):
+            before = found
+            made, ground = _ground(prepared, tolerance, rng, found.fit)
+            pool = _pool(ground, found, progress)
+            found, adequacy = _settled(pool, made, _again(pool), alpha)
+            if not _is_elsewhere(data, found, before):
+                break
+            seed = _SEED + (1 + _ROUNDS + k) * _TRACES
+            data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
+            prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
     for _ in range(_RIVAL_ROUNDS):
         other = _beside_rivals(pool, found)
         if other is found:
@@ -220,7 +252,7 @@ def _of_sample(
     """What a sample of many readings finds, fitted to all of them and tested on them."""
     assert data.problem.sample is not None
     rows, some = data.problem.sample
-    part = replace(data, problem=some, quoted=data.quoted[rows])
+    part = replace(data, problem=some, quoted=data.quoted[rows], whole=data.problem)
     u = begun.reference.u
     first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
     found = search_many(
@@ -228,6 +260,7 @@ def _of_sample(
     )
     progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
     best, whole = found.best, Whitener(begun.noise)
+    data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
     fit = data.problem.fit(best.explanation, whole, [best.fit.u])
     prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
     made, ground = _ground(prepared, found.tolerance, rng, fit)
@@ -238,6 +271,29 @@ def _of_sample(
     certainty = evidence(found.pool, best, adequate)
     base = pool.nodes[frozenset()]
     return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
+
+
+def _followed(data: Data, found: Node, whiten: Whiten, keep: Array, seed: int) -> tuple[Data, Node]:
+    """Readings with scattered light traced where a set lies, and the set where it lies in it."""
+    for k in range(_TRACES):
+        if not data.can_follow(found.fit):
+            break
+        before, data = found, data.following(found.fit, seed + k)
+        fit = replace(data.problem, keep=keep).fit(found.explanation, whiten, [found.fit.u])
+        found = Node(found.explanation, fit)
+        if fit.away_from(before.fit.u) < _NEAR:
+            break
+    return data, found
+
+
+def _is_elsewhere(data: Data, found: Node, before: Node) -> bool:
+    """Does a set scatter light that was traced for another, or far from where it lies?"""
+    if not data.can_follow(found.fit):
+        return False
+    if found.key != before.key:
+        return True
+    known = dict(zip(before.fit.paths, before.fit.u, strict=True))
+    return found.fit.away_from(np.array([known[path] for path in found.fit.paths])) > _NEAR
 
 
 def _beside_rivals(pool: Pool, found: Node) -> Node:
