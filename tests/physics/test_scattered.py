@@ -106,11 +106,12 @@ def test_light_of_molecules_alone() -> None:
 
 @pytest.mark.parametrize("place", [(0.5, 0.0, 4.0), (-0.4, 0.3, 7.0)])
 def test_a_tilted_beam_is_one_seen_from_its_own_axis(place: tuple[float, float, float]) -> None:
-    """Thin water, so that all is scattered once: to 1 % of the volume integral about the tilted axis."""
+    """Thin water, so that all is scattered once: to 1.2 % of the volume integral about the tilted axis: it is
+    taken to arrive from where the lamp is."""
     tilted = scene(lamp__tilt_x_deg=6.0, lamp__tilt_y_deg=-2.0)
     field = ScatteredField(*(np.array([v]) for v in place))
     found = field.at(tilted, np.array([A + B]), np.array([1e-4]))[0, 0] / 1e-4 * B
-    assert found == pytest.approx(once_scattered(tilted.lamp, FORWARD, place), rel=1e-2)
+    assert found == pytest.approx(once_scattered(tilted.lamp, FORWARD, place), rel=1.2e-2)
 
 
 def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
@@ -246,6 +247,18 @@ def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within
     basis = ratio.basis(here, x, 0 * x, z)
     error = np.linalg.norm(basis @ ratio.root[0], axis=1)
     assert np.all(np.abs(basis @ ratio.value[0] - 1) < within + 3.5 * error)
+    assert error.mean() < 0.005
+
+
+def test_traces_of_a_wide_beam_near_the_lamp_differ_by_no_more_than_is_said() -> None:
+    """Off the axis too, where most is scattered once, which is exact: a factor that was fitted to all of the
+    light, on its axis and farther away, made it 4 to 5 % too bright there."""
+    x, z = np.tile(np.linspace(0, 0.8, 5), 3), np.repeat([0.8, 1.2, 1.6], 5)
+    here = scene(lamp__hwhm_deg=25.0)
+    ratio = traced_ratio(here, x, 0 * x, z, np.array([525.0]), photons=1e6, seed=5)
+    basis = ratio.basis(here, x, 0 * x, z)
+    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
+    assert np.all(np.abs(basis @ ratio.value[0] - 1) < 0.01 + 3.5 * error)
     assert error.mean() < 0.005
 
 
