@@ -47,14 +47,14 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
 
 
 def on_receivers(flux: Array, normal: Array) -> Array:
-    """What cosine receivers read in light that comes from in front of them, max(-n . F, 0), shape (n,).
+    """What cosine receivers read in light that comes from in front of them, max(-n . F, 0), shape (..., n).
 
     Parameters
     ----------
-    flux, normal : array, shape (n, 3)
+    flux, normal : arrays, shape (..., n, 3) and (n, 3)
         Flux vector of the light; outward unit normals.
     """
-    return np.maximum(-(flux * normal).sum(axis=1), 0.0)
+    return np.maximum(-(flux * normal).sum(axis=-1), 0.0)
 
 
 def flux_and_slopes(scene: Scene, place_m: Array) -> tuple[Array, Array]:

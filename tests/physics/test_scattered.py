@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from montecarlo import keeps_its_rate
+from scipy import stats
 from scipy.special import j0
 
 from lightfield.errors import RenderError
@@ -106,11 +108,12 @@ def test_light_of_molecules_alone() -> None:
 
 @pytest.mark.parametrize("place", [(0.5, 0.0, 4.0), (-0.4, 0.3, 7.0)])
 def test_a_tilted_beam_is_one_seen_from_its_own_axis(place: tuple[float, float, float]) -> None:
-    """Thin water, so that all is scattered once: to 1 % of the volume integral about the tilted axis."""
+    """Thin water, so that all is scattered once: to 1.2 % of the volume integral about the tilted axis: it is
+    taken to arrive from where the lamp is."""
     tilted = scene(lamp__tilt_x_deg=6.0, lamp__tilt_y_deg=-2.0)
     field = ScatteredField(*(np.array([v]) for v in place))
     found = field.at(tilted, np.array([A + B]), np.array([1e-4]))[0, 0] / 1e-4 * B
-    assert found == pytest.approx(once_scattered(tilted.lamp, FORWARD, place), rel=1e-2)
+    assert found == pytest.approx(once_scattered(tilted.lamp, FORWARD, place), rel=1.2e-2)
 
 
 def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
@@ -249,6 +252,18 @@ def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within
     assert error.mean() < 0.005
 
 
+def test_traces_of_a_wide_beam_near_the_lamp_differ_by_no_more_than_is_said() -> None:
+    """Off the axis too, where most is scattered once, which is exact: a factor that was fitted to all of the
+    light, on its axis and farther away, made it 4 to 5 % too bright there."""
+    x, z = np.tile(np.linspace(0, 0.8, 5), 3), np.repeat([0.8, 1.2, 1.6], 5)
+    here = scene(lamp__hwhm_deg=25.0)
+    ratio = traced_ratio(here, x, 0 * x, z, np.array([525.0]), photons=1e6, seed=5)
+    basis = ratio.basis(here, x, 0 * x, z)
+    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
+    assert np.all(np.abs(basis @ ratio.value[0] - 1) < 0.01 + 3.5 * error)
+    assert error.mean() < 0.005
+
+
 def far_beside(depth_m: float | None) -> tuple[np.ndarray, np.ndarray, Scene]:
     """Readings to 48 degrees from the axis of a beam of six, in open water or a tank of some depth."""
     planes = [0.6, 0.9, 1.2, 1.6, 2.1]
@@ -290,18 +305,37 @@ def test_walls_and_surface_send_nothing_into_a_ratio() -> None:
     assert np.all(np.abs(away) < 4 * np.sqrt(2) * np.linalg.norm(basis @ error, axis=1))
 
 
+def ratio_of_seed(seed: int, photons: float) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of the polynomials of one trace, twelve of them, and the root of their covariance."""
+    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
+    ratio = traced_ratio(scene(), x, 0 * x, z, np.array([525.0]), photons=photons, seed=seed)
+    return ratio.value[0], ratio.root[0]
+
+
+def two_seeds_p(seed: int, photons: float) -> float:
+    """Probability of a larger difference between two seeds, by what they state."""
+    (one, root), (two, other) = (ratio_of_seed(2 * seed + k, photons) for k in (0, 1))
+    away, covariance = one - two, root @ root.T + other @ other.T
+    return float(stats.chi2.sf(float(away @ np.linalg.solve(covariance, away)), len(away)))
+
+
 @pytest.mark.slow
 def test_ratios_of_two_seeds_differ_by_what_they_state() -> None:
-    """Chi-square of the difference of the polynomials' coefficients, nine of them: p above 1e-3."""
-    from scipy.stats import chi2
+    """Chi-square of the difference of all coefficients: p above 1e-3, and as often below as it says."""
+    assert two_seeds_p(300, 5e5) > 1e-3
+    keeps_its_rate(lambda seed: two_seeds_p(seed, 1e5))
 
-    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
-    one, two = (
-        traced_ratio(scene(), x, 0 * x, z, np.array([525.0]), photons=5e5, seed=seed) for seed in (11, 12)
-    )
-    covariance = one.root[0] @ one.root[0].T + two.root[0] @ two.root[0].T
-    away = one.value[0] - two.value[0]
-    assert chi2.sf(float(away @ np.linalg.solve(covariance, away)), len(away)) > 1e-3
+
+@pytest.mark.slow
+def test_terms_of_a_ratio_scatter_as_they_state() -> None:
+    """Variance of 80 seeds over what is stated, in the mean of the four terms of each degree in distance: by
+    chi-square within 0.77 and 1.26. Planes share photons: by one factor for all it was 1.75, 0.72, 0.45."""
+    found = [ratio_of_seed(seed, 1e5) for seed in range(80)]
+    values, roots = (np.array(v) for v in zip(*found, strict=True))
+    scatter = values.var(axis=0, ddof=1) / (roots**2).sum(axis=2).mean(axis=0)
+    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 79) / (4 * 79)
+    for degree in scatter.reshape(3, 4).mean(axis=1):
+        assert low < degree < high
 
 
 def test_a_beam_that_is_not_brightest_on_its_axis_has_its_widths() -> None:

@@ -259,27 +259,62 @@ OTHERS: dict[str, dict[str, Any]] = {
 }
 
 
+SEEDS = 24
+#: Factor to which stated variances are good: in the beam and water of the trace, and in others, where the
+#: effective number of photons tells them (`BeamTallies.thinning`), not what one photon brings to many rows.
+#: Over 600 seeds they are 1.03 of the scatter, and 0.95 to 1.27; in water that scatters three times as much
+#: 0.64, of the difference of two colours 0.73 to 0.79.
+AS_TRACED, ELSEWHERE = 1.1, 1.5
+
+
 @pytest.fixture(scope="module")
 def traced() -> list[DiffuseResponse]:
-    """Twelve seeds in open water, one g."""
+    """Seeds in open water, one g."""
     return [
         response_for(OPEN_WATER, *PLACES.T, photons=60_000, g_nodes=(0.924,), seed=seed, keeper=AFRESH)
-        for seed in range(12)
+        for seed in range(SEEDS)
     ]
 
 
+def differs(stated: float, scatter: float, known: float) -> bool:
+    """Is a stated variance, known to a factor, another than that of the seeds?
+
+    Ten places, mirror images among them, are at least two by chi-square: of twelve among 600 seeds they have
+    26 to 50 degrees of freedom.
+    """
+    low, high = stats.chi2.ppf([0.001, 0.999], 2 * (SEEDS - 1)) / (2 * (SEEDS - 1))
+    return not low / known < scatter / stated < high * known
+
+
 def test_stated_error_is_the_scatter_of_seeds(traced: list[DiffuseResponse]) -> None:
-    """Responses of 12 seeds scatter as they say, averaged over places (open water, one g), for every beam and
+    """Responses of 24 seeds scatter as they say, averaged over places (open water, one g), for every beam and
     water that is asked of them, not only for the traced ones."""
-    scene = OPEN_WATER
-    # 11 degrees of freedom at each of ten places, neighbours of which share photons: at least those of one.
-    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
     for name, values in OTHERS.items():
-        found = [response.evaluate(scene.with_values(values)) for response in traced]
+        found = [response.evaluate(OPEN_WATER.with_values(values)) for response in traced]
         light, errors = (np.array(v) for v in zip(*found, strict=True))
-        relative = light.mean(axis=0)
-        ratio = ((errors / relative) ** 2).mean() / (light / relative).var(axis=0, ddof=1).mean()
-        assert 1 / high < ratio < 1 / low, name
+        mean = light.mean(axis=0)
+        known = ELSEWHERE if values else AS_TRACED
+        assert not differs(((errors / mean) ** 2).mean(), (light / mean).var(axis=0, ddof=1).mean(), known), (
+            name
+        )
+
+
+def test_cells_share_their_errors_with_those_as_bright() -> None:
+    """Errors from eight batches of 40 cells whose light falls by a hundred: right in the bright and in the
+    dim half, and known to 15 %. Half of them by one number for all, those of the bright half were 1.7 times
+    too large."""
+    use_backend()
+    from lightfield.render.tracer.accumulate import shared_errors
+
+    light = np.geomspace(1.0, 0.01, 40)
+    true = 0.02 * light**-0.4
+    drawn = stats.chi2.rvs(DIRECTION_BATCHES - 1, size=(200, 40), random_state=1) / (DIRECTION_BATCHES - 1)
+    found = shared_errors(np.tile(light, (200, 1)), light * true * np.sqrt(drawn)) / true
+    for half in (found[:, :20], found[:, 20:]):
+        assert (half**2).mean() == pytest.approx(1.0, abs=0.05)
+    assert found.std() < 0.16
+    nothing = shared_errors(np.zeros((1, 3)), np.zeros((1, 3)))
+    assert (nothing == 0).all()
 
 
 def test_colours_of_different_water_share_errors_as_seeds_do(traced: list[DiffuseResponse]) -> None:
@@ -291,12 +326,11 @@ def test_colours_of_different_water_share_errors_as_seeds_do(traced: list[Diffus
     each = [np.full(len(PLACES), colour) for colour in range(3)]
     stated = np.array([[response.errors(scene, colours, c)[0] for c in each] for response in traced])
     mean = light.mean(axis=0)
-    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 11) / (4 * 11)
     for one, two in ((0, 1), (1, 2), (0, 2)):
         scatter = (light[:, one] / mean[one] - light[:, two] / mean[two]).var(axis=0, ddof=1).mean()
         modes = stated[:, one] / mean[one][:, None] - stated[:, two] / mean[two][:, None]
         difference = (modes**2).sum(axis=2).mean()
-        assert 1 / high < difference / scatter < 1 / low, (one, two)
+        assert not differs(difference, scatter, ELSEWHERE), (one, two)
         alone = sum((stated[:, k] ** 2).sum(axis=2) / mean[k] ** 2 for k in (one, two)).mean()
         assert difference < 0.5 * alone, (one, two)
 

@@ -212,3 +212,14 @@ def test_what_is_kept_between_waters_is_that_of_the_walls_asked_for() -> None:
         asked = (np.array([v]) for v in (0.1, 0.2, rho, surface))
         weights = response.row_weights(*asked, np.arange(3))
         np.testing.assert_allclose(weights[0], [1.0, rho / 0.5, surface])
+
+
+def test_the_same_rows_of_other_cells_keep_nothing_of_these() -> None:
+    """Factors of light that scattered often are another in every cell: those of two cells of three, which are
+    told between lengths of their own, right to 0.3 % (`open_ended.STEP`)."""
+    histories, reference = np.array([[1, 0, 0], [2, 0, 0]]), Reference(0.1, 0.2, 0.0)
+    straight = np.array([[[1.0, 2.0, 4.0]]])
+    every = TransportResponse(np.ones((2, 2, 3)), histories, np.zeros(2), straight, reference, 1)
+    known, _ = every.evaluate(0.1, 0.4)
+    far = replace(every, tally=every.tally[:, :, 1:], straight_m=straight[:, :, 1:])
+    assert far.evaluate(0.1, 0.4)[0] == pytest.approx(known[..., 1:], rel=6e-3)

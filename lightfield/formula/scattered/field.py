@@ -208,8 +208,8 @@ class ScatteredField:
         ):
             behind, z = z_m + behind_m, np.full(len(angles), z_m)
             light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
-            light += paths.light(absorption, scattering, share)
             light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
+            light += paths.light(absorption, scattering, share)
             depth = np.multiply.outer(absorption + scattering, z_m * slant)
             out[:, j] = np.log(light * (behind * slant) ** 2) + depth
         return out

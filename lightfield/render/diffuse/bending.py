@@ -122,6 +122,8 @@ class TalliedCells:
 
     def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic:
         _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
+        if len(step) == NEIGHBOURS_1D and np.allclose(np.sort(step), -np.sort(step)[::-1]):
+            slope = _cubic_slope(step)
         radius = (self.x if across == 1 else self.y)[i]
         round_field = slope / radius if abs(radius) > 0.6 * min(self.pitch_m) else second
         nothing = np.zeros_like(value)
@@ -165,6 +167,14 @@ def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
         if (more == occupied).all():
             return replace(wide, occupied=occupied)
         occupied = more
+
+
+def _cubic_slope(step: np.ndarray) -> np.ndarray:
+    """Weights of the slope amid cells on both sides: of a cubic, for a quadratic's is of a smoothed field.
+
+    At the edge of a flat beam that was a tenth too small, and light of a lamp 5 cm aside 2.9 % off.
+    """
+    return np.asarray(np.linalg.pinv(np.vander(step, 4))[2])
 
 
 @lru_cache(maxsize=4096)

@@ -44,6 +44,8 @@ _NODES, _MOST_NODES = 2, 8
 #: Planes and cells across the widest of them; the map reaches to the readings, and so many half widths of the
 #: beam.
 _PLANES, _ACROSS, _HALF_WIDTHS = 5, 22, 1.5
+#: Least factor by which the scatter of ten batches lessens the variance of a term. Chosen.
+_LEAST_SHARED = 0.25
 #: Cells darker than this part of the brightest on their plane are left out.
 _DARK = 1e-3
 
@@ -212,7 +214,9 @@ def _fitted(
             remedy="trace more photons, or where the water scatters",
         )
     terms, in_tank, basis = _terms_told(scene, (x[lit], y[lit], z[lit]), known[0, lit], span, most)
-    value, root = _polynomials(traced[:, :, lit] / known[:, None, lit], basis)
+    value, root = _polynomials(
+        traced[:, :, lit] / known[:, None, lit], basis, _sharing(terms, basis.shape[1])
+    )
     return Ratio(span, most, terms, in_tank, value, root, response.photons)
 
 
@@ -253,8 +257,19 @@ def _in_cells(scene: Scene, grid: Grid, x: Array, y: Array, z: Array, a: Array, 
     return out
 
 
-def _polynomials(ratio: Array, basis: Array) -> tuple[Array, Array]:
+def _sharing(terms: tuple[int, int], count: int) -> Array:
+    """Degree in distance of every polynomial, shape (n_terms,): planes share photons, and so their errors."""
+    along, across = terms
+    return np.append(np.repeat(np.arange(along), across), np.zeros(count - along * across, int))
+
+
+def _polynomials(ratio: Array, basis: Array, degree: Array) -> tuple[Array, Array]:
     """Least squares of maps in independent batches, shape (n_wavelengths, n_batches, n_cells).
+
+    Parameters
+    ----------
+    degree : array of int, shape (n_terms,)
+        In distance, see `_sharing`.
 
     Returns
     -------
@@ -275,9 +290,10 @@ def _polynomials(ratio: Array, basis: Array) -> tuple[Array, Array]:
         root = right.T / size  # of the covariance of independent cells
         each = (batches / sigma) @ left @ root.T
         value = each.mean(axis=0)
-        # Planes share photons: how much the batches' fits scatter over what independent cells would.
-        away = (each - value) @ white.T / np.sqrt(count)
-        together = float((away**2).sum() / (len(value) * (count - 1)))
+        # How much the batches' fits scatter over what independent cells would, by the degree in distance:
+        # photons that all planes share leave the level less sure, and what changes along the beam surer.
+        scatter = each.var(axis=0, ddof=1) / count / (root**2).sum(axis=1)
+        shared = np.array([scatter[degree == n].mean() for n in range(degree.max() + 1)])[degree]
         values.append(value)
-        roots.append(root * np.sqrt(max(together, 0.5)))
+        roots.append(root * np.sqrt(np.maximum(shared, _LEAST_SHARED))[:, None])
     return np.array(values), np.array(roots)

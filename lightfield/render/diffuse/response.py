@@ -152,6 +152,7 @@ class DiffuseResponse:
         mine = channel, np.arange(len(channel))
         light, often = np.zeros((2, len(channel)))
         modes = [np.zeros((len(channel), 0), np.float32)]
+        shift = self.shift.seen_from(scene.lamp.offset_x_m, scene.lamp.offset_y_m)
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
         for share, water in self._traced(b):
             parts = water.classes(scene, a, b, True, kinds)
@@ -159,7 +160,7 @@ class DiffuseResponse:
                 continue
             in_cells = self._in_cells(parts, len(a))
             own = (share[:, None] * self._at_readings(scene, a + b, in_cells))[mine]
-            relative = relative_modes(self.shift, parts, in_cells, self.wall_smoother, channel)
+            relative = relative_modes(shift, parts, in_cells, self.wall_smoother, channel)
             relative *= own[:, None]
             modes.append(relative)
             light += own

@@ -76,21 +76,30 @@ class Shift:
         self.dx, self.dy = x_m[one_each] - cells.x[self._cell], y_m[one_each] - cells.y[self._cell]
         # Variances of a place within its cell.
         self._vx, self._vy = grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12
-        # Straight to the readings, from the few cells around each.
+        # From the few cells around each place.
         of_cell = {i: cells.quadratic(i) for i in np.unique(self._cell).tolist()}
         quadratics = [of_cell[i] for i in self._cell.tolist()]
         near = np.concatenate([q.near for q in quadratics])
         row = np.repeat(np.arange(len(quadratics)), [len(q.near) for q in quadratics])
         terms = np.concatenate([q.weights for q in quadratics], axis=1)
-        dx, dy = self.dx[row], self.dy[row]
-        bent = (
-            0.5 * (dx * dx - self._vx) * terms[3] + dx * dy * terms[4] + 0.5 * (dy * dy - self._vy) * terms[5]
-        )
-        change = terms[0] + dx * terms[1] + dy * terms[2] + bent
         shape = len(quadratics), cells.size
         self._terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in terms], format="csr")
         #: Relative errors of the readings from those of the cells, shape (n, n_cells).
-        self.shares = sparse.csr_array((change, (row, near)), shape)[self._which]
+        self.shares = self._shares(0.0, 0.0)
+
+    def seen_from(self, offset_x_m: float, offset_y_m: float) -> Shift:
+        """The same with `shares` of light whose source stands at the offset: slopes have more noise."""
+        if not (offset_x_m or offset_y_m):
+            return self
+        out = copy(self)
+        out.shares = self._shares(offset_x_m, offset_y_m)
+        return out
+
+    def _shares(self, offset_x_m: float, offset_y_m: float) -> sparse.csr_array:
+        dx, dy, one = self.dx - offset_x_m, self.dy - offset_y_m, np.ones_like(self.dx)
+        of_terms = one, dx, dy, 0.5 * (dx * dx - self._vx), dx * dy, 0.5 * (dy * dy - self._vy)
+        together = sparse.hstack([sparse.diags_array(factor) for factor in of_terms], format="csr")
+        return sparse.csr_array(together @ self._terms)[self._which]
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n).

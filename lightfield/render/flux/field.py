@@ -180,22 +180,26 @@ class TracedField:
             Places in the region, m, and outward unit normals of the receivers.
         """
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
+        cells, factor = self._cells(place), self._factor(place)[:, None]
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        diffuse = on_receivers(self._quick.at(self._cells(place)) * self._factor(place)[:, None], normal)
-        spread = self.batches(place, normal)
+        diffuse = on_receivers(self._quick.at(cells) * factor, normal)
+        spread = self._diffuse_batches(cells, factor, normal)
         photons = np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
         if not len(self._open_ended):
             return direct + diffuse, photons
-        doubt = self._doubt.at(self._cells(place)) * self._factor(place)[:, None]
-        return direct + diffuse, np.hypot(photons, on_receivers(doubt, normal))
+        doubt = on_receivers(self._doubt.at(cells) * factor, normal)
+        return direct + diffuse, np.hypot(photons, doubt)
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """`reading` of every independent part of the trace, shape (n_batches, n)."""
-        place = np.asarray(place_m, float)
+        place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        found = self._quick_batches.at(self._cells(place)) * self._factor(place)[:, None]
-        flux = found.reshape(len(place), -1, 3).swapaxes(0, 1)
-        return direct + np.stack([on_receivers(one, normal) for one in flux])
+        return direct + self._diffuse_batches(self._cells(place), self._factor(place)[:, None], normal)
+
+    def _diffuse_batches(self, cells: Array, factor: Array, normal: Array) -> Array:
+        """What `batches` adds to the direct light."""
+        flux = (self._quick_batches.at(cells) * factor).reshape(len(cells), -1, 3)
+        return on_receivers(flux.swapaxes(0, 1), normal)
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
@@ -309,7 +313,9 @@ class TracedField:
 
     @cached_property
     def _batches(self) -> Array:
-        every = np.tensordot(self._parts, self._weights, axes=([1], [0]))
+        # Batch by batch, without a copy of all their rows.
+        parts = self._parts
+        every = (self._weights @ parts.reshape(*parts.shape[:2], -1)).reshape(len(parts), *parts.shape[2:])
         return np.asarray(every + self._often(self.response.tally))
 
     @cached_property

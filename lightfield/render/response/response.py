@@ -103,7 +103,7 @@ class TransportResponse:
     photons: int
     merged: NDArray[np.integer[Any]] | None = None
     #: Factors of the rows that depend on the histories alone, as last asked for: a fit changes them rarely.
-    _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, repr=False, compare=False)
+    _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def packed(self) -> dict[str, NDArray[Any]]:
         """Plain arrays to store, all but the reference."""

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
-from lightfield.formula.path import rays
 from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.field import Region, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
@@ -63,16 +62,34 @@ class FittedCells(NamedTuple):
     ----------
     place_m : array, shape (n, 3)
     pitch_m : float
-    tally : array, shape (n_batches, n_rows, 3, n)
-        Flux vector by history.
+    response : TransportResponse
+        Flux vector in these cells alone, one plane per component.
     excess, turning : array, shape (n_terms, n)
     """
 
     place_m: Array
     pitch_m: float
-    tally: Array
+    response: TransportResponse
     excess: Array
     turning: Array
+
+
+class InCells(NamedTuple):
+    """Light in every cell, in some water.
+
+    Parameters
+    ----------
+    diffuse : array, shape (n_batches, 3, n)
+        Flux vector of scattered and reflected light.
+    doubt : array, shape (3, n)
+        Its error by what the trace does not tell apart, see `render/response/open_ended`.
+    direct : array, shape (n,)
+        Mean of the direct light along the beam.
+    """
+
+    diffuse: Array
+    doubt: Array
+    direct: Array
 
 
 class _Shared:
@@ -89,7 +106,7 @@ class _Shared:
     def __init__(self, scene: Scene, frame: Frame) -> None:
         self._scene, self._frame = scene, frame
         self._waters: list[Scene] = []
-        self.in_cells: dict[int, tuple[Array, Array]] = {}
+        self.in_cells: dict[int, InCells] = {}
         self.direct = lru_cache(_REMEMBERED)(self._direct)
         self.polynomials = lru_cache(_REMEMBERED)(self._polynomials)
 
@@ -116,8 +133,6 @@ class SmoothLight:
     ----------
     scene : Scene
         Lamp and tank are those of the trace; the water is free.
-    response : TransportResponse
-        Of the trace: its histories and reference water.
     cells : FittedCells
     shared : _Shared
     left_out : int, optional
@@ -125,7 +140,6 @@ class SmoothLight:
     """
 
     scene: Scene
-    response: TransportResponse
     cells: FittedCells
     shared: _Shared
     left_out: int | None = None
@@ -142,10 +156,12 @@ class SmoothLight:
         return [(self._flux(place), np.stack(slopes, axis=2))]
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
-        """`reading` and its standard errors, by a jackknife over the batches of the trace."""
-        parts = self._left_out(place_m, normal)
-        away = ((parts - parts.mean(axis=0)) ** 2).sum(axis=0)
-        return self.reading(place_m, normal), np.sqrt((len(parts) - 1) / len(parts) * away)
+        """`reading` and its standard errors: by a jackknife over the batches of the trace, and of light that
+        scattered more often than the trace tells apart."""
+        read, parts = self.reading(place_m, normal), self._left_out(place_m, normal)
+        photons = np.sqrt((len(parts) - 1) / len(parts) * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+        more = self._flux(np.asarray(place_m, float), self._doubted)
+        return read, np.hypot(photons, on_receivers(more, np.asarray(normal, float)) - read)
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """Readings by independent parts of the trace, as the jackknife makes them of it."""
@@ -154,7 +170,7 @@ class SmoothLight:
 
     def leave_one_out(self) -> list[SmoothLight]:
         """Without one of the batches of the trace, each in turn."""
-        return [replace(self, left_out=k) for k in range(len(self.cells.tally))]
+        return [replace(self, left_out=k) for k in range(len(self.cells.response.tally))]
 
     def in_water_of(self, scene: Scene) -> SmoothLight:
         """The same trace in the water of another scene."""
@@ -168,40 +184,51 @@ class SmoothLight:
     def _water(self) -> int:
         return self.shared.number(self.scene)
 
-    def _in_water(self) -> tuple[Array, Array]:
-        """Diffuse flux in every cell by batch, (n_batches, 3, n), and the direct light's mean there, (n,)."""
+    def _in_water(self) -> InCells:
         if self._water not in self.shared.in_cells:
             self.shared.in_cells[self._water] = self._in_cells()
         return self.shared.in_cells[self._water]
 
-    def _in_cells(self) -> tuple[Array, Array]:
-        place, scene, before = self.cells.place_m, self.scene, self.response.reference
+    def _in_cells(self) -> InCells:
+        place, scene, response = self.cells.place_m, self.scene, self.cells.response
+        before, straight = response.reference, response.straight_m[:, 0]
         at = middles_nm(scene)[0].mean(keepdims=True)
         a, b = coefficients_in(scene.water, at, before.molecular_share)
-        rho, surface = (np.array([v]) for v in scene.reflectances)
-        weights = np.asarray(self.response.row_weights(a, b, rho, surface)[0], np.float32)
-        straight = rays(scene.lamp, *place.T).water_m
-        change = float(a[0] + b[0]) - before.absorption_per_m - before.scattering_per_m
-        depth = change * straight - 0.5 * (scene.water.hardening_per_m * straight) ** 2
-        diffuse = np.tensordot(self.cells.tally, weights, axes=([1], [0])) * np.exp(-depth)
+        rho, surface = scene.reflectances
+        harder = np.exp(0.5 * (scene.water.hardening_per_m * straight) ** 2)
+        diffuse = response.batches(float(a[0]), float(b[0]), rho, surface)[:, :, 0] * harder
+        walls, top = np.array([rho]), np.array([surface])
+        doubt = response.uncertain(response.tally.mean(axis=0)[None], a, b, walls, top, slice(None))
+        change = a + b - before.absorption_per_m - before.scattering_per_m
+        doubt = doubt.reshape(straight.shape) * np.exp(-change * straight) * harder
         aside = self.cells.pitch_m / np.sqrt(12) * np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)])
         direct = np.mean([direct_flux(scene, place + step)[:, 2] for step in aside], axis=0)
-        return diffuse, np.maximum(direct, _DARK)
+        return InCells(diffuse, doubt, np.maximum(direct, _DARK))
+
+    @cached_property
+    def _used(self) -> Array:
+        """Batches that count, shape (n, 3, n_cells)."""
+        every = self._in_water().diffuse
+        return every if self.left_out is None else np.delete(every, self.left_out, axis=0)
 
     @cached_property
     def _fits(self) -> list[tuple[Array, Array]]:
-        """Coefficients of P and of S: of all batches that count, and without one of them, each in turn."""
-        diffuse, direct = self._in_water()
-        used = np.delete(diffuse, self.left_out, axis=0) if self.left_out is not None else diffuse
-        n, whole = len(used), used.mean(axis=0)
+        """Of all batches that count, and without one of them, each in turn."""
+        n, whole = len(self._used), self._used.mean(axis=0)
+        return [self._fit(flux) for flux in [whole, *((n * whole - one) / (n - 1) for one in self._used)]]
+
+    @cached_property
+    def _doubted(self) -> tuple[Array, Array]:
+        """Of all batches that count, brighter by the light's error."""
+        return self._fit(self._used.mean(axis=0) + self._in_water().doubt)
+
+    def _fit(self, flux: Array) -> tuple[Array, Array]:
+        """Coefficients of P and of S to a flux in the cells, shape (3, n)."""
         lamp, (x, y, z) = self.scene.lamp, self.cells.place_m.T
         dx, dy = x - lamp.offset_x_m, y - lamp.offset_y_m
-        found = []
-        for flux in [whole, *((n * whole - one) / (n - 1) for one in used)]:
-            excess = np.log1p(np.maximum(flux[2] / direct, _DARK))
-            away = (flux[0] * dx + flux[1] * dy) * z / np.maximum(dx * dx + dy * dy, _NEAR_M2)
-            found.append((self.cells.excess @ excess, self._turned(flux[2], away)))
-        return found
+        excess = np.log1p(np.maximum(flux[2] / self._in_water().direct, _DARK))
+        away = (flux[0] * dx + flux[1] * dy) * z / np.maximum(dx * dx + dy * dy, _NEAR_M2)
+        return self.cells.excess @ excess, self._turned(flux[2], away)
 
     def _turned(self, along: Array, away: Array) -> Array:
         """S where F_rho = S F_z rho / z: the two are fitted apart, for photons are few in a single cell."""
@@ -263,7 +290,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     field = traced_field(scene, region, photons=photons, reference=reference)
     frame = Frame(near, end, tangent, region.half_width_m - aside)
     cells = _cells(scene, field.grid, field.response, frame)
-    return SmoothLight(scene, field.response, cells, _Shared(scene, frame))
+    return SmoothLight(scene, cells, _Shared(scene, frame))
 
 
 def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> FittedCells:
@@ -274,13 +301,15 @@ def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) 
     inside = radius <= np.minimum(frame.tangent * z, frame.radius_m)
     place, lamp = np.stack([x, y, z], axis=1)[inside], scene.lamp
     tally = response.tally.reshape(*response.tally.shape[:2], len(COMPONENTS), -1)[:, :, :3, inside]
+    straight = response.straight_m.reshape(len(COMPONENTS), 1, -1)[:3, :, inside]
+    here = replace(response, tally=tally.reshape(*tally.shape[:2], -1), straight_m=straight)
     # Noise of a cell's light over its light, roughly: few photons are far away, and aside.
     weight = 1 / place[:, 2]
     excess = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TERMS)) * weight
     squared = (place[:, 0] - lamp.offset_x_m) ** 2 + (place[:, 1] - lamp.offset_y_m) ** 2
     weight = np.sqrt(squared) * place[:, 2]
     turning = np.linalg.pinv(weight[:, None] * terms(scene, frame, place, _TURNING)) * weight
-    return FittedCells(place, grid.pitch_x_m, tally, excess, turning)
+    return FittedCells(place, grid.pitch_x_m, here, excess, turning)
 
 
 def _aside(scene: Scene, z_m: float) -> float:
