@@ -268,7 +268,9 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
         named.meet(margin / spread, node)
         certain.meet(margin / spread, node)
         if not contains and weighing.with_one_more([node]):
-            certain.meet((weighing.above_unpriced(node) + noise - PLUS_GAP) / spread, node)
+            unpriced = weighing.above_unpriced(node) + noise
+            certain.meet((unpriced - PLUS_GAP) / spread, node)
+            named.meet((unpriced + PLUS_GAP) / spread, node)
     rival = certain.node if named.chance >= LIKELY else named.node
     return Expected(
         name,

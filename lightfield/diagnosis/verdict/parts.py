@@ -84,8 +84,8 @@ class FoundEffect(Record):
     form: str
     level: Literal["certain", "simplest", "one of", "partial"] = Field(
         description="certain: no other set of about as many effects does as well; simplest: only sets with "
-        "more parameters do; one of: it or what may replace it; partial: certain as far as the unexplained "
-        "rest allows"
+        "more parameters do, and not much better; one of: it or what may replace it; partial: certain as far "
+        "as the unexplained rest allows"
     )
     parameters: dict[str, Estimate] = Field(description="its size, by dotted path")
     rms_percent: float | None = Field(

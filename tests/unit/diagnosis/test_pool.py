@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
 from lightfield.diagnosis.search.pool.backward import linear_backward
-from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
@@ -205,6 +206,15 @@ def test_a_curve_that_little_could_contradict_is_no_claim(spare: int, level: str
     node = pool.fit(whole, [Begin({})])
     found = {e.candidate.name: e.level for e in evidence(pool, node, adequate=True)}
     assert found == {"profile": level, "dusk": "certain"}
+
+
+@pytest.mark.parametrize(("ahead", "level"), [(-4.0, "certain"), (0.0, "simplest"), (4.0, "one of")])
+def test_the_simplest_is_no_claim_where_one_effect_more_does_much_better(ahead: float, level: str) -> None:
+    """A set without the effect and with one more, that costs 20 more, is ahead by so much at equal weight."""
+    sure = Evidence(candidate("odd"), "certain", 9.0, 20.0, 20.0, 20.0, None, (), None, 1.0)
+    best, rival = (SimpleNamespace(names=frozenset(names)) for names in (("odd",), ("dusk", "fan")))
+    weighing = SimpleNamespace(above=lambda node: 20.0, above_unpriced=lambda node: -ahead, best=best)
+    assert sure.against(weighing, rival).level == level
 
 
 def test_a_curve_is_made_longer_from_where_it_lies() -> None:
