@@ -71,6 +71,21 @@ def right_p(response: DiffuseResponse, scene: Scene, seed: int = 3, photons: flo
     return least_p(value - mean, own, (smooth, np.inf), (stderr, BATCHES - 1))
 
 
+@pytest.mark.parametrize("gradient", ["gradient_per_m2", "height_gradient_per_m2"])
+def test_no_water_gives_light(gradient: str) -> None:
+    """Far behind a lamp, or above it, a gradient in open water leaves less absorption than none: what strays
+    there and returns is no brighter than in water that absorbs nothing (4 errors; it was infinite)."""
+    isotropic = {"type": "henyey-greenstein", "g": 0.0}
+    water = {"absorption_per_m": 0.05, "scattering_per_m": 0.3, "phase": isotropic}
+    lit = []
+    for change in ({"absorption_per_m": 0.0}, {gradient: 0.05}):
+        scene = Scene.from_dict({"water": water | change, "detector": {"positions_m": PLACES.tolist()}})
+        lit.append(fresh(scene, photons=1e5))
+    (clear, clear_stderr), (graded, stderr) = lit
+    assert np.isfinite(graded).all() and (graded > 0).all()
+    assert (graded - clear < 4 * np.hypot(stderr, clear_stderr)).all()
+
+
 def test_several_waters_at_once_have_the_light_of_each(denser: DiffuseResponse) -> None:
     """Also where one of them is clear, and one is told by the denser trace."""
     bands = [500.0, None]

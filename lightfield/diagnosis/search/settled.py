@@ -36,7 +36,7 @@ _SETTLED = 3
 _TRIED_ANEW = 1
 #: The effect by which clear water scatters, and the gap in cost below which it is tried in place of another.
 #: Chosen: settled it cost 21 less, once, than the search had known.
-_SCATTERING, _WITHIN = "scattering", 30.0
+_IN_PLACE, _WITHIN = "scattering", 30.0
 
 
 def settled(
@@ -74,7 +74,7 @@ def settled(
     judge = _judge(data, finding)
     if finding.size == 0:
         return _base(prepared, finding, rng, alpha, progress, seed, judge)
-    finding = _beside_scattering(prepared, finding, seed)
+    finding = _with_scattering_instead(prepared, finding, seed)
     most = _SETTLED if finding.accepted else _TRIED_ANEW
     chosen = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:most]
     if not chosen:
@@ -274,7 +274,7 @@ def _with_evidence(finding: Finding) -> Finding:
     return replace(finding, many=replace(many, evidence=own))
 
 
-def _beside_scattering(prepared: Prepared, finding: Finding, seed: int) -> Finding:
+def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) -> Finding:
     """The finding, where no effect is certain in whose place scattering does as well once it is settled.
 
     A search that ends without scattering has compared sets with it by a trace of other water, by which they
@@ -284,7 +284,7 @@ def _beside_scattering(prepared: Prepared, finding: Finding, seed: int) -> Findi
     if many is None or best is None or scatters(problem, best.fit) or problem.sample is not None:
         return finding
     node, whiten, pool = many.pool.nodes.get(many.best.key), finding.whiten, many.pool
-    more = next((c for c in pool.problem.candidates if c.name == _SCATTERING), None)
+    more = next((c for c in pool.problem.candidates if c.name == _IN_PLACE), None)
     same = node is not None and node.key == frozenset(c.key for c in best.explanation)
     if node is None or more is None or not same or not isinstance(whiten, Whitener):
         return finding

@@ -21,9 +21,9 @@ Level = Literal["certain", "simplest", "one of", "partial"]
 #: Gaps in cost to the best set without an effect: of named effects; with a curve that contains it too; and,
 #: of named effects again, at equal weight for every parameter, with at most one effect more: a curve that
 #: contains an effect always does as well where parsimony does not count. Chosen on 100 simulated sets,
-#: scanned on others: 1 % of the names that are called certain are wrong. By so much as the last may one effect
-#: more be ahead, too, of a name that is called the simplest: of 53 such names in campaigns 9 were wrong, 6 of
-#: these and 11 of the right ones were beyond it.
+#: scanned on others: 1 % of the names that are called certain are wrong. By so much as the last one effect
+#: more may be ahead, too, of a name that is called the simplest: of 53 such names in campaigns 9 were wrong,
+#: 6 of these and 11 of the right ones were beyond it.
 NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 #: Where something stays unexplained the gaps must be this many times its chi-square, taken to be no less than
 #: this for each reading. Chosen: factors below 5 gave wrong names.

@@ -23,7 +23,7 @@ from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, Limit
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit
 
-_SCATTERING = "water.scattering_per_m"
+_PATH = "water.scattering_per_m"
 #: Scattering that is traced, in 1/m: between that of clear ocean and of coastal water (0.04 and 0.22 at
 #: 514 nm, Petzold 1972, SIO Ref. 72-78).
 _TRACED_PER_M = 0.1
@@ -51,8 +51,8 @@ class WithScattering:
     def limit(self) -> Limit:
         """Smallest scattering that would have been seen, as rough as the tests that share the level."""
         (parameter,) = self.candidate.amplitudes
-        size, room = DETECTABLE_SIGMA * self.errors[_SCATTERING], parameter.high - parameter.low
-        return Limit(self.candidate.name, _SCATTERING, min(size, room), bool(size <= room))
+        size, room = DETECTABLE_SIGMA * self.errors[_PATH], parameter.high - parameter.low
+        return Limit(self.candidate.name, _PATH, min(size, room), bool(size <= room))
 
     def widened(self, best: Tried) -> Tried:
         """The set as it stands, with errors that reach what its values would be with scattering."""
@@ -77,7 +77,7 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
     candidate = replace(found, shapes=(), grid=((),))
     explanation, main = (*best.explanation, candidate), best.test.whiten
     assert isinstance(main, Whitener)
-    known = dict(zip(best.fit.paths, best.fit.u, strict=True)) | {_SCATTERING: _TRACED_PER_M}
+    known = dict(zip(best.fit.paths, best.fit.u, strict=True)) | {_PATH: _TRACED_PER_M}
     start = np.array([known[p.path] for p in problem.model(explanation).parameters])
     traced = problem.fit(explanation, main, [start], max_steps=0)
     if not scatters(problem, traced):
@@ -87,7 +87,7 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
     whiten = Whitener(own, main.rho, main.phi, main.tolerance)
     fit = there.fit(explanation, whiten, [start])
     alone = there.fit(best.explanation, whiten, [best.fit.u])
-    i, phi, sure = fit.paths.index(_SCATTERING), best.adequacy.phi, fit
+    i, phi, sure = fit.paths.index(_PATH), best.adequacy.phi, fit
     if fit.at_bound()[i]:
         some = fit.u.copy()
         some[i] = _TRACED_PER_M
@@ -96,7 +96,7 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
 
 
 def _scatters(candidate: Candidate) -> bool:
-    return any(p.path == _SCATTERING for p in candidate.amplitudes) and not candidate.is_stated
+    return any(p.path == _PATH for p in candidate.amplitudes) and not candidate.is_stated
 
 
 def _joins(candidate: Candidate, best: Tried) -> bool:
