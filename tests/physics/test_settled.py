@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -36,6 +37,31 @@ def test_dense_forward_scattering_is_found_within_its_errors() -> None:
     search, settled = pulls
     assert search["water.scattering_per_m"] < -4
     assert all(abs(pull) < 3 for pull in settled.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("b", "g"), [(0.4, 0.96), (0.7, 0.95)])
+@pytest.mark.parametrize("sample", [False, True])
+def test_three_effects_at_once_are_found_in_dense_water(
+    b: float, g: float, sample: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Scattering, a lamp that drifts by 30 % and a background of 0.4 %, and nothing beside them: where sets were
+    compared in light of other water, by fits whose slopes held it, they were not found, or a gradient was too.
+    Readings in random order; of so many as a sample leads too."""
+    case = next(c for c in CASES if (c.b, c.g) == (b, g))
+    read = readings_of(case, 0, walk=False)
+    hours = 30 / 3600 * np.random.default_rng(0).permutation(len(read.value))
+    value = np.asarray(read.value) * (1 + 0.3 * hours) + 0.004
+    if sample:
+        monkeypatch.setattr(problem, "MANY", 100)
+        monkeypatch.setattr(problem, "SAMPLE", 100)
+    found = diagnose(replace(read, value=value, time_s=3600 * hours), case.believed, advise=False).verdict
+    assert found.verdict == "identified"
+    assert set(found.certain) == {"scattering", "lamp_drift", "background"} == set(found.best_set)
+    numbers = found.ladder[-1].parameters
+    for path, truth in case.truth.items() | {("lamp.drift_per_hour", 0.3)}:
+        if path in numbers:
+            assert abs(numbers[path].value - truth) < 3 * (numbers[path].stderr or 0.0)
 
 
 @pytest.mark.slow

@@ -40,6 +40,12 @@ def scatters(problem: Problem, fit: Fit) -> bool:
     return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > _CLEAR_PER_M) and describes(scene)
 
 
+def is_followed(problem: Problem) -> bool:
+    """Is the scattered light followed already? Then it takes milliseconds, whatever of a scene changes."""
+    light = problem.forward.light
+    return light.trace is not None and isinstance(light.diffuse, FollowedLight)
+
+
 def scattering(problem: Problem, base: Fit) -> Fit | None:
     """A base model that scatters; else beside the first effect by which it would, at its typical size.
 

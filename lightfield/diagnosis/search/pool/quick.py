@@ -16,6 +16,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.following import is_followed
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Damping to begin with, at least, and by how much it falls and rises; steps that fail one after the other
@@ -74,9 +75,10 @@ class _Quick:
         self.damping = _DAMPING
 
     def _come_near(self) -> None:
-        """Slopes are taken with scattered and reflected light that does not follow the lamp: its evaluation
-        takes a hundred times as long, and a step shows what is missing."""
-        if self.diffuse:
+        """Slopes are taken with traced light that does not follow the lamp: its evaluation takes a hundred
+        times as long, and a step shows what is missing. In dense water that leads nowhere, and light that is
+        followed there costs less."""
+        if self.diffuse and not is_followed(self.problem):
             forward = self.problem.forward.holding(self.model.values(self.u))
             self.near = replace(self.problem, forward=forward).model(self.explanation)
 
