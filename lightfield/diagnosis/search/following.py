@@ -40,10 +40,12 @@ def scatters(problem: Problem, fit: Fit) -> bool:
     return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > _CLEAR_PER_M) and describes(scene)
 
 
-def is_followed(problem: Problem) -> bool:
-    """Is the scattered light followed already? Then it takes milliseconds, whatever of a scene changes."""
+def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:
+    """Is all scattered light followed, and so a matter of milliseconds? What walls reflect is not."""
     light = problem.forward.light
-    return light.trace is not None and isinstance(light.diffuse, FollowedLight)
+    if light.trace is None or not isinstance(light.diffuse, FollowedLight):
+        return False
+    return not any(light.scene_at(values, validate=False).reflectances)
 
 
 def scattering(problem: Problem, base: Fit) -> Fit | None:

@@ -77,8 +77,8 @@ class _Quick:
     def _come_near(self) -> None:
         """Slopes are taken with traced light that does not follow the lamp: its evaluation takes a hundred
         times as long, and a step shows what is missing. In dense water that leads nowhere, and light that is
-        followed there costs less."""
-        if self.diffuse and not is_followed(self.problem):
+        followed there costs less: slopes of width and absorption take it as it is."""
+        if self.diffuse:
             forward = self.problem.forward.holding(self.model.values(self.u))
             self.near = replace(self.problem, forward=forward).model(self.explanation)
 
@@ -95,13 +95,21 @@ class _Quick:
         moved[i] += step
         # Counts where it makes scattered and reflected light anew.
         self.evaluations += int(parameter.path in self.lights)
-        change = self.problem.keep * (self.near.predict(moved) - self.prediction)
+        model = self.model if parameter.path in self.follow else self.near
+        change = self.problem.keep * (model.predict(moved) - self.prediction)
         return np.asarray(self.whiten(change) / step)
 
     @cached_property
     def lights(self) -> frozenset[str]:
         """Parameters that make scattered and reflected light."""
         return frozenset(p.path for c in self.explanation if c.effect.diffuse for p in c.parameters)
+
+    @cached_property
+    def follow(self) -> frozenset[str]:
+        """Parameters whose slopes are taken with scattered light that follows them."""
+        if not (self.diffuse and is_followed(self.problem, self.model.values(self.u))):
+            return frozenset()
+        return frozenset(p.path for p in self.problem.base)
 
     def renew(self) -> None:
         self._come_near()
