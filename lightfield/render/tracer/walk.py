@@ -81,6 +81,11 @@ class TransportProblem:
     water: ReferenceWater
 
 
+#: Beyond these z, and so far above or below the lamp, no flight gains light. Chosen: planes lie nearer, and
+#: the water that a trace is re-used from may have less absorption than none between them.
+BEYOND_M = ((-1.0, 12.0), 5.0)
+
+
 class AbsorptionCurve:
     """Absorption that is a curve of z, on even nodes, and its integral; constant beyond them.
 
@@ -143,7 +148,7 @@ class Absorption:
         self.curve = AbsorptionCurve(layers.absorption_departure) if layers.absorption_departure else None
 
     def depth(self, start: mi.Point3f, direction: mi.Vector3f, t: mi.Float) -> mi.Float:
-        """Optical depth of absorption along a flight of length t; never below nothing.
+        """Optical depth of absorption along a flight of length t; beyond `BEYOND_M` never below nothing.
 
         In water without walls a gradient has somewhere, far behind the lamp or above it, less absorption than
         none: what strays there would gain light without bounds, and return.
@@ -160,7 +165,11 @@ class Absorption:
         height = start.y + 0.5 * direction.y * t
         graded = self.gradient * (0.5 * (z0 + z1) - self.centre) + self.upwards * height
         depth = (self.uniform + graded) * t + self.layer * in_layer
-        return dr.maximum(depth if self.curve is None else depth + t * self.curve.mean(z0, z1), 0)
+        if self.curve is not None:
+            depth = depth + t * self.curve.mean(z0, z1)
+        (first, last), aside = BEYOND_M
+        far = (low < first) | (high > last) | (dr.abs(start.y + direction.y * t) > aside)
+        return dr.select(far, dr.maximum(depth, 0), depth)
 
 
 def first_or_free_flight(

@@ -180,7 +180,7 @@ def test_nothing_is_surer_than_settled_scattering_in_its_place_leaves_it(
     best = found.finding.accepted[0].fit
     for name, value in (
         ("can_follow", lambda *_: True), ("scatters", lambda _, fit: fit is not best), ("settle", settle),
-        ("restarted", lambda problem, explanation, fit, whiten: fit), ("_SCATTERING", "saturation"),
+        ("restarted", lambda problem, explanation, fit, whiten: fit), ("_IN_PLACE", "saturation"),
         ("_WITHIN", np.inf),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, value)
