@@ -48,8 +48,8 @@ def direct_at(
     import drjit as dr
     import mitsuba as mi
 
+    from lightfield.render.tracer.absorption import Absorption
     from lightfield.render.tracer.build import assembled
-    from lightfield.render.tracer.walk import Absorption
 
     x, y, z = (np.asarray(v, float) for v in (x_m, y_m, z_m))
     scene = lit(scene)

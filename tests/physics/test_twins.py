@@ -17,11 +17,11 @@ from lightfield.render.backend import use_backend
 from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
 from lightfield.render.response.grid import Grid, scene_grid
+from lightfield.render.tracer.absorption import BEYOND_M, Absorption
+from lightfield.render.tracer.absorption import ReferenceWater as TracedWater
 from lightfield.render.tracer.build import shapes
 from lightfield.render.tracer.emission import TABLE, Emission
 from lightfield.render.tracer.planes import OPEN_WATER_REACH, Planes
-from lightfield.render.tracer.walk import BEYOND_M, Absorption
-from lightfield.render.tracer.walk import ReferenceWater as TracedWater
 from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
 from lightfield.scene.acts import Acts

@@ -51,7 +51,7 @@ def path_up_gradient_m2(water: Water, z_m: Array, path_m: Array) -> Array:
 def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | float = 0.0) -> Array | float:
     """Optical depth that gradients, slab and curve add along straight paths from the window plane to z.
 
-    The tracer's own, for flights from anywhere to anywhere, is `render.tracer.walk.Absorption.depth`.
+    The tracer's own, for flights from anywhere to anywhere, is `render.tracer.absorption.Absorption.depth`.
 
     Parameters
     ----------
