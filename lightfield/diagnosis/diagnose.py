@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.search.settled import nearly_explained, settled
+from lightfield.diagnosis.search.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -311,16 +311,18 @@ def _diagnose(
         if traces.asked is not None and traces.left:
             continue
         finding, early = search(prepared, budget.tolerance, rng, alpha, progress), None
-        if finding.size is None and diffuse == "trace":
-            early = nearly_explained(data, prepared, finding, rng, alpha, progress, seed)
-        if early is not None:
-            prepared, finding = early
-            data = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
-            break
+        if finding.size is None and diffuse == "trace" and is_nearly_explained(prepared, finding):
+            early = settled(data, prepared, finding, rng, alpha, progress, seed)
+            if early[1].accepted:
+                break
+            early = None
         if finding.size is None:
             prepared, finding = beyond_two(data, prepared, finding, alpha, seed, progress)
         light = prepared.problem.forward.light
         traces.asked = light.to_trace(one.fit.values for one in finding.contenders)
+    if early is not None:
+        prepared, finding = early
+        data = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
     progress("rivals of every effect")
     finding = levelled(data, prepared, finding, alpha)
     if diffuse == "trace" and early is None:
@@ -330,8 +332,8 @@ def _diagnose(
             # Better light took back what one or two effects seemed to explain.
             prepared, finding = beyond_two(data, before, finding, alpha, seed, progress)
             prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
-        forward = prepared.problem.forward
-        problem = replace(problem, forward=forward)
+    forward = prepared.problem.forward  # what the answer rests on is said and drawn in its own light
+    problem = replace(problem, forward=forward)
     finding = with_truncation(finding)
     prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
     finding = refutation.pruned(prepared, finding)

@@ -111,26 +111,15 @@ def settled(
     return _accepted(prepared, within, done, rng)
 
 
-def nearly_explained(
-    data: Data,
-    prepared: Prepared,
-    finding: Finding,
-    rng: np.random.Generator,
-    alpha: float = ALPHA,
-    progress: Callable[[str], None] = lambda stage: None,
-    seed: int = 0,
-) -> tuple[Prepared, Finding] | None:
-    """What one or two effects explain by scattered light once it is settled, where in the search's light they
-    explained nothing; None where they do not, or were far from it.
+def is_nearly_explained(prepared: Prepared, finding: Finding) -> bool:
+    """Do one or two effects by scattered light miss the readings by no more than its trace may be wrong?
 
-    Before more effects are sought: of many readings they would describe what the search's light has wrong.
+    Settled they may explain them. Before more effects are sought: of many readings those would describe what
+    the search's light has wrong.
     """
     problem = prepared.problem
     near = [t for t in finding.contenders if t.test is not None and scatters(problem, t.fit)][:_TRIED_ANEW]
-    if not can_follow(problem) or all(far_beyond(problem, finding.level, t.fit) for t in near):
-        return None
-    now = settled(data, prepared, finding, rng, alpha, progress, seed)
-    return now if now[1].accepted else None
+    return can_follow(problem) and any(not far_beyond(problem, finding.level, t.fit) for t in near)
 
 
 def _judge(data: Data, finding: Finding) -> Judge | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,9 +12,11 @@ import pytest
 from analytic_readings import readings
 from toy_problem import Toy, candidate, layout, waves
 
+from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search import settling
 from lightfield.diagnosis.search.cascade import Finding
@@ -21,8 +24,9 @@ from lightfield.diagnosis.search.following import scatters
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.search import Data
+from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.search.settled import settled
+from lightfield.diagnosis.search.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.settling import Judge, Settled
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
@@ -117,6 +121,39 @@ def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, mo
         _, after = settled(data, prepared, found.finding, np.random.default_rng(0))
         assert (after.size, len(after.accepted)) == (size, size or 0)
         assert after.level.tolerance == tolerance
+
+
+def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where it was settled before more effects than one or two were sought."""
+    table, scene = readings({"detector.background": 0.02})
+    search, sought, better = diagnosing.search, list[Finding](), list[object]()
+
+    def nothing_passes(*given: Any) -> Finding:
+        sought.append(search(*given))
+        return replace(sought[0], size=None, accepted=[])
+
+    def settle(_: Data, prepared: Prepared, *__: object) -> tuple[Prepared, Finding]:
+        better.append(copy(prepared.problem.forward))
+        return replace(prepared, problem=replace(prepared.problem, forward=better[0])), sought[0]
+
+    for name, value in (
+        ("source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED))), ("search", nothing_passes),
+        ("is_nearly_explained", lambda *_: True), ("settled", settle), ("with_scattering", lambda *_: None),
+    ):  # fmt: skip
+        monkeypatch.setattr(diagnosing, name, value)
+    told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
+    assert told.verdict.effects == ["background"] and len(better) == 1
+    assert told.found.forward is told.found.prepared.problem.forward is better[0]
+
+
+def test_one_or_two_effects_nearly_explain_where_better_light_might_do(found: Diagnosis, monkeypatch) -> None:
+    """Not where nothing scatters, nor where they are farther off than a trace may be wrong."""
+    monkeypatch.setattr(module, "can_follow", lambda *_: True)
+    for scattered in (False, True):
+        monkeypatch.setattr(module, "scatters", lambda *_, known=scattered: known)
+        assert is_nearly_explained(found.prepared, found.finding) == scattered
+    away = replace(found.prepared.problem, value=found.prepared.problem.value[::-1])
+    assert not is_nearly_explained(replace(found.prepared, problem=away), found.finding)
 
 
 def test_a_base_model_that_scatters_is_settled_where_nothing_is_missing(monkeypatch) -> None:
