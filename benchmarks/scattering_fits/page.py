@@ -38,7 +38,7 @@ True are a half width of {HWHM_DEG:g} degrees and an absorption of {ABSORPTION_P
 experimenter believes in {WIDER * HWHM_DEG:.1f} and {BELIEVED_PER_M:g}, and in no scattering.
 Rows with walls are of a tank {TANK_M[0]:g} m wide, {TANK_M[1]:g} m deep and {TANK_M[2] + TANK_M[3]:g} m long,
 taken for black, and of a lamp of {HWHM_IN_TANK_DEG:g} degrees
-(1e9 photons with walls of 0.35, 3e8 with those of 0.45).
+({", ".join(f"{c.photons:.0e} photons with walls of {c.walls:g}" for c in CASES if c.walls)}).
 With CDOM (its absorption at 440 nm in 1/m) every place is read at
 {", ".join(f"{at:g}" for at, _ in COLOURS)} nm, in water whose colour is known but for the dissolved matter.
 
@@ -56,9 +56,6 @@ right.
 Between walls scattering is hardly told from absorption: walls alone, more absorption and a wider beam meet
 the readings too. The simpler model is named, for sure. Its errors reach what its values would be with
 scattering of the scene's phase function, and a warning says so; the values themselves stay those without.
-
-Rows of `search` are of an
-earlier state of the code.
 
 | truth, 1/m | light | n | named | mean b | stated | scatter | pull | rms | in 1 | in 2 | all: 1, 2 | noise |
 |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|
