@@ -14,7 +14,7 @@ from toy_pool import more_waves, pool_of, toy
 from toy_problem import Toy, candidate, curve, layout
 
 from lightfield.diagnosis.problem import problem as problems
-from lightfield.diagnosis.problem.noise import Budget
+from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
@@ -76,6 +76,19 @@ def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
     for one in found.evidence:
         rival = min(cost for names, cost in costs.items() if one.candidate.name not in names)
         assert one.gap == pytest.approx(rival - costs[found.best.names], abs=0.3)
+
+
+@pytest.mark.parametrize("errors", [0.4, 2.5])
+def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(errors: float) -> None:
+    """Not of those under which the best set was fitted before they were judged anew."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=2.5)
+    prepared, one = made.prepared(problem), tuple(c for c in problem.candidates if c.name == "odd")
+    before = Whitener(replace(prepared.noise, sigma=errors * prepared.noise.sigma))
+    found = Node(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
+    bench, ground = pooled._ground(prepared, 0.0, np.random.default_rng(0), found)
+    same = problem.fit(one, bench.whiten, [found.fit.u])
+    assert ground.phi == pytest.approx(bench.test(same).phi, rel=1e-3)
 
 
 def test_light_that_is_traced_where_the_best_set_lies_needs_no_excuse(monkeypatch) -> None:

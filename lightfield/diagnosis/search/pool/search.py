@@ -118,10 +118,13 @@ def everything(candidate: Candidate) -> bool:
     return True
 
 
-def _ground(prepared: Prepared, tolerance: float, rng: np.random.Generator, fit: Fit) -> tuple[Bench, Ground]:
-    """Whitening, and the scale of the noise beside the fit of the best set."""
+def _ground(
+    prepared: Prepared, tolerance: float, rng: np.random.Generator, found: Node
+) -> tuple[Bench, Ground]:
+    """Whitening, and the scale of the noise beside the best set, which was fitted under another one."""
     made = bench(prepared, tolerance, rng)
-    adequacy = made.test(fit)
+    here = prepared.problem.fit(found.explanation, made.whiten, [found.fit.u], max_steps=0)
+    adequacy = made.test(here)
     return made, Ground(made.test, adequacy.phi, adequacy.nu)
 
 
@@ -199,7 +202,7 @@ def search_many(
     found = Node(begun.explanation, begun.reference)
     data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
-    made, ground = _ground(prepared, 0.0, rng, found.fit)
+    made, ground = _ground(prepared, 0.0, rng, found)
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
@@ -208,7 +211,7 @@ def search_many(
         seed = _SEED + (1 + k) * _TRACES
         data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
-        made, ground = _ground(prepared, 0.0, rng, found.fit)
+        made, ground = _ground(prepared, 0.0, rng, found)
         pool = _pool(ground, found, progress)
         found = _again(pool)
         if found.names != before.names or _is_elsewhere(data, found, before):
@@ -225,7 +228,7 @@ def search_many(
         tolerance = data.budget.tolerance
         for k in range(_ROUNDS_WITHIN):
             before = found
-            made, ground = _ground(prepared, tolerance, rng, found.fit)
+            made, ground = _ground(prepared, tolerance, rng, found)
             pool = _pool(ground, found, progress)
             found, adequacy = _settled(pool, made, _again(pool), alpha)
             if not _is_elsewhere(data, found, before):
@@ -263,8 +266,9 @@ def _of_sample(
     data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
     fit = data.problem.fit(best.explanation, whole, [best.fit.u])
     prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
-    made, ground = _ground(prepared, found.tolerance, rng, fit)
-    pool = _pool(ground, Node(best.explanation, fit), progress)
+    node = Node(best.explanation, fit)
+    made, ground = _ground(prepared, found.tolerance, rng, node)
+    pool = _pool(ground, node, progress)
     node = pool.nodes[best.key]
     adequacy = made.test(node.fit)
     adequate = adequacy.passes(alpha)
