@@ -247,6 +247,24 @@ def expected_of_curve(made: Toy, problem) -> float:
     return made.regression(problem, *(f"profile{k}" for k in range(4)))[2]
 
 
+def test_noise_is_judged_again_where_a_curve_was_made_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same names, but another set: what a short curve misses it calls noise and outliers."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0)
+    short = next(c for c in problem.candidates if c.form.name == "2 terms")
+    judge, about = pooled.prepare_about, []
+
+    def prepare_about(problem: Problem, quoted, budget: Budget, explanation: Explanation, fit: Fit):
+        about.append([c.form.name for c in explanation])
+        return judge(problem, quoted, budget, explanation, fit)
+
+    monkeypatch.setattr(pooled, "_first", lambda pool: pool.fit((short,), [Begin({})]))
+    monkeypatch.setattr(pooled, "prepare_about", prepare_about)
+    found = many(made, problem)
+    assert [c.form.name for c in found.best.explanation] == ["4 terms"]
+    assert about == [["2 terms"], ["4 terms"]]
+
+
 def test_elimination_from_everything_leaves_what_is_there() -> None:
     """Four effects in one move from nothing."""
     made = toy()

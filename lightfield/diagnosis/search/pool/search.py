@@ -214,13 +214,13 @@ def search_many(
         made, ground = _ground(prepared, 0.0, rng, found)
         pool = _pool(ground, found, progress)
         found = _again(pool)
-        if found.names != before.names or _is_elsewhere(data, found, before):
+        if found.key != before.key or _is_elsewhere(data, found, before):
             continue
         found, adequacy = _settled(pool, made, found, alpha)
         if not adequacy.passes(alpha) and data.budget.tolerance > 0:
             break
         found = _beside_rivals(pool, found)
-        if found.names == before.names:
+        if found.key == before.key:
             break
     tolerance = 0.0
     found, adequacy = _settled(pool, made, found, alpha)
