@@ -121,7 +121,7 @@ def test_light_that_no_lamp_makes_is_an_error_of_the_unit() -> None:
 def test_by_hand_with_and_without() -> None:
     table, scene = absolute(100.0)
     free = fit_readings(table, scene)
-    assert any("101 times what the scene's lamp" in note for note in free.notes)
+    assert any("100 times what the scene's lamp" in note for note in free.notes)
     power = fit_readings(table, scene, ["lamp_power"])
     assert power.estimates["lamp.power_w"].value == pytest.approx(5000, rel=0.05)
     assert power.estimates["gain"].reason == "held"
