@@ -175,7 +175,8 @@ def test_light_is_smooth_in_the_attenuation(albedo: float, within: float) -> Non
 
 
 def test_what_is_remembered_is_not_mistaken() -> None:
-    """Lamp, albedo, surface and attenuation change in turn: as if each were asked first."""
+    """Lamp, albedo, surface and attenuation change in turn: as if each were asked first, but for the rounding
+    of single precision where what is asked often is worked out at once."""
     places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.3})
     kept = ReflectedLight(scene, *places)
@@ -193,7 +194,7 @@ def test_what_is_remembered_is_not_mistaken() -> None:
             key = frozenset(change.items()), attenuation
             if key not in fresh:
                 fresh[key] = ReflectedLight(scene, *places).evaluate(asked, attenuation)
-            assert kept.evaluate(asked, attenuation) == pytest.approx(fresh[key], rel=1e-12), change
+            assert kept.evaluate(asked, attenuation) == pytest.approx(fresh[key], rel=1e-6), change
 
 
 @pytest.mark.parametrize(
@@ -222,7 +223,7 @@ def test_several_waters_at_once_are_one_after_the_other(change: dict[str, float]
         np.testing.assert_allclose(errors[k], light.uncertain(scene, np.array([c]))[0], rtol=1e-5)
 
 
-@pytest.mark.parametrize("albedo", [0.03, 0.05, 0.2])
+@pytest.mark.parametrize("albedo", [0.03, 0.2, 0.3, 0.55])
 def test_dark_walls_need_few_reflections(albedo: float) -> None:
     """What is not followed there is nothing: beside all reflections, solved at once."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": albedo})

@@ -62,7 +62,8 @@ def test_it_is_ranked_and_laddered_and_its_size_is_right(own_file: Path) -> None
     assert [rung.label for rung in found.verdict.ladder] == ["base", "+ rope"]
     place = found.verdict.explanations[0].parameters["effect.rope.x0"]
     assert abs(place.value - PLACE_M) < 4 * place.stderr
-    assert found.scene.get("effect.rope.x0") == pytest.approx(place.value)
+    # Two fits, each to within a twentieth of chi-square.
+    assert abs(found.scene.get("effect.rope.x0") - place.value) < 0.25 * place.stderr
     fitted = Scene.from_toml(found.scene.to_toml())
     np.testing.assert_allclose(
         SceneForward(fitted, table).predict({"gain": found.steps[-1].fit.values["gain"]}), found.prediction
