@@ -85,11 +85,17 @@ def light():
     return gaussian_light
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Figures are made, but only their words reach the page: drawing takes most of a page's time."""
+@pytest.fixture(scope="session")
+def words_alone():
+    """Function that replaces drawing on a `MonkeyPatch`: only the words of figures reach a page."""
 
     def words(figure, name):
         return f"<svg>{' '.join(text.get_text() for text in figure.findobj(Text))}</svg>"
 
-    monkeypatch.setattr("lightfield.report.page.to_svg", words)
+    return lambda patch: patch.setattr("lightfield.report.page.to_svg", words)
+
+
+@pytest.fixture
+def undrawn(monkeypatch, words_alone):
+    """Figures are made, but only their words reach the page: drawing takes most of a page's time."""
+    words_alone(monkeypatch)

@@ -33,6 +33,12 @@ BARE = PACKAGE / "cli.py"
 OPTION = re.compile(r"(?<![-\w])--?[a-z]")
 
 
+@cache
+def tree(module: Path) -> ast.Module:
+    """A module as Python reads it."""
+    return ast.parse(module.read_text(encoding="utf-8"))
+
+
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_module_can_be_read_at_a_sitting(module: Path) -> None:
     assert len(module.read_text(encoding="utf-8").splitlines()) <= LONGEST
@@ -47,7 +53,7 @@ def test_a_folder_can_be_taken_in_at_a_glance() -> None:
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_library_has_one_room(module: Path) -> None:
     room = module.relative_to(PACKAGE).parts[0]
-    for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(module)):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         if isinstance(node, ast.ImportFrom) and node.level == 0:
             names = [node.module or ""]
@@ -81,7 +87,7 @@ def test_a_class_name_means_one_thing() -> None:
     """An answer of the api may have the name of what it holds; no other two rooms share one."""
     homes: dict[str, list[str]] = {}
     for module in MODULES:
-        for node in ast.parse(module.read_text(encoding="utf-8")).body:
+        for node in tree(module).body:
             if isinstance(node, ast.ClassDef) and module.relative_to(PACKAGE).parts[0] != "api":
                 homes.setdefault(node.name, []).append(str(module.relative_to(PACKAGE)))
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
@@ -107,7 +113,7 @@ def test_a_function_name_means_one_thing() -> None:
     homes: dict[str, list[str]] = {}
     for module in MODULES:
         place = module.relative_to(PACKAGE).as_posix()
-        for node in ast.parse(module.read_text(encoding="utf-8")).body:
+        for node in tree(module).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, []).append(place)
     beside = {
@@ -134,7 +140,7 @@ def test_what_belongs_together_is_handed_over_together() -> None:
     long = set()
     for module in MODULES:
         place = module.relative_to(PACKAGE).as_posix()
-        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(module)):
             if isinstance(node, ast.FunctionDef) and not place.startswith("api/"):
                 a = node.args
                 names = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
@@ -163,15 +169,14 @@ def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
 
 @cache
 def _imported(module: Path) -> list[tuple[ast.AST, bool]]:
-    tree = ast.parse(module.read_text(encoding="utf-8"))
-    return [found for found in _nodes(tree) if isinstance(found[0], ast.Import | ast.ImportFrom)]
+    return [found for found in _nodes(tree(module)) if isinstance(found[0], ast.Import | ast.ImportFrom)]
 
 
-def _nodes(tree: ast.AST, inside: bool = False) -> Iterator[tuple[ast.AST, bool]]:
-    for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
-            yield node, inside
-            yield from _nodes(node, inside or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+def _nodes(node: ast.AST, inside: bool = False) -> Iterator[tuple[ast.AST, bool]]:
+    for child in ast.iter_child_nodes(node):
+        if not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
+            yield child, inside
+            yield from _nodes(child, inside or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef))
 
 
 @cache
@@ -198,9 +203,7 @@ def test_errors_of_the_library_name_no_options(module: Path) -> None:
     if module == BARE or module.relative_to(PACKAGE).parts[0] == "commands":
         return
     errors = [
-        node.exc
-        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Raise) and node.exc is not None
+        node.exc for node in ast.walk(tree(module)) if isinstance(node, ast.Raise) and node.exc is not None
     ]
     parts = [part.value for error in errors for part in ast.walk(error) if isinstance(part, ast.Constant)]
     assert [text for text in parts if isinstance(text, str) and OPTION.search(text)] == []

@@ -97,6 +97,7 @@ def test_same_comparison_same_page(case, html):
     assert comparison_page(comparison, dataset.attrs) == html
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_scene_names_cannot_inject_markup(make, light):
     dataset = to_dataset(make(pixels=9, name="<b>tank</b>"))
     comparison = compare(dataset, lambda scene, x, y, z, wavelength: light(scene, x, y, z))

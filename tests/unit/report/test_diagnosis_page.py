@@ -1,6 +1,7 @@
 """The diagnosis page says each kind of verdict first, and shows what it rests on."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -133,12 +134,23 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     )
 
 
+@pytest.fixture(scope="module")
+def page(words_alone):
+    """Function that gives the page of an `example`, made once: one of the kinds is drawn, figures and all."""
+
+    @cache
+    def of_kind(kind):
+        with pytest.MonkeyPatch.context() as patch:
+            if kind != "ambiguous":
+                words_alone(patch)
+            return diagnosis_page(example(kind))
+
+    return of_kind
+
+
 @pytest.mark.parametrize("kind", ["none", "identified", "ambiguous", "unexplained"])
-def test_every_verdict_is_said_first(kind, request):
-    if kind != "ambiguous":  # one of four is drawn, figures and all
-        request.getfixturevalue("undrawn")
-    html = diagnosis_page(example(kind))
-    view = example(kind)
+def test_every_verdict_is_said_first(page, kind):
+    html, view = page(kind), example(kind)
     assert html.index(view.verdict.headline) < html.index("<h2>")
     for said in view.verdict.support:
         assert html.index(said) < html.index("<h2>")
@@ -148,22 +160,19 @@ def test_every_verdict_is_said_first(kind, request):
     assert "src=" not in html.replace('src="data:', "")
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_advice_is_drawn_and_listed():
-    html = diagnosis_page(example())
+def test_advice_is_drawn_and_listed(page):
+    html = page("ambiguous")
     assert "measure here next" in html
     assert "8 times" in html
     assert "would part scattering and beam skirt by 10.0 sigma" in html
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_parameters_come_with_error_and_unit():
-    assert "water.scattering_per_m = 0.0312 ± 0.0007 1/m" in diagnosis_page(example("identified"))
+def test_parameters_come_with_error_and_unit(page):
+    assert "water.scattering_per_m = 0.0312 ± 0.0007 1/m" in page("identified")
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_fresh_render_is_shown_on_the_ladder():
-    html = diagnosis_page(example("identified"))
+def test_fresh_render_is_shown_on_the_ladder(page):
+    html = page("identified")
     assert "rendered afresh" in html
     assert "0.45 ± 0.06" in html
 
@@ -192,15 +201,14 @@ def test_groups_name_only_what_differs():
     np.testing.assert_array_equal(np.sort(np.concatenate([g.rows for g in both.groups()])), np.arange(6))
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_the_distance_of_rivals_stands_below_the_headline():
-    html = diagnosis_page(example("ambiguous"))
+def test_the_distance_of_rivals_stands_below_the_headline(page):
+    html = page("ambiguous")
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
     assert ">The first lies 1.8 sigma from beam skirt.<" in html
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_readings_set_aside_are_listed_and_stand_below_the_headline():
+def test_readings_set_aside_are_listed_and_stand_below_the_headline(page):
     view = example("none")
     one = {"row": 17, "reason": "outlier", "x_m": 0.3, "y_m": 0.0, "z_m": 4.5, "medium": "water"}
     aside = [
@@ -218,11 +226,11 @@ def test_readings_set_aside_are_listed_and_stand_below_the_headline():
     assert ">1 of 245 readings was set aside: x = 0.3" in html
     cells = "".join(f"<td>{c}</td>" for c in ("17", "0.3", "0", "4.5", "water", "525", "-46.2"))
     assert cells in html and "<td>saturated</td>" in html
-    assert "Readings set aside" not in diagnosis_page(view)
+    assert "Readings set aside" not in page("none")
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_fitted_curves_are_drawn_with_their_errors():
+def test_fitted_curves_are_drawn_with_their_errors(page):
     at = np.linspace(0, 12, 40)
     one = at**0
     beam = FittedCurve(
@@ -230,7 +238,7 @@ def test_fitted_curves_are_drawn_with_their_errors():
     )
     html = diagnosis_page(dataclasses.replace(example(), curves=(beam, beam)))
     assert "Fitted curves with their errors" in html
-    assert "Fitted curves with their errors" not in diagnosis_page(example())
+    assert "Fitted curves with their errors" not in page("ambiguous")
     figure = curve_figure((beam,))
     upper, lower = figure.axes
     assert (upper.get_xlabel(), lower.get_xlabel(), upper.get_ylabel()) == ("", "angle (deg)", "intensity")
@@ -268,17 +276,14 @@ def test_single_places_are_drawn_as_measured_against_model_and_over_r_and_z():
     assert np.allclose(dots[:, 1], np.hypot(view.readings.x_m, view.readings.y_m))
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_readings_over_decades_are_drawn_logarithmically_and_the_ladder_comes_first():
+def test_readings_over_decades_are_drawn_logarithmically_and_the_ladder_comes_first(page):
     assert data_figure(example()).axes[0].get_yscale() == "log"
-    html = diagnosis_page(example("identified"))
+    html = page("identified")
     assert html.index("The error falls") < html.index("Readings and model")
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal():
-    view = example("none")
-    html = diagnosis_page(view)
+def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal(page):
+    view, html = example("none"), page("none")
     assert "What could not have been seen" in html and "lamp drift" in html
     said = as_text(view.verdict)
     assert "could not have been seen, not even at the largest plausible size: lamp_drift" in said
