@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -149,6 +149,7 @@ def path_of(field: str, k: int) -> str:
 _AMPLITUDES = tuple(f"{field}." for field in FIELDS)
 
 
+@cache
 def is_amplitude(path: str) -> bool:
     """Is it the name of an amplitude?"""
     return path.startswith(_AMPLITUDES)

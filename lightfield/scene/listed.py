@@ -66,7 +66,7 @@ def listed_parameters(scene: Listing) -> Iterator[Parameter]:
         for name, p in effect.parameters.items():
             meaning = p.meaning or f"{name} of the effect {effect.name}"
             low, high = p.range
-            path = f"{OWN}{effect.name}.{name}"
+            path = _own_path(effect, name)
             yield Parameter(path, p.unit, meaning, low, high, p.neutral, p.now, effect.acts)
 
 
@@ -83,26 +83,31 @@ def with_listed(scene: Listing, values: Mapping[str, Any]) -> dict[str, Any]:
     KeyError
         With the path that a scene's lists have nothing at.
     """
-    out = {path: value for path, value in values.items() if not is_listed(path)}
     named = {path: value for path, value in values.items() if is_listed(path)}
+    out = {path: value for path, value in values.items() if path not in named}
     if not named:
         return out
-    known = {p.path for p in listed_parameters(scene)}
-    missing = next((path for path in named if path not in known), None)
+    of_effects = {_own_path(effect, name) for effect in scene.effect for name in effect.parameters}
+    points = {w: f"{AT}{w:g}nm" for w, _ in scene.water.absorption_at}
+    missing = next((path for path in named if path not in of_effects and path not in points.values()), None)
     if missing is not None:
         raise KeyError(missing)
-    if any(path.startswith(AT) for path in named):
-        points = ((w, named.get(f"{AT}{w:g}nm", value)) for w, value in scene.water.absorption_at)
-        out[AT[:-1]] = tuple(points)
-    if any(path.startswith(OWN) for path in named):
+    if not named.keys().isdisjoint(points.values()):
+        out[AT[:-1]] = tuple((w, named.get(points[w], value)) for w, value in scene.water.absorption_at)
+    if not named.keys().isdisjoint(of_effects):
         out[OWN_FIELD] = tuple(_changed(effect, named) for effect in scene.effect)
     return out
 
 
+def _own_path(effect: OwnEffect, name: str) -> str:
+    return f"{OWN}{effect.name}.{name}"
+
+
 def _changed(effect: OwnEffect, named: Mapping[str, Any]) -> OwnEffect:
+    values = {name: named.get(_own_path(effect, name)) for name in effect.parameters}
     new = {
-        name: p.model_copy(update={"value": value}) if value is not None else p
-        for name, p in effect.parameters.items()
-        for value in [named.get(f"{OWN}{effect.name}.{name}")]
+        name: effect.parameters[name].model_copy(update={"value": value})
+        for name, value in values.items()
+        if value is not None
     }
-    return effect.model_copy(update={"parameters": new})
+    return effect.model_copy(update={"parameters": effect.parameters | new}) if new else effect

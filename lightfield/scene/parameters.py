@@ -9,7 +9,7 @@ from functools import cache, reduce
 from operator import attrgetter, or_
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
@@ -17,6 +17,7 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 
 FOLDER_KEY = "folder"
+AnyPart = TypeVar("AnyPart", bound=BaseModel)
 
 
 class Part(BaseModel):
@@ -175,6 +176,44 @@ def numbers_of(
             acts_on=acts_of(type(part), name),
             open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
+
+
+def with_fields(part: AnyPart, values: Mapping[str, Any]) -> AnyPart:
+    """A part with other values, which are not checked.
+
+    Parameters
+    ----------
+    part : BaseModel
+        Scene or piece of one.
+    values : mapping of str to value
+        By dotted path.
+
+    Raises
+    ------
+    KeyError
+        With the path that the part has nothing at.
+    """
+    update, inside = dict[str, Any](), dict[str, dict[str, Any]]()
+    for path, value in values.items():
+        name, within, rest = path.partition(".")
+        if name not in _names(type(part)):
+            raise KeyError(path)
+        if within:
+            inside.setdefault(name, {})[rest] = value
+        else:
+            update[name] = value
+    for name, its in inside.items():
+        try:
+            update[name] = with_fields(update.get(name, getattr(part, name)), its)
+        except KeyError as error:
+            raise KeyError(f"{name}.{error.args[0]}") from None
+    return part.model_copy(update=update) if update else part
+
+
+@cache
+def _names(model: type[Any]) -> frozenset[str]:
+    """Fields of a part; what is no part has none."""
+    return frozenset(model.model_fields if issubclass(model, BaseModel) else ())
 
 
 def _has(model: type[BaseModel], name: str, rule: str) -> bool:

@@ -34,7 +34,14 @@ from lightfield.scene.listed import (
 )
 from lightfield.scene.messages import ABSENT, absent_error, nearest_keys, scene_error
 from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
-from lightfield.scene.parameters import FOLDER_KEY, Parameter, Part, numbers_of, without_minus_zero
+from lightfield.scene.parameters import (
+    FOLDER_KEY,
+    Parameter,
+    Part,
+    numbers_of,
+    with_fields,
+    without_minus_zero,
+)
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import absorption_per_m
 from lightfield.scene.water.water import Water
@@ -293,10 +300,10 @@ class Scene(Part):
         values = {path: _plain(value) for path, value in values.items()}
         try:
             values = with_listed(self, self._surface_follows(values))
+            if not validate:
+                return with_fields(self, values)
         except KeyError as error:
             raise self._no_such(error.args[0]) from None
-        if not validate:
-            return self._replaced(values)
         # Parts that stay as they are were checked when they were made.
         changed = {path.partition(".")[0] for path in values}
         data = {name: getattr(self, name) for name in self.model_fields_set}
@@ -353,29 +360,6 @@ class Scene(Part):
         ):
             return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
         return values
-
-    def _replaced(self, values: Mapping[str, Any]) -> Scene:
-        changes: dict[str, dict[str, Any]] = {}
-        for path, value in values.items():
-            owner, _, leaf = path.rpartition(".")
-            changes.setdefault(owner, {})[leaf] = value
-        # From the inside outwards, so that every table is copied once.
-        while changes:
-            owner = max(changes, key=lambda path: path.count(".") + bool(path))
-            update, table = changes.pop(owner), self
-            for name in owner.split(".") if owner else ():
-                if not isinstance(table, BaseModel) or name not in type(table).model_fields:
-                    raise self._no_such(f"{owner}.{next(iter(update))}")
-                table = getattr(table, name)
-            for leaf in update:
-                if not isinstance(table, BaseModel) or leaf not in type(table).model_fields:
-                    raise self._no_such(f"{owner}.{leaf}")
-            changed = table.model_copy(update=update)
-            if not owner:
-                return changed
-            parent, _, name = owner.rpartition(".")
-            changes.setdefault(parent, {})[name] = changed
-        return self
 
     def _no_such(self, path: str) -> SceneError:
         part = path.partition(".")[0]
