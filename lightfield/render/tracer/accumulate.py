@@ -184,7 +184,8 @@ def trace_by_direction(
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
-    own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi)  # the traced beam is round
+    # Of a round beam, as the traced one is; in single precision, as the tallies are.
+    own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi).astype(np.float32)
     total = np.zeros((emission_nodes, len(histories), len(images.kept)), np.float32)
     parts = []
     for batch in range(DIRECTION_BATCHES):
@@ -196,17 +197,16 @@ def trace_by_direction(
             direct=False,  # a fit knows it in closed form
         )
         tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
-        counts /= np.float32(counted(photons // DIRECTION_BATCHES, symmetric))
         by_node = counts.reshape(len(histories), emission_nodes, -1)
         images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
-        beam = np.einsum("n,rnc->rc", own, by_node)
+        beam = own @ by_node  # [n_rows, n_cells]
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
         del counts, by_node  # so that the next tally takes the memory of this one
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = shared_errors(mean, stderr)
     excess = np.tile(setup.histories.excess_m, channels)
-    total /= np.float32(DIRECTION_BATCHES)
+    total /= np.float32(DIRECTION_BATCHES * counted(photons // DIRECTION_BATCHES, symmetric))
     rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
     density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
     return total, relative, histories, excess, density
