@@ -85,9 +85,10 @@ def test_coefficients_of_a_mixture() -> None:
     assert molecular_share(scene.with_values({"water.base": "none", "water.absorption_per_m": 0.1})) == 0.0
 
 
-def test_a_link_knows_what_molecules_scatter() -> None:
+def test_a_link_knows_what_molecules_scatter(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exact single scattering on the axis of pure water, to four errors of the trace and 3 % for the rest:
     with the particles' phase function it would be 12 times as much."""
+    monkeypatch.setattr("lightfield.studies.link.study.DOCKING_PHOTONS", 1e4)  # not asked here
     scene = water(0.0, 450.0)
     data = link(scene, waters={}, to_m=12.0, max_photons=4e5, rel_error=1e-3).dataset.isel(water=0)
     z = np.array([4.0, 7.0, 12.0])
