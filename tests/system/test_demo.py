@@ -1,7 +1,7 @@
 """`lightfield demo`, shortened: fewer photons for the tow tank, no traces and one effect for the stories.
 
-Figures are made, but not drawn into the pages, which would take half of the time: the commands of the README
-and the tests of each page do that.
+Figures are made, but not drawn into the pages or beside them, which would take half of the time: the commands
+of the README and the tests of each page do that.
 
 Rationale: it is the first thing that a new user runs. Expected: exit code 0, one self-contained page per
 experiment, and their paths as the last lines.
@@ -30,6 +30,7 @@ def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
     short = {name: tuple(shorter(line) for line in lines) for name, lines in demo.EXPERIMENTS.items()}
     monkeypatch.setattr(demo, "EXPERIMENTS", short)
     monkeypatch.setattr("lightfield.report.page.to_svg", lambda drawing, name: f"<svg>{name}</svg>")
+    monkeypatch.setattr("lightfield.report.compare.page.save_png", lambda drawing, path: path)
     assert main(["demo", "--scenes", str(SCENES), "-o", str(tmp_path / "my demo")]) == 0
     printed = capsys.readouterr().out
     reports = [tmp_path / "my demo" / name / "index.html" for name in short]
