@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import tempfile
@@ -26,6 +27,16 @@ sys.dont_write_bytecode = False
 # No deadline: two busy cores make single cases slow. Derandomised: a run repeats.
 settings.register_profile("lightfield", deadline=None, derandomize=True)
 settings.load_profile("lightfield")
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests stay to the end: Python need not search them for garbage over and over."""
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    """At its end Python takes apart what it can see."""
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="session")
