@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from toy_problem import Toy, candidate, layout, waves
+from toy_problem import Toy, candidate, curve, layout, waves
 
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.pool.search import Data, Many, search_many
+from lightfield.diagnosis.search.progress import SILENT
 
 
 def more_waves(lay) -> dict[str, np.ndarray]:
@@ -33,3 +36,18 @@ def pool_of(made: Toy, problem: Problem) -> Pool:
     pool = Pool(Ground(made.test(problem, replicates), 1.0, 1000))
     pool.fit((), [Begin({})])
     return pool
+
+
+def with_curve() -> Toy:
+    """A curve of up to four smooth terms across the beam, of which the effect "round" is a special case."""
+    lay = layout()
+    terms = [np.cos((k + 2) * lay.x_m) * lay.x_m**2 * (lay.z_m - 5.5) for k in range(4)]
+    columns = more_waves(lay) | {"round": terms[0] + 0.5 * terms[1]}
+    candidates = [candidate(name) for name in columns] + curve("profile", (2, 4), ("round",))
+    return Toy.of(candidates, columns | {f"profile{k}": t for k, t in enumerate(terms)}, lay)
+
+
+def many(made: Toy, problem, seed: int = 0) -> Many:
+    data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
+    prepared = made.prepared(problem)
+    return search_many(data, prepared, 0.01, np.random.default_rng(seed), SILENT)

@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import stats
-from toy_pool import more_waves, pool_of, toy
+from toy_pool import many, more_waves, pool_of, toy, with_curve
 from toy_problem import Toy, candidate, curve, layout
 
 from lightfield.diagnosis.problem import problem as problems
-from lightfield.diagnosis.problem.noise import Budget, Whitener
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import search as pooled
@@ -24,7 +24,6 @@ from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
-from lightfield.diagnosis.search.progress import SILENT
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
@@ -33,12 +32,6 @@ from lightfield.fitting.least_squares import Fit
 @pytest.fixture(autouse=True)
 def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preparation, "REPLICATES", 199)
-
-
-def many(made: Toy, problem, seed: int = 0) -> Many:
-    data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
-    prepared = made.prepared(problem)
-    return search_many(data, prepared, 0.01, np.random.default_rng(seed), SILENT)
 
 
 def regression(found: Many, names: Iterable[str]) -> tuple[np.ndarray, float]:
@@ -76,19 +69,6 @@ def test_four_effects_are_the_best_of_all_sets(seed: int) -> None:
     for one in found.evidence:
         rival = min(cost for names, cost in costs.items() if one.candidate.name not in names)
         assert one.gap == pytest.approx(rival - costs[found.best.names], abs=0.3)
-
-
-@pytest.mark.parametrize("errors", [0.4, 2.5])
-def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(errors: float) -> None:
-    """Not of those under which the best set was fitted before they were judged anew."""
-    made = toy()
-    problem = made.drawn(np.random.default_rng(1), odd=2.5)
-    prepared, one = made.prepared(problem), tuple(c for c in problem.candidates if c.name == "odd")
-    before = Whitener(replace(prepared.noise, sigma=errors * prepared.noise.sigma))
-    found = Node(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
-    bench, ground = pooled._ground(prepared, 0.0, np.random.default_rng(0), found)
-    same = problem.fit(one, bench.whiten, [found.fit.u])
-    assert ground.phi == pytest.approx(bench.test(same).phi, rel=1e-3)
 
 
 def test_light_that_is_traced_where_the_best_set_lies_needs_no_excuse(monkeypatch) -> None:
@@ -173,15 +153,6 @@ DUSK_AND_FAN = frozenset({("dusk", "linear"), ("fan", "linear")})
 TWO_TERMS = frozenset({("profile", "2 terms")})
 
 
-def with_curve() -> Toy:
-    """A curve of up to four smooth terms across the beam, of which the effect "round" is a special case."""
-    lay = layout()
-    terms = [np.cos((k + 2) * lay.x_m) * lay.x_m**2 * (lay.z_m - 5.5) for k in range(4)]
-    columns = more_waves(lay) | {"round": terms[0] + 0.5 * terms[1]}
-    candidates = [candidate(name) for name in columns] + curve("profile", (2, 4), ("round",))
-    return Toy.of(candidates, columns | {f"profile{k}": t for k, t in enumerate(terms)}, lay)
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_named_form_wins_where_it_suffices(seed: int) -> None:
     """Certain even beside the curve that contains it, which does as well at any time: the curve has more to
@@ -245,24 +216,6 @@ def test_a_curve_is_made_longer_from_where_it_lies() -> None:
 def expected_of_curve(made: Toy, problem) -> float:
     """Chi-square of base and all four terms, by regression."""
     return made.regression(problem, *(f"profile{k}" for k in range(4)))[2]
-
-
-def test_noise_is_judged_again_where_a_curve_was_made_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same names, but another set: what a short curve misses it calls noise and outliers."""
-    made = with_curve()
-    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0)
-    short = next(c for c in problem.candidates if c.form.name == "2 terms")
-    judge, about = pooled.prepare_about, []
-
-    def prepare_about(problem: Problem, quoted, budget: Budget, explanation: Explanation, fit: Fit):
-        about.append([c.form.name for c in explanation])
-        return judge(problem, quoted, budget, explanation, fit)
-
-    monkeypatch.setattr(pooled, "_first", lambda pool: pool.fit((short,), [Begin({})]))
-    monkeypatch.setattr(pooled, "prepare_about", prepare_about)
-    found = many(made, problem)
-    assert [c.form.name for c in found.best.explanation] == ["4 terms"]
-    assert about == [["2 terms"], ["4 terms"]]
 
 
 def test_elimination_from_everything_leaves_what_is_there() -> None:

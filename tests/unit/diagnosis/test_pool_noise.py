@@ -1,0 +1,53 @@
+"""The noise that sets of many effects are judged under: its scale, and when it is judged anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_pool import many, toy, with_curve
+
+from lightfield.diagnosis.problem.noise import Budget, Whitener
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.search.pool import search as pooled
+from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.fitting.least_squares import Fit
+
+
+@pytest.fixture(autouse=True)
+def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preparation, "REPLICATES", 199)
+
+
+@pytest.mark.parametrize("errors", [0.4, 2.5])
+def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(errors: float) -> None:
+    """Not of those under which the best set was fitted before they were judged anew."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=2.5)
+    prepared, one = made.prepared(problem), tuple(c for c in problem.candidates if c.name == "odd")
+    before = Whitener(replace(prepared.noise, sigma=errors * prepared.noise.sigma))
+    found = Node(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
+    bench, ground = pooled._ground(prepared, 0.0, np.random.default_rng(0), found)
+    same = problem.fit(one, bench.whiten, [found.fit.u])
+    assert ground.phi == pytest.approx(bench.test(same).phi, rel=1e-3)
+
+
+def test_noise_is_judged_again_where_a_curve_was_made_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same names, but another set: what a short curve misses it calls noise and outliers."""
+    made = with_curve()
+    problem = made.drawn(np.random.default_rng(1), profile0=4.0, profile3=-4.0)
+    short = next(c for c in problem.candidates if c.form.name == "2 terms")
+    judge, about = pooled.prepare_about, []
+
+    def prepare_about(problem: Problem, quoted, budget: Budget, explanation: Explanation, fit: Fit):
+        about.append([c.form.name for c in explanation])
+        return judge(problem, quoted, budget, explanation, fit)
+
+    monkeypatch.setattr(pooled, "_first", lambda pool: pool.fit((short,), [Begin({})]))
+    monkeypatch.setattr(pooled, "prepare_about", prepare_about)
+    found = many(made, problem)
+    assert [c.form.name for c in found.best.explanation] == ["4 terms"]
+    assert about == [["2 terms"], ["4 terms"]]
