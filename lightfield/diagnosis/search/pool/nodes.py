@@ -35,8 +35,8 @@ _FEW, _SHAPES = 4, 2
 _NEAR = 50.0
 #: Part of its range within which a score may start an amplitude.
 _PART = 0.4
-#: Predictions of scattered or reflected light that all fits together may take: some milliseconds each, between
-#: walls up to 30.
+#: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
+#: between walls up to 30.
 MOST_DIFFUSE = 4000
 
 
