@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -69,8 +70,7 @@ class TalliedCells:
         if found is None:
             return Quadratic(np.array([i]), np.eye(6, 1))
         near, weights = found
-        apart = np.maximum(np.abs(self.x[near] - self.x[i]), np.abs(self.y[near] - self.y[i]))
-        if np.count_nonzero(apart <= self._smoothed_m) <= 2 or apart.max() > 2 * self._smoothed_m:
+        if not self._smoothed[i]:
             weights = np.vstack([near == i, weights[1:]])
         return Quadratic(near, weights)
 
@@ -79,15 +79,36 @@ class TalliedCells:
 
         Cells along one line through the axis do not show the curvature across it: that of a round field.
         """
-        near = self._nearest[i]
-        near = near[near >= 0]
-        dx, dy = (np.round(at[near] - at[i], 9) for at in (self.x, self.y))
-        for across, along, aside in ((1, dx, self.y), (0, dy, self.x)):
-            if len(near) > 2 and np.abs(aside[near]).max() < ON_AXIS_M:
-                close = np.count_nonzero(np.abs(along) <= self._smoothed_m) > 2
-                few = slice(NEIGHBOURS_1D if close else 3)
-                return self._along_line(i, near[few], along[few], across)
-        return self._all_over(near, dx, dy)
+        near, across = self._nearest[i, : self._asked[i]], self._across[i]
+        steps = self._steps[i, :, : len(near)]
+        if across >= 0:
+            return self._along_line(i, near, steps[1 - across], across)
+        weights = self._all_over(steps.tobytes())
+        return None if weights is None else Quadratic(near, weights)
+
+    def told(self, cells: np.ndarray) -> np.ndarray:
+        """Are the neighbours of these cells near enough for the light to bend as the quadratics do?
+
+        Parameters
+        ----------
+        cells : array of int, shape (n,)
+
+        Returns
+        -------
+        array of bool, shape (n,)
+        """
+        steps, radius = self._steps[cells], np.hypot(self.x[cells], self.y[cells])
+        asked = np.arange(steps.shape[-1]) < self._asked[cells, None]
+        out = np.array([self.bending(i) is not None for i in cells.tolist()], bool)
+        for step, pitch in zip(np.moveaxis(steps, 1, 0), self.pitch_m, strict=True):
+            away = np.abs(step).max(axis=1, where=asked, initial=0)
+            if self._even:
+                far, sides = np.maximum(self._neighbour_m, radius / 2), [np.abs(step)]
+            else:  # what is moved off the middles of cells must not be extrapolated
+                far, sides = np.maximum(1.5 * pitch, radius / 4), [step, -step]
+            nearest = [side.min(axis=1, where=asked & (side > 0), initial=np.inf) for side in sides]
+            out &= (away == 0) | (np.max(nearest, axis=0) <= far) & (away <= 2 * far)
+        return out
 
     @cached_property
     def _nearest(self) -> np.ndarray:
@@ -102,23 +123,36 @@ class TalliedCells:
             out[same, : order.shape[1]] = same[np.take_along_axis(near, order, axis=1)]
         return out
 
-    def told(self, i: int) -> bool:
-        """Are these cells near enough for the light to bend between them as the quadratic does?"""
-        found = self.bending(i)
-        if found is None:
-            return False
-        radius = float(np.hypot(self.x[i], self.y[i]))
-        for at, pitch in zip((self.x, self.y), self.pitch_m, strict=True):
-            step = np.round(at[found.near] - at[i], 9)
-            away = np.abs(step).max()
-            if self._even:
-                far, nearest = max(self._neighbour_m, radius / 2), np.abs(step[step != 0]).min(initial=away)
-            else:  # what is moved off the middles of cells must not be extrapolated
-                far = max(1.5 * pitch, radius / 4)
-                nearest = max(step[step > 0].min(initial=np.inf), -step[step < 0].max(initial=-np.inf))
-            if away > 0 and (nearest > far or away > 2 * far):
-                return False
-        return True
+    @cached_property
+    def _steps(self) -> np.ndarray:
+        """To the nearest along x and y, m, shape (n, 2, NEIGHBOURS_2D)."""
+        return np.round(np.stack([at[self._nearest] - at[:, None] for at in (self.x, self.y)], axis=1), 9)
+
+    @cached_property
+    def _across(self) -> np.ndarray:
+        """Of cells on a line through the axis the direction across it: 0 for x, 1 for y; of others -1, (n,)."""
+        known, out = self._nearest >= 0, np.full(self.size, -1)
+        for across, aside in ((0, self.x), (1, self.y)):
+            on_line = np.abs(aside[self._nearest]).max(axis=1, where=known, initial=0) < ON_AXIS_M
+            out[on_line & (known.sum(axis=1) > 2)] = across
+        return out
+
+    @cached_property
+    def _asked(self) -> np.ndarray:
+        """How many of the nearest tell of each, shape (n,)."""
+        known = self._nearest >= 0
+        along = self._steps[np.arange(self.size), 1 - np.maximum(self._across, 0)]
+        close = np.count_nonzero((np.abs(along) <= self._smoothed_m) & known, axis=1) > 2
+        few = np.where(close, NEIGHBOURS_1D, 3)
+        return np.where(self._across < 0, known.sum(axis=1), np.minimum(few, known.sum(axis=1)))
+
+    @cached_property
+    def _smoothed(self) -> np.ndarray:
+        """Are the cells so near to each that they are smoothed? Shape (n,)."""
+        asked = np.arange(NEIGHBOURS_2D) < self._asked[:, None]
+        apart = np.max([np.abs(at[self._nearest] - at[:, None]) for at in (self.x, self.y)], axis=0)
+        near = np.count_nonzero((apart <= self._smoothed_m) & asked, axis=1) > 2
+        return np.asarray(near & (apart.max(axis=1, where=asked, initial=0) <= 2 * self._smoothed_m))
 
     def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic:
         _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
@@ -131,13 +165,20 @@ class TalliedCells:
             return Quadratic(near, np.stack([value, slope, nothing, second, nothing, round_field]))
         return Quadratic(near, np.stack([value, nothing, slope, round_field, nothing, second]))
 
-    def _all_over(self, near: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> Quadratic | None:
-        terms, weights = quadratic(tuple(dx), tuple(dy))
+    @cached_property
+    def _all_over(self) -> Callable[[bytes], np.ndarray | None]:
+        """Weights of neighbours at such steps, as bytes of an array (2, n_near): many cells have the like."""
         hx, hy = self.pitch_m
-        noise = np.linalg.norm(weights, axis=1) * np.array([1, hx, hy, hx * hx, hx * hy, hy * hy])[terms]
-        if min(len(near), len(terms)) < 6 or (noise > NOISE_OF_BENDING).any():
-            return None
-        return Quadratic(near, weights)
+
+        def of(steps: bytes) -> np.ndarray | None:
+            dx, dy = np.frombuffer(steps).reshape(2, -1)
+            terms, weights = quadratic(tuple(dx), tuple(dy))
+            noise = np.linalg.norm(weights, axis=1) * np.array([1, hx, hy, hx * hx, hx * hy, hy * hy])[terms]
+            if min(len(dx), len(terms)) < 6 or (noise > NOISE_OF_BENDING).any():
+                return None
+            return weights
+
+        return cache(of)
 
 
 def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
@@ -161,9 +202,9 @@ def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
     while True:
         number = np.cumsum(occupied).reshape(occupied.shape) - 1
         cells, more = TalliedCells(replace(wide, occupied=occupied)), occupied.copy()
-        for (plane, row, column), (low, left) in zip(asked, first, strict=True):
-            if not cells.told(int(number[plane, row, column])):
-                more[plane, low : low + 3, left : left + 3] = True
+        alone = ~cells.told(number[tuple(asked.T)])
+        for (plane, _, _), (low, left) in zip(asked[alone], first[alone], strict=True):
+            more[plane, low : low + 3, left : left + 3] = True
         if (more == occupied).all():
             return replace(wide, occupied=occupied)
         occupied = more

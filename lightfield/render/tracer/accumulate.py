@@ -116,12 +116,14 @@ def response_from(sums: np.ndarray, counted_per_batch: int, photons: int, setup:
     """Response of accumulated tallies, which it takes over; rows that stayed empty are left out."""
     seen = np.asarray(sums.any(axis=(0, 2)))
     seen[0] = True
+    batches, rows, cells = sums.shape
     kept = int(seen.sum())
-    for batch in sums:
-        batch[:kept] = batch[seen]
-    tally = sums[:, :kept]
-    tally /= np.float32(counted_per_batch)
-    return _response(tally, photons, setup, seen)
+    # To the front, where they lie together: no row comes to lie on one that is still to be moved.
+    front = sums.reshape(batches * rows, cells)[: batches * kept].reshape(batches, kept, cells)
+    for batch, to in zip(sums, front, strict=True):
+        to[:] = batch[seen]
+    front /= np.float32(counted_per_batch)
+    return _response(front, photons, setup, seen)
 
 
 def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -> TransportResponse:
