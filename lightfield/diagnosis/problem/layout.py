@@ -104,13 +104,13 @@ class Layout:
     def _alike(self) -> dict[bytes, Array]:
         return {}
 
-    def lag_of(self, rows: Labels) -> NDArray[np.int32]:
+    def lag_of(self, rows: Labels) -> Labels:
         """Readings that lie between two of some in the scan, shape (len(rows), len(rows))."""
-        position = self.position[rows].astype(np.int32)
+        position = self.position[rows].astype(np.intp)  # an index as it is: others are copied into one
         return np.asarray(np.abs(np.subtract.outer(position, position)))
 
     @cached_property
-    def lag(self) -> NDArray[np.int32]:
+    def lag(self) -> Labels:
         """Between two of all: asked for where they are few, and for every covariance of them."""
         return self.lag_of(np.arange(self.size))
 

@@ -230,7 +230,10 @@ class Noise:
         if rho == 0:
             out[np.diag_indices(len(sigma))] += phi * sigma**2
             return out
-        return phi * np.outer(sigma, sigma) * self.serial(rho, rows) + out
+        own = phi * np.outer(sigma, sigma)
+        own *= self.serial(rho, rows)
+        own += out
+        return own
 
     def variance(self, phi: float, tolerance: float) -> Array:
         """Diagonal of the covariance without serial correlation, shape (n,)."""

@@ -130,7 +130,7 @@ class TalliedCells:
 
     @cached_property
     def _across(self) -> np.ndarray:
-        """Of cells on a line through the axis the direction across it: 0 for x, 1 for y; of others -1, (n,)."""
+        """Of cells on a line through the axis the direction across it, 0 for x, 1 for y; of others -1."""
         known, out = self._nearest >= 0, np.full(self.size, -1)
         for across, aside in ((0, self.x), (1, self.y)):
             on_line = np.abs(aside[self._nearest]).max(axis=1, where=known, initial=0) < ON_AXIS_M

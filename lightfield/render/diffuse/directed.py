@@ -100,9 +100,9 @@ class DirectedTrace:
             listening = nullcontext() if told is None else heard_by(follow)
             with listening, step(k, len(self.photons), "" if g is None else f"g = {g:g}"):
                 tally, stderr, histories, excess, density = trace_by_direction(
-                    one, self.grid, self.reference, nodes, sent, self.seed, images
+                    one, self.grid, self.reference, nodes, sent, self.seed, images, self.classes
                 )
-            lit = np.isin(light_classes(histories), self.classes) & tally.any(axis=(0, 2))
+            lit = np.asarray(tally.any(axis=(0, 2)))
             seen.append((lit, tally[:, lit]))
             errors.append(stderr)
             del tally  # it is as large as all that the next trace needs

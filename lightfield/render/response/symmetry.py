@@ -96,20 +96,48 @@ class MirrorImages:
     def _paired(self) -> np.ndarray:
         return (self.y >= 0) & (self.y != np.arange(len(self.y)))
 
-    def add_folded(self, out: np.ndarray, tallies: np.ndarray, nodes: AngleNodes) -> None:
-        """Add the tallies of the cells that are kept, each averaged with that of its image at -y.
+    def traced(self, grid: Grid) -> Grid:
+        """The grid with those of its listed cells that a trace tallies: of two that are images at -x one.
+
+        A photon that crosses one of them crosses the other as its mirror image.
+        """
+        assert grid.occupied is not None
+        occupied = grid.occupied.copy()
+        occupied[grid.occupied] = ~self.flipped[:, 0]
+        return replace(grid, occupied=occupied)
+
+    @property
+    def told_by(self) -> np.ndarray:
+        """Number among the traced cells of the one with the same light of a round beam, shape (n_cells,)."""
+        stands = self.kept[self.place]
+        at_other_x = np.where(self.flipped[:, 1], self.y[stands], stands)
+        return self._number[np.where(self.flipped[:, 0], at_other_x, np.arange(len(self.y)))]
+
+    @property
+    def _number(self) -> np.ndarray:
+        """Of each cell among those that are traced, shape (n_cells,)."""
+        return np.cumsum(~self.flipped[:, 0]) - 1
+
+    def add_folded(self, out: np.ndarray, tallies: np.ndarray, rows: np.ndarray, nodes: AngleNodes) -> None:
+        """Add some rows of the tallies of the cells that are kept, averaged with those of their images at -y.
 
         Parameters
         ----------
-        out : array, shape (n_emission_nodes, n_rows, n_kept)
-        tallies : array, shape (n_emission_nodes, n_rows, n_cells)
+        out : array, shape (n_rows, n_emission_nodes, n_kept)
+        tallies : array, shape (n_rows, n_emission_nodes, n_traced)
+        rows : array of int
         """
-        pairs = np.flatnonzero(self.y[self.kept] >= 0) if self._paired.any() else np.zeros(0, int)
-        other, image = self.y[self.kept[pairs]], nodes.mirrored(False, True)
-        for node, tally in enumerate(tallies):
-            own = tally[:, self.kept]
-            own[:, pairs] = 0.5 * (own[:, pairs] + tallies[image[node]][:, other])
-            out[node] += own
+        first = tallies.shape[2] * np.arange(nodes.size)[:, None]  # of each node's cells in a row
+        mine = first + self._number[self.kept]
+        image = self.y[self.kept]
+        theirs = np.where(image >= 0, first[nodes.mirrored(False, True)] + self._number[image], mine)
+        for row in rows:
+            tally = tallies[row].ravel()
+            own = tally.take(mine)
+            if self._paired.any():
+                own += tally.take(theirs)
+                own *= 0.5
+            out[row] += own
 
 
 def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import ceil
 
@@ -166,8 +167,14 @@ def trace_by_direction(
     photons: int,
     seed: int,
     images: MirrorImages,
+    classes: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
+
+    Parameters
+    ----------
+    classes : sequence of int
+        Of light, see `light_classes`, whose tallies are asked for; those of others stay empty.
 
     Returns
     -------
@@ -182,13 +189,14 @@ def trace_by_direction(
     """
     receiver = scene.detector
     symmetric = receiver.tilt_x_deg == 0
-    setup = assembled(scene, grid, reference, nodes=beam_nodes.nodes, wide_share=0.15)
+    setup = assembled(scene, grid, reference, nodes=beam_nodes.nodes, images=images, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
+    asked = np.flatnonzero(np.isin(kinds, classes))
     # Of a round beam, as the traced one is; in single precision, as the tallies are.
     own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi).astype(np.float32)
-    total = np.zeros((emission_nodes, len(histories), len(images.kept)), np.float32)
+    total = np.zeros((len(histories), emission_nodes, len(images.kept)), np.float32)
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
@@ -200,8 +208,8 @@ def trace_by_direction(
         )
         tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
         by_node = counts.reshape(len(histories), emission_nodes, -1)
-        images.add_folded(total, by_node.transpose(1, 0, 2), beam_nodes.nodes)
-        beam = own @ by_node  # [n_rows, n_cells]
+        images.add_folded(total, by_node, asked, beam_nodes.nodes)
+        beam = (own @ by_node)[:, images.told_by]  # [n_rows, n_cells]
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
         del counts, by_node  # so that the next tally takes the memory of this one
     mean = np.mean(parts, axis=0)
@@ -211,7 +219,7 @@ def trace_by_direction(
     total /= np.float32(DIRECTION_BATCHES * counted(photons // DIRECTION_BATCHES, symmetric))
     rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
     density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
-    return total, relative, histories, excess, density
+    return total.transpose(1, 0, 2), relative, histories, excess, density
 
 
 def shared_errors(mean: np.ndarray, stderr: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from lightfield.render.response.grid import COMPONENTS, AngleNodes, Grid, scene_grid, straight_path
 from lightfield.render.response.open_ended import HELD_FROM, HELD_FROM_IN_FITS
 from lightfield.render.response.response import Reference
+from lightfield.render.response.symmetry import MirrorImages
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flux_planes import FluxPlanes
@@ -106,6 +107,7 @@ def assembled(
     reference: Reference,
     *,
     nodes: AngleNodes | None = None,
+    images: MirrorImages | None = None,
     wide_share: float | None = None,
     flux: bool = False,
     path_nodes: int | None = None,
@@ -114,6 +116,8 @@ def assembled(
 
     Parameters
     ----------
+    images : MirrorImages, optional
+        Tally the cells that these `traced` alone.
     flux : bool
         Tally the flux vector, see `FluxPlanes`, instead of what the scene's detector reads: the maps of the
         components follow each other.
@@ -137,7 +141,8 @@ def assembled(
         planes: Planes = FluxPlanes(grid, position, lamp.apparent_distance_m, ends)
         straight = np.tile(straight, (len(COMPONENTS), 1, 1))
     else:
-        planes = Planes(grid, scene.detector, position, lamp.apparent_distance_m, ends, whole_cells)
+        tallied = grid if images is None else images.traced(grid)
+        planes = Planes(tallied, scene.detector, position, lamp.apparent_distance_m, ends, whole_cells)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
     reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.

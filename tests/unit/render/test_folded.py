@@ -50,8 +50,14 @@ def test_mirrored_beams_stand_for_mirror_images(lamp: dict[str, float]) -> None:
     every = 0.5 * (every + every[nodes.mirrored(True, False)][:, :, flip_x])
     whole = 0.5 * (every + every[nodes.mirrored(False, True)][:, :, flip_y])
     beam_nodes = BeamNodes(nodes, 4.0)
-    kept = np.zeros((nodes.size, 3, len(images.kept)), np.float32)
-    images.add_folded(kept, every, nodes)
+    cx, cy, cz = (v.ravel() for v in images.traced(grid).centres())
+    assert len(cx) == 2 * 3 * 5
+    by = images.told_by
+    assert_allclose([cx[by], cy[by], cz[by]], [-np.abs(x), y, z], atol=1e-12)
+    traced = every.astype(np.float32)[:, :, x < 1e-12].transpose(1, 0, 2)
+    folded = np.zeros((3, nodes.size, len(images.kept)), np.float32)
+    images.add_folded(folded, traced, np.arange(3), nodes)
+    kept = folded.transpose(1, 0, 2)
     histories = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0)])
     beams = BeamTallies(
         [kept], histories, beam_nodes,
@@ -67,6 +73,23 @@ def test_mirrored_beams_stand_for_mirror_images(lamp: dict[str, float]) -> None:
         values = np.repeat(values, nodes.n_phi) if len(values) == nodes.n_theta else values
         expected[:, z == plane] = np.einsum("n,nrc->rc", values, whole[:, :, z == plane])
     assert_allclose(beams.contracted(0, beam)[0], expected, rtol=1e-4, atol=1e-5 * expected.max())
+
+
+def test_a_place_without_a_mirror_image_keeps_its_own_light() -> None:
+    """Of four places two are images at -y and share their photons; two lack an image, at -x or at -y."""
+    x, y = np.array([-0.3, -0.3, 0.3, 0.0]), np.array([-0.3, 0.3, 0.0, 0.6])
+    grid = positions_grid(x, y, np.full(4, 4.5), 0.3)
+    images, nodes = mirror_images(OPEN_WATER, grid), angle_nodes(4.0)
+    cx, cy, _ = images.traced(grid).centres()
+    assert len(cx) == 4 and len(images.kept) == 3
+    tally = np.random.default_rng(0).random((1, nodes.size, 4), np.float32)
+    folded = np.zeros((1, nodes.size, 3), np.float32)
+    images.add_folded(folded, tally, np.arange(1), nodes)
+    other = nodes.mirrored(False, True)
+    for cell, found in zip(images.kept.tolist(), folded[0].T, strict=True):
+        (image,) = np.flatnonzero((cx == cx[cell]) & np.isclose(cy, -cy[cell])) if cy[cell] < 0.6 else (cell,)
+        its = tally[0][other, image] if cy[cell] < 0.6 else tally[0][:, cell]
+        assert_allclose(found, 0.5 * (tally[0][:, cell] + its), rtol=1e-6)
 
 
 def test_cells_coarser_than_dense_readings() -> None:
