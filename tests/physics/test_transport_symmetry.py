@@ -132,6 +132,20 @@ def test_listed_places_count_every_photon_twice() -> None:
     np.testing.assert_allclose(*alike, rtol=1e-5)
 
 
+def test_listed_places_on_both_sides_share_one_tally() -> None:
+    """Places and their images at -x: the light of the one side alone, half of the cells in memory."""
+    both = scene(detector={"positions_m": [*ON_ONE_SIDE, *((-x, y, z) for x, y, z in ON_ONE_SIDE)]})
+    made = render_scene(both, rel_error=1e-5, max_photons=3e5, seed=5, symmetry=True, cache=False)
+    mean, error = (v.ravel() for v in made.relative_maps(AT, "diffuse"))
+    x, _, z = made.grid.centres()
+    assert made.response.tally.shape[2] == len(ON_ONE_SIDE) == len(x) // 2
+    right = np.flatnonzero(x > 0)
+    image = [int(np.flatnonzero(np.isclose(x, -x[i]) & (z == z[i]))[0]) for i in right]
+    assert np.array_equal(mean[right], mean[image]) and np.array_equal(error[right], error[image])
+    alone = diffuse(scene(detector={"positions_m": ON_ONE_SIDE}), 6, 3e5, True)
+    assert least_p(mean[right] - alone[0], (error[right], BATCHES - 1), (alone[1], BATCHES - 1)) > 0.001
+
+
 @pytest.mark.slow
 def test_listed_places_keep_the_rate_of_their_test() -> None:
     """As chi-square of normal numbers: 10 of 200 below 0.01, for errors from ten batches are uncertain."""

@@ -104,13 +104,13 @@ class Layout:
     def _alike(self) -> dict[bytes, Array]:
         return {}
 
-    def lag_of(self, rows: Labels) -> Labels:
+    def lag_of(self, rows: Labels) -> NDArray[np.int32]:
         """Readings that lie between two of some in the scan, shape (len(rows), len(rows))."""
-        position = self.position[rows].astype(np.intp)  # an index as it is: others are copied into one
+        position = self.position[rows].astype(np.int32)
         return np.asarray(np.abs(np.subtract.outer(position, position)))
 
     @cached_property
-    def lag(self) -> Labels:
+    def lag(self) -> NDArray[np.int32]:
         """Between two of all: asked for where they are few, and for every covariance of them."""
         return self.lag_of(np.arange(self.size))
 

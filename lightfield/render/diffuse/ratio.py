@@ -193,16 +193,10 @@ def _fitted(
 ) -> Ratio:
     grid, response = rendering.grid, rendering.response
     x, y, z = (v.ravel() for v in grid.centres())
-    # One of the cells that share their photons.
-    tallied = np.arange(len(x)) if response.merged is None else response.merged.ravel()
-    _, one = np.unique(tallied, return_index=True)
-    x, y, z = x[one], y[one], z[one]
+    # Mirror images share their photons: how sure that leaves the terms, the scatter of batches tells.
     known = _in_cells(scene, grid, x, y, z, a, b)
     traced = np.stack(
-        [
-            response.batches(ai, bi, part="diffuse").reshape(-1, len(tallied))[:, one]
-            for ai, bi in zip(a, b, strict=True)
-        ]
+        [response.batches(ai, bi, part="diffuse") for ai, bi in zip(a, b, strict=True)]
     )  # [n_wavelengths, n_batches, n_cells]
     lit = np.all(traced.mean(axis=1) > 0, axis=0)
     for plane in np.unique(z):

@@ -91,7 +91,7 @@ class TransportResponse:
     reference : Reference
     photons : int
         Photons traced, all batches together.
-    merged : array of int, shape (n_planes, n_y, n_x), optional
+    merged : array of int, shape of `straight_m`, optional
         Cell of the tally that each cell of the maps is read from; mirror images share one and its error.
     """
 
@@ -283,6 +283,10 @@ class TransportResponse:
         straight = np.empty(self.tally.shape[2])
         straight[self.merged.ravel()] = self.straight_m.ravel()
         return straight
+
+    def read_from(self, cells: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
+        """Cells of the tally that some cells of the maps, by their numbers, are read from; of their shape."""
+        return cells if self.merged is None else self.merged.ravel()[cells]
 
     def _spread(self, values: Array) -> Array:
         """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""

@@ -20,7 +20,7 @@ from lightfield.render.response.response import (
     TransportResponse,
     light_classes,
 )
-from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, symmetric
+from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, mirror_images, symmetric
 from lightfield.render.settings import BY_PHOTONS, OnProgress, Settings
 from lightfield.render.tracer.build import Setup, assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
@@ -58,11 +58,13 @@ def trace_until(
         grid = merge_mirror_images(scene, grid)
     # Listed cells need not come in pairs: every photon is counted at its mirror image as well.
     mirrored = settings.symmetry and grid.occupied is not None and symmetric(scene)[0]
-    setup = assembled(scene, grid, reference, path_nodes=path_nodes)
+    images = mirror_images(scene, grid) if mirrored else None
+    setup = assembled(scene, grid, reference, images=images, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)
-    largest = int(np.clip(PER_CELL * cells, FIRST_LAUNCH, LARGEST_LAUNCH))
+    listed = cells if images is None else len(images.place)
+    largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH))
     launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []

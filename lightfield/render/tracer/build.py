@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, ceil, hypot, inf, log, pi, sqrt
 from typing import Any
 
@@ -142,6 +142,7 @@ def assembled(
         straight = np.tile(straight, (len(COMPONENTS), 1, 1))
     else:
         tallied = grid if images is None else images.traced(grid)
+        grid = grid if images is None else replace(grid, merged=images.told_by)
         planes = Planes(tallied, scene.detector, position, lamp.apparent_distance_m, ends, whole_cells)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
     reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)

@@ -315,7 +315,7 @@ def _late_light(
     )
     late = ~response.is_direct
     # The mean over a cell, [batches, rows, nodes], scaled to the light in its middle.
-    tally = response.tally[:, late][:, :, shift.cell].astype(float)
+    tally = response.tally[:, late][:, :, response.read_from(shift.cell)].astype(float)
     tally *= diffuse / np.maximum(tally.mean(axis=0).sum(axis=0), 1e-300)
     excess, of = np.unique(response.excess_m[late], return_inverse=True)
     which = (of[:, None] == np.arange(len(excess))).astype(float)  # [rows, steps]
