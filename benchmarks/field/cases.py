@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import resource
 import time
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.hidden_effects import workers
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -40,8 +40,8 @@ def unit_seconds() -> float:
 
 def run_alone(case: Path) -> Row:
     """`run` in a process of its own, whose peak memory is that of this case."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(run, (case,))
+    with workers.start(processes=1) as pool:
+        return pool.submit(run, case).result()
 
 
 def run(case: Path) -> Row:

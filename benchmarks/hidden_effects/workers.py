@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -15,10 +16,23 @@ PROCESSES = 2
 
 
 def start(processes: int = PROCESSES) -> ProcessPoolExecutor:
-    """Fresh processes with one BLAS thread each."""
+    """Fresh processes with one BLAS thread each, which end when this one does, however it ends."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    return ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    return ProcessPoolExecutor(
+        processes, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent
+    )
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()  # killed, it tells nobody: a worker would go on, and then wait for ever
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def results(
