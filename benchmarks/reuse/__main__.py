@@ -133,7 +133,7 @@ def compared(name: str, what: str, scene: Scene, other: Scene, photons: float) -
 def main() -> int:
     """Compare everywhere and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.reuse", description=__doc__)
-    parser.add_argument("--photons", type=float, default=1e6, help="of every trace")
+    parser.add_argument("--photons", type=float, default=2e6, help="of every trace")
     parser.add_argument("--page", type=Path, default=HERE)
     args = parser.parse_args()
     rows = []
