@@ -89,6 +89,6 @@ def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Probl
     return replace(problem, forward=forward.following(light))
 
 
-def following(problem: Problem, fit: Fit, seed: int) -> Problem:
+def following(problem: Problem, fit: Fit, seed: int, photons: float = PHOTONS) -> Problem:
     """The problem with light traced where a fit lies."""
-    return with_light(problem, [ratio_at(problem.forward.light, fit.values, PHOTONS, seed)])
+    return with_light(problem, [ratio_at(problem.forward.light, fit.values, photons, seed)])

@@ -33,13 +33,18 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
     return replace(noise, photon_modes=modes, response_error=smooth)
 
 
+def own_whitener(problem: Problem, whiten: Whitener, fit: Fit) -> Whitener:
+    """A whitening with the errors of the diffuse light at a fit; the rest as it is."""
+    noise = with_response_error(problem, whiten.noise, fit)
+    return Whitener(noise, whiten.rho, whiten.phi, whiten.tolerance)
+
+
 def under_own_errors(
     problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener, rounds: int = _ROUNDS
 ) -> tuple[Whitener, Fit]:
     """A fit under the errors of its own diffuse light, from where it lies; the rest as in a whitening."""
     for _ in range(rounds):
-        noise = with_response_error(problem, whiten.noise, fit)
-        whiten = Whitener(noise, whiten.rho, whiten.phi, whiten.tolerance)
+        whiten = own_whitener(problem, whiten, fit)
         before, fit = fit.u, problem.fit(explanation, whiten, [fit.u])
         if fit.away_from(before) < _STAYED:
             break

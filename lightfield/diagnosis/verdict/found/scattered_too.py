@@ -18,15 +18,20 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.following import can_follow, following, scatters
-from lightfield.diagnosis.search.own_errors import with_response_error
+from lightfield.diagnosis.search.own_errors import objective, under_own_errors
 from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, Limit
 from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.verdict.found.uncertain_light import in_uncertain_light
 from lightfield.fitting.least_squares import Fit
 
 _PATH = "water.scattering_per_m"
 #: Scattering that is traced, in 1/m: between that of clear ocean and of coastal water (0.04 and 0.22 at
 #: 514 nm, Petzold 1972, SIO Ref. 72-78).
 _TRACED_PER_M = 0.1
+#: Photons of that trace: of a tenth of them the noise hides how much scatters.
+_PHOTONS = 1e7
+#: Least scattering of the fit, in 1/m: without any, its light would have no error.
+_LEAST_PER_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class WithScattering:
     errors : mapping
         Standard errors by path; where the best scattering is none, those beside some.
     saved : float
-        Chi-square that it saves, in units of the noise.
+        Chi-square that it saves beyond what the photons' errors take up, in units of the noise.
     """
 
     candidate: Candidate
@@ -74,7 +79,8 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
     found = next((c for c in problem.candidates if _scatters(c) and _joins(c, best)), None)
     if found is None or not can_follow(problem) or not _reflects(problem, best.fit):
         return None
-    candidate = replace(found, shapes=(), grid=((),))
+    (free,) = found.amplitudes
+    candidate = replace(found, amplitudes=(replace(free, low=_LEAST_PER_M),), shapes=(), grid=((),))
     explanation, main = (*best.explanation, candidate), best.test.whiten
     assert isinstance(main, Whitener)
     known = dict(zip(best.fit.paths, best.fit.u, strict=True)) | {_PATH: _TRACED_PER_M}
@@ -82,17 +88,17 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
     traced = problem.fit(explanation, main, [start], max_steps=0)
     if not scatters(problem, traced):
         return None
-    there = following(problem, traced, seed)
-    own = with_response_error(there, main.noise, traced)
-    whiten = Whitener(own, main.rho, main.phi, main.tolerance)
-    fit = there.fit(explanation, whiten, [start])
-    alone = there.fit(best.explanation, whiten, [best.fit.u])
-    i, phi, sure = fit.paths.index(_PATH), best.adequacy.phi, fit
+    there = following(problem, traced, seed, _PHOTONS)
+    found_there = in_uncertain_light(there, explanation, main, start)
+    fit, phi, sure = found_there.fit, best.adequacy.phi, found_there
+    alone = under_own_errors(there, best.explanation, best.fit, main)
+    i = fit.paths.index(_PATH)
     if fit.at_bound()[i]:
         some = fit.u.copy()
         some[i] = _TRACED_PER_M
-        sure = there.fit(explanation, whiten, [some], max_steps=0)
-    return WithScattering(candidate, fit, sure.stderr(phi), (alone.chi2 - fit.chi2) / phi)
+        sure = in_uncertain_light(there, explanation, main, some, rounds=0)
+    saved = (objective(alone) - objective((found_there.whiten, fit))) / phi
+    return WithScattering(candidate, fit, sure.stderr(phi), saved)
 
 
 def _scatters(candidate: Candidate) -> bool:
