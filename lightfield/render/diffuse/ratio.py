@@ -291,5 +291,21 @@ def _polynomials(ratio: Array, basis: Array, degree: Array) -> tuple[Array, Arra
         scatter = each.var(axis=0, ddof=1) / count / (root**2).sum(axis=1)
         shared = np.array([scatter[degree == n].mean() for n in range(degree.max() + 1)])[degree]
         values.append(value)
-        roots.append(root * np.sqrt(np.maximum(shared, _LEAST_SHARED))[:, None])
+        root *= np.sqrt(np.maximum(shared, _LEAST_SHARED))[:, None]
+        roots.append(root @ _of_batches(np.linalg.solve(root, (each - value).T)))
     return np.array(values), np.array(roots)
+
+
+def _of_batches(scatter: Array) -> Array:
+    """Root of the covariance of a mean, where one of batches, shape (n, n_batches), is expected to be one.
+
+    What few batches show shrinks towards that, but for its scale, by as much as their number asks for (oracle
+    approximating shrinkage: Chen, Wiesel, Eldar and Hero 2010, IEEE Trans. Signal Process. 58, 5016, eq. 23).
+    """
+    n, batches = scatter.shape
+    shown = scatter @ scatter.T / (batches - 1) / batches
+    scale, square = np.trace(shown) / n, float((shown**2).sum())
+    share = (1 - 2 / n) * square + (n * scale) ** 2
+    share /= (batches - 2 / n) * max(square - n * scale**2, 1e-300)
+    share = min(share, 1.0)
+    return np.linalg.cholesky((1 - share) * shown + share * scale * np.eye(n))
