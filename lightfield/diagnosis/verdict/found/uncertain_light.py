@@ -22,9 +22,9 @@ from lightfield.diagnosis.search.own_errors import own_whitener
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, least_squares
 
-#: Rounds at most, and part of an error by which the last one may still move. Of 32 fits beside walls all but
+#: Steps of a fit, and rounds of fits, at most; and part of an error by which the last one may still move. Of 32 fits beside walls all but
 #: one ended within 5 rounds.
-_ROUNDS, _STAYED = 8, 0.05
+_STEPS, _ROUNDS, _STAYED = 40, 8, 0.05
 #: Part of the apparent information that is left after the photons' noise is taken off, at least: of what is
 #: told by noise alone an error is so many times the apparent one. Chosen.
 _LEAST_TOLD = 0.3
@@ -90,7 +90,7 @@ def in_uncertain_light(
         own = own_whitener(problem, whiten, here)
         off = own(problem.keep[:, None] * modes).T @ own(problem.keep * (problem.value - here.prediction))
         told = replace(model, forward=_Told(problem.forward, off))
-        fit = least_squares(told, problem.value + modes @ off, own, u, problem.keep, 40 if rounds else 0)
+        fit = least_squares(told, problem.value + modes @ off, own, u, problem.keep, _STEPS if rounds else 0)
         moved, u, rounds = fit.away_from(u), fit.u, rounds - 1
         if moved < _STAYED or rounds <= 0:
             return FoundInLight(fit, own, _covariance(problem, own, fit))
