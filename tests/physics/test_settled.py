@@ -180,6 +180,7 @@ def test_between_walls_errors_know_of_scattering_that_is_not_told() -> None:
     numbers = verdict.explanations[0].parameters
     for path in ("water.absorption_per_m", "lamp.hwhm_deg", "tank.wall_albedo"):
         assert abs(numbers[path].value - case.truth[path]) < 3 * (numbers[path].stderr or 0.0)
+        assert (numbers[path].stderr or 0.0) < numbers[path].value, "an error that says something"
     assert verdict.detection_limits["scattering"].value > case.b, "it would have been seen otherwise"
     (told,) = (one for one in verdict.unnamed if one.effect == "scattering")
     assert told.in_errors and "water.absorption_per_m" in told.with_it

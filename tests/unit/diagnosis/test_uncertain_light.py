@@ -67,3 +67,14 @@ def test_light_without_errors_is_fitted_as_ever() -> None:
     values, covariance, _ = made.regression(problem, "odd")
     assert found.fit.away_from(values) < 0.02, "a fit ends within 1e-4 of chi-square"
     assert np.allclose(found.covariance, covariance, rtol=1e-3)
+
+
+def test_what_the_readings_do_not_tell_apart_has_errors_all_the_same() -> None:
+    """Two effects alike, of which Cholesky's factor of the information would be none."""
+    column = 3 * np.sin(3 * layout().x_m)
+    made = Toy.of([candidate("odd"), candidate("same")], {"odd": column, "same": column})
+    problem = made.drawn(np.random.default_rng(1), odd=1.0)
+    found = in_uncertain_light(problem, problem.candidates, made.whiten, np.array([1.0, 0.1, 0.5, 0.5]))
+    alone, covariance, _ = made.regression(problem, "odd")
+    assert abs(found.fit.u[2:].sum() - alone[2]) < 0.02 * np.sqrt(covariance[2, 2])
+    assert np.isclose(found.covariance[2:, 2:].sum(), covariance[2, 2], rtol=1e-2)

@@ -28,6 +28,8 @@ _STEPS, _ROUNDS, _STAYED = 40, 8, 0.05
 #: Part of the apparent information that is left after the photons' noise is taken off, at least: an error is
 #: the apparent one over it at most, where noise alone tells. Chosen.
 _LEAST_TOLD = 0.3
+#: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
+_SINGULAR = 1e-12
 
 
 class FoundInLight(NamedTuple):
@@ -106,24 +108,26 @@ def _covariance(problem: Problem, own: Whitener, fit: Fit) -> Array:
     weight, parameters = problem.keep[:, None], fit.model.parameters
     modes = problem.forward.errors(fit.values)[0]
     white = own(weight * modes)
-    known, directions = np.linalg.eigh(white.T @ white)
-    rest = directions * np.sqrt(np.clip(1 - known, 0.0, 1.0))
     free = ~fit.at_bound() & (np.linalg.norm(fit.jacobian, axis=0) > 0)
-    slopes = []
+    slopes, told = [], []
     for i in np.flatnonzero(free).tolist():
-        u, step = fit.u.copy(), parameters[i].step
+        u, parameter = fit.u.copy(), parameters[i]
+        step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
         u[i] += step
         change = (problem.forward.errors(fit.model.values(u))[0] - modes) / step
-        slopes.append(own(weight * change) @ rest)
-    apparent = fit.jacobian[:, free].T @ fit.jacobian[:, free]
-    size = np.sqrt(np.diag(apparent))
-    by_noise = np.array([[float((a * b).sum()) for b in slopes] for a in slopes])
-    # In coordinates in which the apparent information is one.
-    root = np.linalg.cholesky(apparent / np.outer(size, size))
-    inverse = np.linalg.inv(root)
-    share, axes = np.linalg.eigh(inverse @ (by_noise / np.outer(size, size)) @ inverse.T)
+        slopes.append(own(weight * change))
+        told.append(slopes[-1] @ white.T)
+    jacobian = fit.jacobian[:, free]
+    size = np.linalg.norm(jacobian, axis=0)
+    by_noise = np.array([[np.vdot(a, b) for b in slopes] for a in slopes])
+    by_noise -= np.array([[np.vdot(a, b) for b in told] for a in told])
+    # In coordinates in which the apparent information is one; what it does not tell is left out, as in `Fit`.
+    known, directions = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
+    seen = known > _SINGULAR * known.max(initial=0.0)
+    inverse = directions[:, seen] / np.sqrt(known[seen])
+    share, axes = np.linalg.eigh(inverse.T @ (by_noise / np.outer(size, size)) @ inverse)
     left = np.maximum(1 - share, _LEAST_TOLD)
-    to = (inverse.T @ axes) / left / size[:, None]
+    to = (inverse @ axes) / left / size[:, None]
     out = np.full((len(parameters), len(parameters)), np.nan)
     out[np.ix_(free, free)] = to @ to.T
     return out
