@@ -21,8 +21,8 @@ from benchmarks.reuse.fits import places
 from lightfield.render.diffuse import source
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS
 from lightfield.render.maps import render_scene
-from lightfield.render.reflected import light as reflected
-from lightfield.render.reflected import orders
+from lightfield.render.reflected import orders, room
+from lightfield.render.reflected.light import ReflectedLight
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -120,16 +120,16 @@ def changed(module: Any, name: str, value: object) -> Iterator[None]:
 def of_reflections(name: str) -> list[float]:
     """Largest and mean change, %, by each constant."""
     scene, where = scene_of(name), places(PLANES)
-    c = scene.water.absorption_per_m + 0.4 * reflected.C_STEP  # between two nodes
+    c = scene.water.absorption_per_m + 0.4 * room.C_STEP  # between two nodes
 
     def light() -> np.ndarray:
-        return reflected.ReflectedLight(scene, *where).evaluate(scene, c)
+        return ReflectedLight(scene, *where).evaluate(scene, c)
 
     now, found = light(), []
     for module, constant, value in (
-        (reflected, "C_STEP", reflected.C_STEP / 4),
+        (room, "C_STEP", room.C_STEP / 4),
         (orders, "REFLECTIONS", 3 * orders.REFLECTIONS),
-        (reflected, "terms_of_light", orthonormal),
+        (room, "terms_of_light", orthonormal),
     ):
         with changed(module, constant, value):
             change = np.abs(light() / now - 1)

@@ -203,7 +203,7 @@ def test_tank_and_its_surface() -> None:
     assert len(boxes) == 6
     ends = [np.min([b.min for b in boxes], axis=0), np.max([b.max for b in boxes], axis=0)]
     np.testing.assert_allclose(np.transpose(ends), tank.box_m, atol=1e-6)
-    patches, _ = walls(scene, 6.0, True, 400)
+    patches = walls(scene, 6.0, True, 400)[0].on_both_sides()
     reach = patches.across * patches.half_across[:, None] + patches.along * patches.half_along[:, None]
     corners = np.concatenate([patches.centre - reach, patches.centre + reach])
     np.testing.assert_allclose(np.array([corners.min(axis=0), corners.max(axis=0)]).T, tank.box_m)

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.render.reflected.light import lagrange
+from lightfield.render.reflected.room import lagrange
 from lightfield.scene import Scene
 
 

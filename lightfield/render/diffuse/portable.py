@@ -23,7 +23,7 @@ from lightfield.errors import RenderError
 from lightfield.render.diffuse.response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
 from lightfield.render.diffuse.traced import TracedLight, TracedWater
-from lightfield.render.reflected.light import C_STEP
+from lightfield.render.reflected.room import C_STEP
 from lightfield.render.response.open_ended import Lengths
 from lightfield.scene import Scene
 from lightfield.scene.water.ageing import ages

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.render.reflected.patches import Patches
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_round
+from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_mirrored, is_round
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.tank import WATER_INDEX
 
@@ -78,6 +78,11 @@ def alike_in_place(lamp: Lamp) -> Lamp:
     profile = "isotropic" if lamp.profile == "isotropic" else "gaussian"
     x, y, behind = lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m
     return Lamp(profile=profile, offset_x_m=x, offset_y_m=y, apparent_distance_m=behind)
+
+
+def alike_on_both_sides(lamp: Lamp) -> bool:
+    """Is the light of a lamp the same at x and at -x?"""
+    return lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and is_mirrored(lamp)[0]
 
 
 def image_of_lamp(lamp: Lamp, top_m: float, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -61,6 +61,11 @@ class Patches(NamedTuple):
             centre=self.centre * flip + np.array([0.0, 2 * top_m, 0.0]), normal=self.normal * flip
         )
 
+    def on_both_sides(self) -> Patches:
+        """These, and then their mirror images at -x in the same order."""
+        flip = np.array([-1.0, 1.0, 1.0])
+        return _together([self, self._replace(centre=self.centre * flip, normal=self.normal * flip)])
+
     def some(self, which: np.ndarray) -> Patches:
         """A selection."""
         return Patches(*(a[which] for a in self))
@@ -145,8 +150,10 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> tuple[Pat
 
     Returns
     -------
-    walls, openings : Patches
-        The opening (no lid) makes the walls a closed box.
+    walls : Patches
+        Those at positive x; their mirror images at -x are the others.
+    openings : Patches
+        All of the opening (no lid) that makes the walls a closed box.
     """
     tank = scene.tank
     assert tank is not None
@@ -169,7 +176,8 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> tuple[Pat
         (made if lid else left).append(_rectangle((None, top, None), (x_side, z), (0, -1, 0), across, along))
     for at, sign in ((front, 1), (back, -1)):
         made.append(_rectangle((None, None, at), (x_side, y_side), (0, 0, sign), step))
-    return _together(made), _together(left) if left else made[0].some(np.zeros(0, int))
+    every = _together(made)
+    return every.some(every.centre[:, 0] > 0), _together(left) if left else every.some(np.zeros(0, int))
 
 
 def _beyond(begin: float, wall: float, reach: float) -> list[tuple[float, float, float]]:
@@ -206,9 +214,9 @@ def _rectangle(
 ) -> Patches:
     """Equal patches of a wall; `at` holds its fixed coordinate and None for the two that vary.
 
-    Where a length of rows is given, one row.
+    Where a length of rows is given, one row. None lies across x = 0.
     """
-    first = _midpoints(*sides[0], step)
+    first = _midpoints(*sides[0], step, even=at[0] is None)
     second = _midpoints(*sides[1], step) if row is None else np.array([0.5 * sum(sides[1])])
     u, v = (g.ravel() for g in np.meshgrid(first, second, indexing="ij"))
     varying = iter((u, v))
@@ -222,6 +230,7 @@ def _rectangle(
     )
 
 
-def _midpoints(low: float, high: float, step: float) -> np.ndarray:
+def _midpoints(low: float, high: float, step: float, even: bool = False) -> np.ndarray:
     count = max(2, ceil((high - low) / step))
+    count += count % 2 if even else 0
     return low + (np.arange(count) + 0.5) * ((high - low) / count)

@@ -1,0 +1,295 @@
+"""The walls of a tank as patches: light that is reflected by them, any number of times.
+
+Radiosity (Goral, Torrance, Greenberg and Battaile 1984), worked out at a few attenuations and reflectances of
+the surface between which it is interpolated.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
+from math import prod, sqrt
+from typing import Any
+
+import numpy as np
+
+from lightfield.render.reflected.from_lamp import Ways, alike_in_place, alike_on_both_sides, fresnel
+from lightfield.render.reflected.orders import (
+    REFLECTIONS,
+    AtOnce,
+    Operators,
+    Orders,
+    reflections_of,
+    terms_of_light,
+)
+from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
+from lightfield.scene import Lamp, Scene, Tank, receiver
+
+MOST_PAIRS = 1_500_000  # of fine patch and reading
+FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
+#: Step of attenuation, m^-1, between which orders of light are interpolated: in a closed white tow tank to
+#: 0.1 % for a beam of 4 degrees (twice the step: 0.7 %), in other tanks to 0.03 % (beside a quarter of it).
+C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0)
+#: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
+FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
+#: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
+_UPWARDS = 0.5
+#: Of walls and floor: albedo over that of the brighter of the two.
+Shares = tuple[float, float]
+#: Attenuation, m^-1, surface reflectance, shares of walls and floor, reflections that are followed.
+_Exchange = tuple[float, float, Shares, int]
+#: Light that is the same on both sides of x = 0, and light that is opposite there: that of the other side
+#: over that of the one.
+_SAME, _OPPOSITE = 1.0, -1.0
+#: Lamps whose light is remembered: at most so many, and in so many bytes, but some; operators alike.
+KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 50e6, 8
+KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
+#: What waters let through on the way from the place of a lamp: of at most so many, and in so many bytes.
+KEPT_WATERS, THROUGH_BYTES = 400, 20e6
+#: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
+#: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
+#: follow ten lamps, five where what patches exchange has to be made anew, and of few reflections one or two.
+LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
+
+
+class Room:
+    """The walls of a tank as patches: the light that they send to each other and to the readings.
+
+    A tank is its own mirror image at x = 0, and so is the exchange: light is taken as the sum of what is the
+    same on both sides and what is opposite there, each of which needs the patches of one side only. A lamp
+    whose beam is alike on both sides has none of the second.
+    """
+
+    def __init__(self, scene: Scene, places: np.ndarray, lid: bool) -> None:
+        assert scene.tank is not None
+        self.scene = scene
+        self._which, self._side, self.places = np.arange(len(places)), np.ones(len(places)), places
+        if not receiver.looks_aside(scene.detector):
+            self._side = np.where(places[:, 0] < 0, -1.0, 1.0)
+            folded = places * np.stack([self._side, *np.ones((2, len(places)))], axis=1)
+            self.places, which = np.unique(folded, axis=0, return_inverse=True)
+            self._which = which.ravel()
+        self.top = scene.tank.lamp_depth_m
+        # Many readings: rather fewer patches in three by three parts than more in two by two.
+        count = float(np.clip(MOST_PAIRS / (9 * len(places)), FEWEST_PATCHES, MOST_PATCHES))
+        self.half, self._openings = walls(scene, float(places[:, 2].max()), lid, count)
+        self.patches = self.half.on_both_sides()
+        # A receiver that faces straight back to the lamp sees only walls before it.
+        before = self.half.centre[:, 2] - self.half.half_along < places[:, 2].max()
+        before |= receiver.looks_aside(scene.detector)
+        self.before = np.flatnonzero(before)
+        parts = int(sqrt(MOST_PAIRS / (len(places) * 2 * len(self.before))))
+        self.parts = int(np.clip(parts, 1, MOST_PARTS))
+        self.fine = self.half.divided(self.parts).on_both_sides()
+        self._terms = terms_of_light(self.parts)
+        size = 4 * (
+            len(self.places) * (self._terms.shape[1] + 1) * len(self.before) + len(self.half.centre) ** 2
+        )
+        self._operator = lru_cache(int(np.clip(OPERATOR_BYTES / size, FEWEST, KEPT_OPERATORS)))(
+            self._operator_in
+        )
+        self._through = lru_cache(2)(self._through_water)
+        self._at_once: dict[tuple[_Exchange, float], AtOnce] = {}
+        self._asked = Counter[tuple[_Exchange, float]]()
+        self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
+        waters = int(np.clip(THROUGH_BYTES / (4 * len(self.fine.centre)), FEWEST, KEPT_WATERS))
+        self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
+        self._is_floor = self.half.normal[:, 1] > _UPWARDS
+        #: Light of a lamp at the readings.
+        self._known: Callable[[Lamp], dict[_Exchange, Orders]]
+        lamps = KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
+        self._known = lru_cache(int(np.clip(lamps, FEWEST, KEPT_LAMPS)))(lambda lamp: {})
+
+    def light(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
+        """Light at the readings that was reflected by a wall at least once, shape (n_waters, n).
+
+        Worked out at a few attenuations and reflectances, and interpolated: the logarithm of every order is
+        nearly linear in the first (cubic between four nodes, which leaves no jump), light itself a low
+        polynomial in the second, and in the albedo of the darker of walls and floor over that of the other.
+        A fit that moves the water, the walls, the floor or the surface then costs nothing new.
+
+        Parameters
+        ----------
+        attenuation_per_m : array, shape (n_waters,), m^-1
+        tank : Tank
+            Albedos and surface reflectance.
+        """
+        surface, share = tank.surface_reflectance, tank.floor_share
+        albedo, darker = tank.wall_albedo * max(share, 1.0), min(share, 1.0 / share if share else 0.0)
+        dim = FLOOR_NODES if share != 1 else (1.0,)
+        shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
+        mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
+        nodes, along_c = cubic(attenuation_per_m, C_STEP)
+        under = [(m, w, reflections_of(albedo)) for w in shares for m in mirrors]
+        known, every = self._known(lamp), []
+        asked = [[(c, *each) for c in nodes] for each in under]
+        missing = sorted(of for one in asked for of in one if of not in known)  # water by water
+        known.update(zip(missing, self._reached(lamp, missing), strict=True))
+        for one in asked:
+            every.append(Orders.between([known[of] for of in one], along_c).for_albedo(albedo))
+        weights = np.outer(lagrange(dim, darker if len(dim) > 1 else 1.0), lagrange(mirrors, surface))
+        return np.asarray(np.tensordot(weights.ravel(), np.array(every), axes=1))
+
+    def _reached(self, lamp: Lamp, asked: Sequence[_Exchange]) -> list[Orders]:
+        """Light at the readings in several waters, under several surfaces, over several floors."""
+        if not asked:
+            return []
+        waters = {c: k for k, c in enumerate(dict.fromkeys(of[0] for of in asked))}
+        straight = self._lit(lamp, False, list(waters))
+        by_surface = self._lit(lamp, True, list(waters)) if any(of[1] for of in asked) else None
+        light = np.zeros((len(asked), max(of[3] for of in asked), len(self._which)))
+        for side in (_SAME,) if alike_on_both_sides(lamp) else (_SAME, _OPPOSITE):
+            direct = self._in_terms(straight, side)
+            mirrored = direct if by_surface is None else self._in_terms(by_surface, side)
+            for k, of in enumerate(asked):
+                water, surface = waters[of[0]], of[1]
+                terms = direct[water] + np.float32(surface) * mirrored[water] if surface else direct[water]
+                whole = terms[:, 0] / self.parts  # the first term is the same all over a patch
+                found = self._exchange(of, side).apply(terms[self.before], whole, of[3])[:, self._which]
+                light[k] += found if side == _SAME else found * self._side
+        every = Orders.of(light)
+        return [every.at(k) for k in range(len(asked))]
+
+    def _in_terms(self, lit: np.ndarray, side: float) -> np.ndarray:
+        """The part of light on the fine patches that is the same on both sides, or opposite, by terms.
+
+        Of the patches of one side, (n_waters, n_patches / 2, n_terms).
+        """
+        here, there = np.split(lit, 2, axis=1)
+        part = np.float32(0.5) * (here + np.float32(side) * there)
+        return np.asarray(part.reshape(len(lit), -1, self.parts**2) @ self._terms)
+
+    def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
+
+        In each of m waters, shape (m, k).
+        """
+        lit = self._lit(lamp, False, attenuation_per_m)
+        return lit + np.float32(surface) * self._lit(lamp, True, attenuation_per_m) if surface else lit
+
+    def _lit(self, lamp: Lamp, mirrored: bool, attenuation_per_m: Sequence[float]) -> np.ndarray:
+        """The same straight, or by way of the water surface for unit reflectance multiplier."""
+        at = alike_in_place(lamp)
+        light, out = self._ways(at, mirrored).lit(lamp), []
+        for c in attenuation_per_m:
+            out.append(light * self._dimmed(at, mirrored, c))
+        return np.stack(out)
+
+    def _ways_of(self, lamp: Lamp, mirrored: bool) -> Ways:
+        return Ways.by_surface(lamp, self.fine, self.top) if mirrored else Ways.of(lamp, self.fine)
+
+    def _exchange(self, of: _Exchange, side: float) -> Operators | AtOnce:
+        """What walls and readings exchange: of few readings, when it was often asked for, at once."""
+        each = of, side
+        self._asked[each] += 1
+        if each not in self._at_once and self._asked[each] * REFLECTIONS > OFTEN * of[3]:
+            rows, columns = of[3] * len(self.places), len(self.half.centre)
+            size = 4 * rows * columns
+            if rows <= LARGER * columns and self._room_for(size, self._asked[each]):
+                self._at_once[each] = self._operator(*of[:3], side).at_once(of[3])
+        return self._at_once.get(each) or self._operator(*of[:3], side)
+
+    def _room_for(self, size: int, asked: int) -> bool:
+        """Is there room for so many bytes, when what was asked for half as often at most makes it?"""
+        kept = sum(known.later.nbytes for known in self._at_once.values())
+        seldom = sorted(self._at_once, key=lambda of: self._asked[of])
+        while kept + size > AT_ONCE_BYTES:
+            if not seldom or 2 * self._asked[seldom[0]] >= asked:
+                return False
+            kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
+        return True
+
+    def _operator_in(
+        self, attenuation_per_m: float, surface: float, shares: Shares, side: float
+    ) -> Operators:
+        """What walls and readings exchange in one water, under one surface, over a floor, on one side."""
+        among, reading = self._through(attenuation_per_m, False)
+        if surface:
+            image = self._through(attenuation_per_m, True)
+            among, reading = (
+                t + np.float32(surface) * i for t, i in zip((among, reading), image, strict=True)
+            )
+        halves = (np.split(t, 2, axis=1) for t in (among, reading))
+        among, reading = (here + np.float32(side) * there for here, there in halves)
+        albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
+        return Operators.of(among, reading, self._terms, self.before, albedo)
+
+    def _through_water(self, attenuation_per_m: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+        """From all patches to those of one side and to the readings, straight or by the water surface."""
+        both = (self.among_image, self.reading_image) if mirrored else (self.among, self.reading)
+        among, reading = (t.through(attenuation_per_m) for t in both)
+        return among, reading
+
+    @cached_property
+    def among(self) -> Transfer:
+        centre = self.half.centre
+        found = transfer(centre, self._facing, self.patches)
+        return closed(found, self._whole(found, centre, self._facing))
+
+    @cached_property
+    def among_image(self) -> Transfer:
+        return self._in_surface(self.half.centre, self._facing, self.patches)
+
+    @cached_property
+    def reading(self) -> Transfer:
+        found = transfer(self.places, self._read, self._seen)
+        plain = receiver.is_cosine(self.scene.detector)
+        facing_back = found if plain else transfer(self.places, _facing_back, self._seen)
+        return closed(found, self._whole(facing_back, self.places, _facing_back))
+
+    def _whole(self, found: Transfer, places: np.ndarray, response: Response) -> np.ndarray:
+        """What places see of walls and openings together, of unit radiosity each, shape (n,)."""
+        openings = transfer(places, response, self._openings)
+        return np.asarray(found.factor.sum(axis=1) + openings.factor.sum(axis=1))
+
+    @cached_property
+    def reading_image(self) -> Transfer:
+        return self._in_surface(self.places, self._read, self._seen)
+
+    @cached_property
+    def _seen(self) -> Patches:
+        return self.half.some(self.before).divided(self.parts).on_both_sides()
+
+    def _in_surface(self, places: np.ndarray, response: Any, patches: Patches) -> Transfer:
+        def mirrored(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+            return np.asarray(response(direction, which) * fresnel(np.abs(direction[1])))
+
+        return transfer(places, mirrored, patches.mirrored(self.top))
+
+    def _facing(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+        """Response of the patches themselves to light along `direction`."""
+        normal = self.half.normal[which]
+        return np.maximum(-sum(d * normal[..., i] for i, d in enumerate(direction)), 0)
+
+    def _read(self, direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+        return receiver.response(self.scene.detector, direction)
+
+
+def _facing_back(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
+    """Response of a cosine receiver that faces the lamp's end of the tank."""
+    return np.maximum(direction[2], 0.0)
+
+
+def cubic(at: np.ndarray, step: float) -> tuple[list[float], np.ndarray]:
+    """Cubic interpolation at several places between those of the multiples of a step that are next to each.
+
+    Returns
+    -------
+    nodes : list of float
+        The k multiples that are needed, ascending, none below zero.
+    weights : array, shape (n, k)
+    """
+    first = np.maximum(np.floor(at / step) - 1, 0).astype(int)
+    needed, column = np.unique(first[:, None] + np.arange(4), return_inverse=True)
+    t = at / step - first
+    own = [(t - 1) * (t - 2) * (t - 3) / -6, t * (t - 2) * (t - 3) / 2, t * (t - 1) * (t - 3) / -2]
+    weights = np.zeros((len(at), len(needed)))
+    rows = np.arange(len(at))[:, None]
+    weights[rows, column.reshape(-1, 4)] = np.stack([*own, t * (t - 1) * (t - 2) / 6], axis=1)
+    return [round(step * k, 6) for k in needed.tolist()], weights
+
+
+def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
+    """Weights of polynomial interpolation at one place."""
+    return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])
