@@ -200,7 +200,7 @@ class ScatteredField:
         known = near(phase)
         sent = self._sent(lamp, known, most)
         share = shares_at(phase, known, len(sent[0].share))
-        spreads = [s.of(phase) for s in self._spreads(known, behind_m, _stepped(largest_kz(lamp)))]
+        spreads = [s.of(phase, behind_m) for s in self._spreads(known, _stepped(largest_kz(lamp)))]
         out = np.empty((len(a), len(self._log_z), len(angles)))
         absorption, scattering = np.array(a), np.array(b)
         for j, (z_m, paths, spread) in enumerate(
@@ -231,9 +231,9 @@ class ScatteredField:
         light = tabled[0].table.intensity(lamp)
         return [one.lit(light) for one in tabled]
 
-    def _spread(self, phase: TracedPhase, behind_m: float, top: float) -> list[Spread]:
+    def _spread(self, phase: TracedPhase, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""
-        return [Spread(phase, z, behind_m, top) for z in np.exp(self._log_z).tolist()]
+        return [Spread(phase, z, top) for z in np.exp(self._log_z).tolist()]
 
 
 def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:

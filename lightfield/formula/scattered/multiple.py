@@ -43,27 +43,29 @@ class Spread:
     Parameters
     ----------
     phase : TracedPhase
-    z_m, apparent_distance_m : float, m
+    z_m : float, m
     reach : float
         Largest k times z + z_0, see `largest_kz`.
     """
 
-    def __init__(self, phase: TracedPhase, z_m: float, apparent_distance_m: float, reach: float) -> None:
-        self.z_m, self.behind_m = z_m, z_m + apparent_distance_m
+    def __init__(self, phase: TracedPhase, z_m: float, reach: float) -> None:
+        self.z_m, self.behind_m = z_m, z_m
         self._s, self._along = interval(_ALONG)
         self._s, self._along = self._s * z_m, self._along * z_m
         self.reach = reach
-        part = self._s / self.behind_m
         self._nodes_of = phase
         turn, self._share = turns(phase, _TURNS, HALF_PI)
         self._longer = 1 / np.cos(turn) - 1
-        moved = part[:, None] * np.tan(turn)
-        k = _coarse(reach)[:, None]
-        self._kept = j0(k * moved.ravel())
+        moved = np.outer(self._s / z_m, np.tan(turn))
+        self._kept = j0(_coarse(reach)[:, None] * moved.ravel())
 
-    def of(self, phase: TracedPhase) -> Spread:
-        """Of a phase function near this one, see `nodes.near`: the same turns with its shares."""
+    def of(self, phase: TracedPhase, apparent_distance_m: float = 0.0) -> Spread:
+        """Of a phase function near this one, see `nodes.near`: the same turns with its shares.
+
+        And of light that seems to start so far behind the window: Q is the same, its k are smaller.
+        """
         out = copy(self)
+        out.behind_m = self.z_m + apparent_distance_m
         out._share = shares_at(phase, self._nodes_of, _TURNS, HALF_PI)
         return out
 
@@ -73,7 +75,9 @@ class Spread:
         # every size there.
         lost = np.exp(np.multiply.outer(self._s[:, None] * self._longer, -np.maximum(a, 0.0)))
         lost *= (self._share * self._along[:, None])[..., None]
-        return np.asarray(_between(self.reach) @ (self._kept @ lost.reshape(-1, len(a))))
+        return np.asarray(
+            _between(self.reach, self.z_m / self.behind_m) @ (self._kept @ lost.reshape(-1, len(a)))
+        )
 
 
 def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: ArrayLike, b: ArrayLike) -> Array:
@@ -110,15 +114,21 @@ def largest_kz(lamp: Lamp) -> float:
 
 
 def _coarse(top: float) -> Array:
-    """Values of k at which Q is worked out."""
+    """Values of k z at which Q is worked out."""
     return np.concatenate([[0.0], np.geomspace(_Q_FROM, top, _Q_NODES)])
 
 
 @lru_cache(8)
-def _between(top: float) -> Array:
-    """From these to the nodes of the transform, by a cubic spline; shape (n_k, n_coarse)."""
+def _splines(top: float) -> CubicSpline:
+    """One at each of these and nothing at the others."""
+    return CubicSpline(_coarse(top), np.eye(_Q_NODES + 1))
+
+
+@lru_cache(32)
+def _between(top: float, part: float) -> Array:
+    """From these to the nodes of the transform, of which z is so large a part; shape (n_k, n_coarse)."""
     t, _ = interval(_K_NODES)
-    return np.asarray(CubicSpline(_coarse(top), np.eye(_Q_NODES + 1))(top * t * t))
+    return np.asarray(_splines(top)(part * top * t * t))
 
 
 @lru_cache(8)

@@ -53,7 +53,7 @@ class SinglePaths(NamedTuple):
     Parameters
     ----------
     theta_squared : array, shape (n, n_arcs, n_along, n_around), rad^2
-        Squared angle of emission from the axis.
+        Squared angle of emission from the axis. Like what follows in single precision.
     weight : array, of the same shape, m^-1
         Of the light of each path, with the receiver's cosine.
     water_m : array, of the same shape or with one for n_around, m
@@ -194,19 +194,31 @@ def single_paths(
         end = np.clip(met, 0, turn)
     s, along = (v[:, None] for v in interval(resolution.along))
     first, last = np.arcsinh(-axis / dense), np.arcsinh((end - axis) / dense)
-    at = first + (last - first) * s
-    chi = axis + dense * np.sinh(at)
-    along = along * dense * np.cosh(at) * (last - first)
-    psi = turn - chi
-    sin_chi, cos_chi, sin_psi, cos_psi = np.sin(chi), np.cos(chi), np.sin(psi), np.cos(psi)
-    cosine = towards * cos_chi + aside * sin_chi
-    arrival = np.maximum(towards * cos_psi - aside * sin_psi, 0.0)
     # p(Theta) dTheta = share / (2 pi sin(Theta)); half a turn about the line stands for a whole one.
-    weight = along * around * arrival / (math.pi * length * sin_t)
-    water = (sin_psi + sin_chi) * (length / sin_t)
+    each = (last - first) * around / (math.pi * length * sin_t)
+    # From here on arrays have all dimensions.
+    at = np.add(*_in_single(first, (last - first) * s))
+    along, axis, each = _in_single(along * dense, axis, each)
+    sin_t, cos_t, towards, aside = _in_single(sin_t, cos_t, towards, aside)
+    longest, half_aside = _in_single(length / sin_t, sin_a * np.cos(0.5 * phi) ** 2)
+    beside = float(dense) * np.sinh(at)
+    chi = axis + beside
+    sin_chi, cos_chi = np.sin(chi), np.cos(chi)
+    sin_psi, cos_psi = sin_t * cos_chi - cos_t * sin_chi, cos_t * cos_chi + sin_t * sin_chi
+    arrival = np.maximum(towards * cos_psi - aside * sin_psi, 0)
+    weight = along * np.cosh(at) * arrival * each
+    water = (sin_psi + sin_chi) * longest
+    # Squared sine of half the angle of emission: nothing cancels near the axis.
+    squared = np.clip(np.sin(0.5 * beside) ** 2 + half_aside * sin_chi, 0, 1)
     if apparent_distance_m > 0:
-        water = np.maximum(water - apparent_distance_m / np.maximum(cosine, 1e-6), 0.0)
-    return SinglePaths(np.arccos(np.clip(cosine, -1, 1)) ** 2, weight, water, share)
+        cosine = np.maximum(1 - 2 * squared, 1e-6)
+        water = np.maximum(water - float(apparent_distance_m) / cosine, 0)
+    return SinglePaths(4 * np.arcsin(np.sqrt(squared)) ** 2, weight, water, share)
+
+
+def _in_single(*values: Array) -> list[Array]:
+    """In single precision, in which sines take a tenth of the time: there are a hundred thousand paths."""
+    return [np.asarray(v, np.float32) for v in values]
 
 
 def _sinh_ratio(scale: Array, s: Array) -> Array:
