@@ -29,8 +29,8 @@ from lightfield.formula.scattered.nodes import (
 from lightfield.formula.scattered.single import (
     LitPaths,
     Resolution,
-    SinglePaths,
     TabledPaths,
+    seen_narrow,
     single_paths,
 )
 from lightfield.scene import Scene
@@ -199,7 +199,6 @@ class ScatteredField:
         slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
         known = near(phase)
         sent = self._sent(lamp, known, most)
-        share = shares_at(phase, known, len(sent[0].share))
         spreads = [s.of(phase, behind_m) for s in self._spreads(known, _stepped(largest_kz(lamp)))]
         out = np.empty((len(a), len(self._log_z), len(angles)))
         absorption, scattering = np.array(a), np.array(b)
@@ -209,27 +208,34 @@ class ScatteredField:
             behind, z = z_m + behind_m, np.full(len(angles), z_m)
             light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
             light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
-            light += paths.light(absorption, scattering, share)
+            for rows, some in paths:
+                share = shares_at(phase, known, len(some.share))
+                light[:, rows] += some.light(absorption, scattering, share)
             depth = np.multiply.outer(absorption + scattering, z_m * slant)
             out[:, j] = np.log(light * (behind * slant) ** 2) + depth
         return out
 
-    def _paths_to(self, phase: TracedPhase, width: float, behind_m: float, most: float) -> list[TabledPaths]:
-        """Paths of light that is scattered once, to all angles at every distance."""
-        angles, fine, table = _angles(most), Resolution.for_beam(width, most), EmissionTable.of(width)
+    def _paths_to(
+        self, phase: TracedPhase, width: float, behind_m: float, most: float
+    ) -> list[list[tuple[slice, TabledPaths]]]:
+        """Paths of light that is scattered once, at every distance to the angles of every resolution."""
+        angles, table = _angles(most), EmissionTable.of(width)
+        aside = int(np.searchsorted(angles, seen_narrow(width)))
+        parts = [rows for rows in (slice(aside), slice(aside, len(angles))) if len(angles[rows])]
 
-        def to(z: float) -> SinglePaths:
-            far = np.full(len(angles), z)
-            return single_paths(phase, width, angles * (z + behind_m), far, behind_m, fine)
+        def to(z: float, tangent: Array) -> TabledPaths:
+            far, fine = np.full(len(tangent), z), Resolution.for_beam(width, float(tangent[-1]))
+            paths = single_paths(phase, width, tangent * (z + behind_m), far, behind_m, fine)
+            return TabledPaths.of(table, paths)
 
-        return [TabledPaths.of(table, to(z)) for z in np.exp(self._log_z).tolist()]
+        return [[(rows, to(z, angles[rows])) for rows in parts] for z in np.exp(self._log_z).tolist()]
 
-    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[LitPaths]:
+    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[list[tuple[slice, LitPaths]]]:
         """The same paths with the light of a lamp on them."""
         width, behind_m = _stepped(half_width_rad(lamp)), lamp.apparent_distance_m
         tabled = self._paths(phase, width, behind_m, most)
-        light = tabled[0].table.intensity(lamp)
-        return [one.lit(light) for one in tabled]
+        light = EmissionTable.of(width).intensity(lamp)
+        return [[(rows, some.lit(light)) for rows, some in every] for every in tabled]
 
     def _spread(self, phase: TracedPhase, top: float) -> list[Spread]:
         """Where light that was scattered more often arrives, at every distance."""

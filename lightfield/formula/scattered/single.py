@@ -27,14 +27,15 @@ from lightfield.scene.water.phase.spec import TracedPhase
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.
 _DENSE = 1.5
 #: Beams of a half width less than this part of the angle that they are seen from are narrow.
-_NARROW = 0.18
+_NARROW = 0.4
 
 
 class Resolution(NamedTuple):
     """Numbers of nodes: angles of scattering, along an arc, and over half a turn about the line.
 
-    The other half is its mirror image. Errors are 1e-4 to five half widths of the beam aside; beyond, where
-    the beam is a narrow part of what is seen, the finer nodes are taken.
+    The other half is its mirror image. Beside ones of two to three times as many (half widths of 1.5 to 8
+    degrees, g of 0.88 to 0.97, sources 0 to 3 m behind the window): right to 2e-4 up to two half widths aside
+    and to 5e-4 at two and a half; the finer nodes, which are taken beyond, to 5e-4 up to six.
     """
 
     turns: int
@@ -44,7 +45,12 @@ class Resolution(NamedTuple):
     @classmethod
     def for_beam(cls, half_width_rad: float, tangent: float) -> Resolution:
         """What a beam takes, seen from up to this tangent of the angle to its axis."""
-        return cls(48, 12, 16) if half_width_rad < _NARROW * tangent else cls(20, 14, 10)
+        return cls(48, 12, 16) if tangent > seen_narrow(half_width_rad) else cls(20, 14, 10)
+
+
+def seen_narrow(half_width_rad: float) -> float:
+    """Tangent of the angle to its axis beyond which a beam is a narrow part of what is seen."""
+    return half_width_rad / _NARROW
 
 
 class SinglePaths(NamedTuple):
@@ -79,7 +85,6 @@ class TabledPaths(NamedTuple):
 
     Parameters
     ----------
-    table : EmissionTable
     onto : sparse array, shape (n_paths, n_table), m^-1
         Light on each path, or on those of one length together, from that in the table; in single precision,
         because there are hundreds of thousands of paths.
@@ -89,7 +94,6 @@ class TabledPaths(NamedTuple):
         As those of `SinglePaths`.
     """
 
-    table: EmissionTable
     onto: csr_array
     shape: tuple[int, ...]
     water_m: Array
@@ -111,7 +115,7 @@ class TabledPaths(NamedTuple):
             shape=(len(weight) // around, len(table.theta)),
         )
         shape = (*paths.weight.shape[:-1], paths.weight.shape[-1] // around)
-        return cls(table, onto, shape, paths.water_m, paths.share)
+        return cls(onto, shape, paths.water_m, paths.share)
 
     def lit(self, intensity: Array) -> LitPaths:
         """With the light of a lamp, given its intensity at the angles of the table, relative to its axis."""
