@@ -24,7 +24,7 @@ from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, compose, refutation, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.found.left import ranked
-from lightfield.diagnosis.verdict.found.scattered_too import with_scattering
+from lightfield.diagnosis.verdict.found.scattered_too import in_light_of_photons, with_scattering
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
@@ -340,6 +340,8 @@ def _diagnose(
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         finding = finding.without_answer()
+    if diffuse == "trace":
+        finding = in_light_of_photons(prepared.problem, finding)
     also = with_scattering(prepared.problem, finding, seed) if diffuse == "trace" else None
     if also is not None:
         finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])

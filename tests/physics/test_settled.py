@@ -184,3 +184,17 @@ def test_between_walls_errors_know_of_scattering_that_is_not_told() -> None:
     assert verdict.detection_limits["scattering"].value > case.b, "it would have been seen otherwise"
     (told,) = (one for one in verdict.unnamed if one.effect == "scattering")
     assert told.in_errors and "water.absorption_per_m" in told.with_it
+
+
+@pytest.mark.slow
+def test_between_walls_errors_know_of_the_photons_of_what_scatters() -> None:
+    """Of the same water read again, and found to scatter: g was 12 of its errors off in the light that the
+    photons told."""
+    case = next(c for c in CASES if c.walls and not c.cdom)
+    verdict = diagnose(readings_of(case, 0, walk=False), case.believed).verdict
+    assert set(verdict.best_set) == {"wall_reflection", "scattering"}
+    numbers = verdict.ladder[-1].parameters
+    for path, true in case.truth.items():
+        if path in numbers:
+            assert abs(numbers[path].value - true) < 4 * (numbers[path].stderr or 0.0)
+            assert (numbers[path].stderr or 0.0) < 1.5 * numbers[path].value, "an error that says something"

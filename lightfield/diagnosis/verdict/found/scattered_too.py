@@ -4,6 +4,8 @@ Every water scatters, and between walls that reflect, light that was turned a li
 look nearly alike. A set without scattering then passes, and absorption, width and albedo carry what is
 scattered, by many errors that do not know of it. So the set is fitted with scattering too, in light that is
 traced there and under the errors which that light has: beside them the readings may hardly tell.
+
+Where the set scatters already its light, too, is that of photons, and its errors have to know it.
 """
 
 from __future__ import annotations
@@ -61,11 +63,32 @@ class WithScattering:
 
     def widened(self, best: Tried) -> Tried:
         """The set as it stands, with errors that reach what its values would be with scattering."""
-        there, errors = self.fit.values, dict(best.errors)
-        for path in best.fit.paths:
-            reach = np.hypot(self.errors[path], there[path] - best.fit.values[path])
-            errors[path] = float(np.fmax(errors.get(path, 0.0), reach))
-        return replace(best, errors=errors)
+        return _reaching(best, self.fit.values, self.errors)
+
+
+def in_light_of_photons(problem: Problem, finding: Finding) -> Finding:
+    """The finding; where its best set reflects and scatters, with errors that reach its values in that light.
+
+    In open water they change nothing: there scattered light is a bright and smooth part of the readings.
+    """
+    best = finding.best
+    if best is None or best.test is None or best.adequacy is None or problem.sample is not None:
+        return finding
+    if not can_follow(problem) or not _is_between_walls(problem, best.fit) or not scatters(problem, best.fit):
+        return finding
+    assert isinstance(best.test.whiten, Whitener)
+    found = in_uncertain_light(problem, best.explanation, best.test.whiten, best.fit.u)
+    wider = _reaching(best, found.fit.values, found.stderr(best.adequacy.phi))
+    return replace(finding, accepted=[wider, *finding.accepted[1:]])
+
+
+def _reaching(best: Tried, values: Mapping[str, float], errors: Mapping[str, float]) -> Tried:
+    """A set as it stands, with errors that reach these values with theirs."""
+    wider = dict(best.errors)
+    for path in best.fit.paths:
+        reach = np.hypot(errors[path], values[path] - best.fit.values[path])
+        wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
+    return replace(best, errors=wider)
 
 
 def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScattering | None:
@@ -77,7 +100,9 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
     if best is None or best.test is None or best.adequacy is None or problem.sample is not None:
         return None
     found = next((c for c in problem.candidates if _scatters(c) and _joins(c, best)), None)
-    if found is None or not can_follow(problem) or not _reflects(problem, best.fit):
+    if found is None or not can_follow(problem) or not _is_between_walls(problem, best.fit):
+        return None
+    if scatters(problem, best.fit):
         return None
     (free,) = found.amplitudes
     candidate = replace(found, amplitudes=(replace(free, low=_LEAST_PER_M),), shapes=(), grid=((),))
@@ -111,6 +136,7 @@ def _joins(candidate: Candidate, best: Tried) -> bool:
     return new and all(candidate.effect.combines_with(c.effect) for c in best.explanation)
 
 
-def _reflects(problem: Problem, fit: Fit) -> bool:
+def _is_between_walls(problem: Problem, fit: Fit) -> bool:
+    """Do walls reflect, as fitted?"""
     scene = problem.forward.light.scene_at(fit.values, validate=False)
-    return scene.tank is not None and scene.tank.wall_albedo > 0 and not scatters(problem, fit)
+    return scene.tank is not None and scene.tank.wall_albedo > 0
