@@ -3,7 +3,8 @@
 Single and small-angle scattering (`formula.scattered`) tell never-reflected light to a per cent or so. A
 trace of the same lamp and water, not reweighed, tells what is left: a few polynomials in the logarithm of the
 distance and the angle to the axis, and in a tank, whose walls take what goes astray, in the direction
-from it. The photons of a whole map stand behind each of these numbers, and the steps of a fit have no noise.
+from it and in the distance to them. The photons of a whole map stand behind each of these numbers, and the
+steps of a fit have no noise.
 """
 
 from __future__ import annotations
@@ -34,9 +35,17 @@ TRUNCATION = 0.002
 #: peaks on the axis, left 0.25 %, and up to 1 % on the axis far away. In four other waters what they leave is
 #: the photons' noise: chi-square 42 to 77 of 60 rings (benchmarks/scattering_fits).
 _TERMS = (3, 4)
-#: Fewer of them, without direction at the end, where lit cells are too few to tell them apart: the beam is
-#: narrow and readings lie far beside it.
-_FEWER = ((_TERMS, True), (_TERMS, False), ((2, 2), False), ((2, 1), False), ((1, 1), False))
+#: Terms of a tank: the direction from the axis has three, walls near by one more.
+_DIRECTION, _WALLS = 3, 4
+#: Beside a wall that light is missing which would come from behind it: by exp(-d/m), growing with the square
+#: of the distance. In five tanks of 1 to 3.66 m (half widths of 4 to 20 degrees, b 0.15 to 1 per m, g 0.9 to
+#: 0.97) chi-square of cells falls from 1.2 to 1.9 to 1.1 to 1.4, as with 0.3 m; within 0.15 m of a wall at
+#: the far end 0.3 to 1.1 % of scattered light were missing, and up to 0.2 % are. Cells nearer than three of
+#: it tell it.
+_BESIDE_WALL_M, _NEAR_WALL = 0.2, 3.0
+#: Fewer of them, without those of the tank at the end, where lit cells are too few to tell them apart: the
+#: beam is narrow and readings lie far beside it.
+_FEWER = ((_TERMS, _WALLS), (_TERMS, _DIRECTION), (_TERMS, 0), ((2, 2), 0), ((2, 1), 0), ((1, 1), 0))
 #: Told apart are terms, each of length one over cells that count by their light, with no singular value below
 #: this (maps of the experiments have 0.03 to 0.6, of a tank 0.6 m deep read to 48 degrees 0.003). Chosen.
 _APART = 1e-2
@@ -64,8 +73,8 @@ class Ratio:
         Squared tangent of the largest angle.
     terms : (int, int)
         In distance and in angle.
-    in_tank : bool
-        With terms of the direction from the axis.
+    of_tank : int
+        More terms: of the direction from the axis, and of walls near by.
     value : array, shape (n_wavelengths, n_terms)
     root : array, shape (n_wavelengths, n_terms, n_terms)
         Its error: covariance = root @ root.T; all wavelengths share their photons.
@@ -75,14 +84,14 @@ class Ratio:
     span: tuple[float, float]
     most: float
     terms: tuple[int, int]
-    in_tank: bool
+    of_tank: int
     value: Array
     root: Array
     photons: int
 
     def basis(self, scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> Array:
         """The polynomials at places in front of a lamp, shape (n, n_terms)."""
-        return _basis(scene, (x_m, y_m, z_m), self.span, self.most, self.terms, self.in_tank)
+        return _basis(scene, (x_m, y_m, z_m), self.span, self.most, self.terms, self.of_tank)
 
 
 def traced_ratio(
@@ -173,7 +182,7 @@ def _basis(
     span: tuple[float, float],
     most: float,
     terms: tuple[int, int],
-    in_tank: bool,
+    of_tank: int,
 ) -> Array:
     along, tangent, aside, above = _around(scene, places)
     low, high = (np.log(v) for v in span)
@@ -182,10 +191,20 @@ def _basis(
     second = np.clip(2 * tangent / np.sqrt(most) - 1, -1, 1.2)
     by_z, by_angle = legvander(first, terms[0] - 1), legvander(second, terms[1] - 1)
     columns = [(by_z[:, :, None] * by_angle[:, None, :]).reshape(len(z), -1)]
-    if in_tank:
+    if of_tank:
         scale = np.sqrt(most)
-        columns.append(np.stack([aside / scale, above / scale, (aside**2 - above**2) / most], axis=1))
+        each = [aside / scale, above / scale, (aside**2 - above**2) / most]
+        if of_tank > _DIRECTION:
+            each.append(_beside_walls(scene, places) * (places[2] / span[1]) ** 2)
+        columns.append(np.stack(each, axis=1))
     return np.hstack(columns)
+
+
+def _beside_walls(scene: Scene, places: tuple[Array, Array, Array]) -> Array:
+    """One at a wall, at floor or surface, and less the farther from them, shape (n,)."""
+    assert scene.tank is not None
+    ends = [(at - low, high - at) for at, (low, high) in zip(places[:2], scene.tank.box_m[:2], strict=True)]
+    return np.asarray(sum(np.exp(-np.maximum(d, 0) / _BESIDE_WALL_M) for pair in ends for d in pair))
 
 
 def _fitted(
@@ -209,28 +228,32 @@ def _fitted(
             rule="water that scatters, and photons enough to reach the places",
             remedy="trace more photons, or where the water scatters",
         )
-    terms, in_tank, basis = _terms_told(scene, (x[lit], y[lit], z[lit]), known[0, lit], span, most)
+    terms, of_tank, basis = _terms_told(scene, (x[lit], y[lit], z[lit]), known[0, lit], span, most)
     value, root = _polynomials(
         traced[:, :, lit] / known[:, None, lit], basis, _sharing(terms, basis.shape[1])
     )
-    return Ratio(span, most, terms, in_tank, value, root, response.photons)
+    return Ratio(span, most, terms, of_tank, value, root, response.photons)
 
 
 def _terms_told(
     scene: Scene, cells: tuple[Array, Array, Array], light: Array, span: tuple[float, float], most: float
-) -> tuple[tuple[int, int], bool, Array]:
+) -> tuple[tuple[int, int], int, Array]:
     """As many terms as cells with this light tell apart, and the polynomials there, (n_cells, n_terms)."""
     by_distance = span[1] > 1.001 * span[0]
-    for (along, across), directed in _FEWER:
-        terms, in_tank = (along if by_distance else 1, across), directed and scene.tank is not None
-        basis = _basis(scene, cells, span, most, terms, in_tank)
+    tank = scene.tank
+    alone = tank is None or _beside_walls(scene, cells).max() < np.exp(-_NEAR_WALL)
+    for (along, across), more in _FEWER:
+        if alone and more == _WALLS:
+            continue
+        terms, of_tank = (along if by_distance else 1, across), 0 if tank is None else more
+        basis = _basis(scene, cells, span, most, terms, of_tank)
         seen = basis * np.sqrt(light)[:, None]  # as photons tell the cells
         length = np.linalg.norm(seen, axis=0)
         if len(basis) <= basis.shape[1] or not np.all(length > 0):
             continue
         if np.linalg.svd(seen / length, compute_uv=False)[-1] > _APART:
             break
-    return terms, in_tank, basis
+    return terms, of_tank, basis
 
 
 def _in_cells(scene: Scene, grid: Grid, x: Array, y: Array, z: Array, a: Array, b: Array) -> Array:

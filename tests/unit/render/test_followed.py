@@ -46,7 +46,7 @@ class FakeResponse:
 
 def ratio(value: float, root: float, photons: int) -> Ratio:
     """The same at every place, with one error for all."""
-    return Ratio((3.0, 5.0), 0.1, (1, 1), False, np.array([[value]]), np.array([[[root]]]), photons)
+    return Ratio((3.0, 5.0), 0.1, (1, 1), 0, np.array([[value]]), np.array([[[root]]]), photons)
 
 
 def followed(*traced: Ratio) -> FollowedLight:
