@@ -34,6 +34,9 @@ from lightfield.fitting.least_squares import Fit
 _SETTLED = 3
 #: Where nothing was accepted, so many that came nearest are given another chance.
 _TRIED_ANEW = 1
+#: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale
+#: with noise that was judged beside other light. Chosen.
+_NEARLY = 0.1
 #: The effect by which clear water scatters, and the gap in cost below which it is tried in place of another.
 #: Chosen: settled it cost 21 less, once, than the search had known, and 46 less another time.
 _IN_PLACE, _WITHIN = "scattering", 60.0
@@ -224,11 +227,27 @@ def _accepted(
         fewest = min((len(t.explanation) for t in passing), default=0)
         passing = [t for t in passing if len(t.explanation) == fewest]
     passing = _named_first(passing)
+    if passing and not finding.beyond_two:
+        passing += _nearly(now(finding.tried), passing[0], alpha)
     size = len(passing[0].explanation) if passing else None
     weights = with_base(passing, finding.level, finding.n) if passing else []
     best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
     after = replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
     return best, _with_evidence(after)
+
+
+def _nearly(tried: list[Tried], best: Tried, alpha: float) -> list[Tried]:
+    """What misses the level narrowly, with no more effects, and costs less than the best that passes.
+
+    A test that one passes by a hair and the other fails by one does not tell them apart.
+    """
+    near: dict[tuple[str, ...], Tried] = {}
+    for one in sorted(tried, key=lambda t: t.bic):
+        narrowly = one.adequacy is not None and one.adequacy.passes(_NEARLY * alpha) and not one.at_edge
+        no_more = len(one.explanation) <= len(best.explanation) and one.bic < best.bic
+        if narrowly and no_more and not one.accepted(alpha):
+            near.setdefault(one.names, one)
+    return list(near.values())
 
 
 def _named_first(passing: list[Tried]) -> list[Tried]:

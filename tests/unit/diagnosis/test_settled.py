@@ -316,3 +316,17 @@ def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> No
     )
     problem = SimpleNamespace(forward=SimpleNamespace(light=light))
     assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)
+
+
+def test_what_fails_by_a_hair_and_costs_less_keeps_an_answer_from_being_alone(found: Diagnosis) -> None:
+    """Of b = 0.4 per m beside walls of 0.35 a drift and a background passed at 0.012, and were identified,
+    where walls with scattering failed at 0.010 and cost less."""
+    best = found.finding.accepted[0]
+    assert best.adequacy is not None
+
+    def other(p: float, cheaper: float) -> Tried:
+        return replace(best, bic=best.bic - cheaper, adequacy=replace(best.adequacy, p=p))
+
+    hair, far, dear, passes = other(0.009, 1.6), other(0.0009, 1.6), other(0.009, -1.6), other(0.02, 1.6)
+    assert module._nearly([far, dear, passes, hair], best, 0.01) == [hair]
+    assert module._nearly([far, dear], best, 0.01) == []
