@@ -140,12 +140,13 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     for light, kinds in lights:
         if not any(kind in light.kinds for kind in kinds):
             continue
-        beams, _, rows = light.trace()
+        traced = light.trace()
+        beams, rows = traced.beams, traced.rows
         shares = light.between_g.shares(scene)
         for kind in kinds:
             if kind in light.kinds and kind in beams.rows_of:
                 mine = beams.rows_of[kind]
-                tallies = beams.contracted(kind, scene.lamp)
+                tallies = beams.at_cells(beams.contracted(kind, scene.lamp))
                 several = len(tallies) > 1
                 mean = np.tensordot(light.between_g.part, tallies, axes=1) if several else tallies[0]
                 wanted = np.tensordot(shares, tallies, axes=1) if several else None

@@ -167,18 +167,17 @@ def _light(trace: DirectedTrace, keeper: Keeper, walls: csr_array, ratios: csr_a
     def tell() -> Traced:
         stored, images = keeper.of(trace), trace.images
         histories = np.asarray(stored["histories"], int)
-        rows = TransportResponse(
-            np.zeros((1, 0, 0)),
-            histories,
-            stored["excess_m"],
-            straight_path(trace.scene, trace.grid),
-            trace.reference,
-            max(trace.photons),
+        straight = straight_path(trace.scene, trace.grid)
+        rows, rows_of_kept = (
+            TransportResponse(
+                np.zeros((1, 0, 0)), histories, stored["excess_m"], way, trace.reference, max(trace.photons)
+            )
+            for way in (straight, straight.ravel()[images.kept])
         )
         sent = Sent(np.asarray(stored["density"], float), trace.scene.lamp)
         z = trace.grid.centres()[2].ravel()
         beams = BeamTallies(list(stored["tallies"]), histories, trace.beam_nodes, sent, z, images, walls)
-        return Traced(beams, stored["relative_stderr"] * images.error, rows)
+        return Traced(beams, stored["relative_stderr"] * images.error, rows, rows_of_kept)
 
     shape = SHAPES.get(trace.scene.water.phase.type, SHAPES["henyey-greenstein"])
     between = BetweenG(trace.shapes, np.array(trace.photons) / sum(trace.photons), ratios, shape)

@@ -40,13 +40,18 @@ class Traced(NamedTuple):
         One per node of g.
     relative_stderr : array, shape (n_g, 5, n_cells)
         Monte Carlo error of each class of light (see `light_classes`) before any smoothing.
-    rows : TransportResponse
-        Histories of the rows, with an empty tally.
+    rows, rows_of_kept : TransportResponse
+        Histories of the rows, with an empty tally, over all cells, and over those that the tallies keep.
     """
 
     beams: BeamTallies
     relative_stderr: Array
     rows: TransportResponse
+    rows_of_kept: TransportResponse
+
+    def over(self, tallies: Array) -> TransportResponse:
+        """The histories over the cells of contracted tallies, see `BeamTallies.contracted`."""
+        return self.rows if tallies.shape[2] == self.rows.straight_m.size else self.rows_of_kept
 
 
 @dataclass(frozen=True)
@@ -91,33 +96,36 @@ class TracedLight:
         ]
         if not lit:
             return {}
-        beams, relative_stderr, rows = self.trace()
+        traced = self.trace()
+        beams, rows = traced.beams, traced.rows
         within, average = within_band(scene)
         absorption, scattering = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
         ones, reference = np.ones_like(absorption), self.reference
         change = absorption + scattering - reference.absorption_per_m - reference.scattering_per_m
-        along = np.exp(-change[:, None] * rows.straight_m)
         shares = self.between_g.shares(scene)
         out = {}
         for kind in (k for k in lit if k in beams.rows_of):
             mine = beams.rows_of[kind]
             water = absorption, scattering, rho * ones, surface * ones
             tallies = beams.contracted(kind, scene.lamp)
+            lit_by = traced.over(tallies)
+            along = np.exp(-change[:, None] * lit_by.straight_m)
 
-            def at_nodes(light: Array) -> Array:
-                return np.asarray(average @ (light * along).reshape(len(light), len(a), len(within), -1))
+            def at_nodes(light: Array, along: Array = along) -> Array:
+                each = (light * along).reshape(len(light), len(a), len(within), -1)
+                return np.asarray(beams.at_cells(average @ each))
 
-            found = at_nodes(rows.weighed(tallies, *water, mine))
+            found = at_nodes(lit_by.weighed(tallies, *water, mine))
             value, passed_on = self.between_g.light(found, shares, errors)
             uncertain: Array = np.zeros_like(value)
             if errors:
-                found = at_nodes(rows.uncertain(tallies, *water, mine))
+                found = at_nodes(lit_by.uncertain(tallies, *water, mine))
                 uncertain, _ = self.between_g.light(found, shares, False)
             noises = []
             weights = rows.row_weights(*water, mine) if errors else np.zeros((0, 0))
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
-                own = relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
+                own = traced.relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
                 noises.append(TraceErrors(passed, own, beams.images.orbits))
             out[kind] = ClassLight(value, noises, uncertain)
         return out

@@ -81,9 +81,15 @@ class BeamTallies:
         """Tallies of one class of light, contracted with a beam, shape (n_g, n_rows, n_cells).
 
         Of one g for light that knows none. With `squares` the sum over photons of squared contributions, up
-        to a constant.
+        to a constant. Of a round beam's light that met no wall only the cells that `images` keeps, shape
+        (n_g, n_rows, n_kept): mirror images are alike; see `at_cells`.
         """
         return self._contracted(kind, squares, BEAM(lamp))
+
+    def at_cells(self, found: Array) -> Array:
+        """What was found from contracted tallies, of shape (..., n_kept) or (..., n_cells), in every cell."""
+        place = self.images.place
+        return found if found.shape[-1] == len(place) else found[..., place]
 
     @cached_property
     def _contracted(self) -> Callable[[int, bool, Beam], Array]:
@@ -92,17 +98,17 @@ class BeamTallies:
         return lru_cache(int(np.clip(KEPT_BYTES / largest, FEWEST_BEAMS, KEPT_BEAMS)))(self._contract)
 
     def _contract(self, kind: int, squares: bool, beam: Beam) -> Array:
-        lamp = _lamp_with(beam)
-        shape = self._known_g(kind), len(self.rows_of[kind]), len(self.cell_z_m)
-        contracted = np.empty(shape, np.float32)
+        lamp, parts = _lamp_with(beam), []
         for stretch, cells in self._stretches(lamp.apparent_distance_m):
             values = self._coefficients(BEAM(lamp), stretch) / stretch**2
             if squares:
                 per_ring = values.reshape(self.beam_nodes.nodes.n_theta, -1)
                 values = (per_ring**2 / self.sent.density[:, None]).ravel()
-            contracted[:, :, cells] = self._of_beam(kind, values.astype(np.float32), cells)
+            parts.append(self._of_beam(kind, values.astype(np.float32), cells))
+        contracted = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=2)  # plane by plane
         if kind in FROM_WALLS:
-            contracted = (self._smoother @ contracted.reshape(-1, shape[-1]).T).T.reshape(shape)
+            every = self.at_cells(contracted)
+            contracted = (self._smoother @ every.reshape(-1, every.shape[-1]).T).T.reshape(every.shape)
         return contracted
 
     @cached_property
@@ -118,24 +124,25 @@ class BeamTallies:
 
         Returns
         -------
-        array, shape (n_g, n_rows, n_cells)
+        array, shape (n_g, n_rows, n_cells), for one per ring (n_g, n_rows, n_kept)
         """
         nodes, place, flipped = self.beam_nodes.nodes, self.images.place[cells], self.images.flipped[cells]
         of_rings = len(values) == nodes.n_theta
         # What a beam brings to a mirror image is what the mirrored beam brings.
         if of_rings:
-            which, beams = np.zeros(len(place), int), values[None]
+            beams = values[None]
         else:
             flips, which = np.unique(flipped @ (2, 1), return_inverse=True)
             beams = np.stack([values[nodes.mirrored(bool(f // 2), bool(f % 2))] for f in flips])
         rows = self.rows_of[kind]
         kept = slice(int(place.min()), int(place.max()) + 1)
-        out = np.empty((self._known_g(kind), len(rows), len(place)), np.float32)
+        shape = self._known_g(kind), len(rows), kept.stop - kept.start if of_rings else len(place)
+        out = np.empty(shape, np.float32)
         for g, tally in zip(out, self._of_rings if of_rings else self.tallies, strict=False):
             some = tally[:, rows[0] : rows[-1] + 1]
             # Row by row, without a copy of the tallies of one class.
             found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
-            g[:] = found[which, :, place - kept.start].T
+            g[:] = found[0] if of_rings else found[which, :, place - kept.start].T
         return out
 
     def _known_g(self, kind: int) -> int:
@@ -188,7 +195,8 @@ class BeamTallies:
         squares = np.maximum(self.contracted(kind, lamp, squares=True)[index], 0)
         products = (weights[:, None] * weights) @ squares
         sums = total[:, None] * total
-        return np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
+        found = np.divide(products, sums, out=np.zeros_like(sums), where=np.abs(sums) > 1e-60)
+        return self.at_cells(found)
 
     def _stretches(self, apparent_distance_m: float) -> list[tuple[float, slice]]:
         """Factor on the beam's angles at each plane, and its cells; or at all of them.

@@ -11,7 +11,11 @@ from scipy.sparse import eye_array
 
 from lightfield.render.diffuse.between_g import BetweenG
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
-from lightfield.render.response.response import Reference
+from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.beam_tallies import BeamTallies, Sent
+from lightfield.render.response.grid import angle_nodes, positions_grid, straight_path
+from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.symmetry import mirror_images
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict({"water": {"scattering_per_m": 0.1}, "tank": {"wall_albedo": 0.2}})
@@ -68,3 +72,32 @@ def test_light_that_a_surface_reflects_is_of_the_trace_under_it(
     found = water.classes(scene, WATER, WATER, errors=True)
     assert {kind for kind, name in found.items() if name == "own"} == own
     assert {kind for kind, name in found.items() if name == "under"} == under
+
+
+def test_light_of_a_round_beam_is_worked_out_in_one_of_mirror_images() -> None:
+    """And is in all of them, with its errors, that of a beam which a tilt of 1e-7 degrees makes not round."""
+    across = np.linspace(-0.6, 0.6, 5)
+    z, y, x = (v.ravel() for v in np.meshgrid([4.5, 6.5], across, across, indexing="ij"))
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "water": {"scattering_per_m": 0.15}})
+    grid, nodes = positions_grid(x, y, z, 0.3), angle_nodes(4.0)
+    images, rng = mirror_images(scene, grid), np.random.default_rng(0)
+    histories, reference = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0)]), Reference(0.1, 0.1, 0.0)
+    tallies = [rng.random((nodes.size, 3, len(images.kept))).astype(np.float32) for _ in range(2)]
+    sent, even = Sent(np.ones(nodes.n_theta), scene.lamp), eye_array(len(x), format="csr")
+    straight = straight_path(scene, grid).ravel()
+    rows, rows_of_kept = (
+        TransportResponse(np.zeros((1, 0, 0)), histories, np.array([0.0, 0.1, 0.3]), way, reference, 1000)
+        for way in (straight, straight[images.kept])
+    )
+    beams = BeamTallies(tallies, histories, BeamNodes(nodes, 4.0), sent, z, images, even)
+    traced = Traced(beams, np.full((2, 5, len(x)), 0.01), rows, rows_of_kept)
+    light = TracedLight(lambda: traced, (0,), reference, BetweenG((0.87, 0.97), np.full(2, 0.5), even))
+    a, b = np.array([0.1, 0.3]), np.array([0.15, 0.05])
+    tilted = scene.with_values({"lamp.tilt_x_deg": 1e-7})
+    one, other = (light.classes(s, a, b, range(1), errors=True)[0] for s in (scene, tilted))
+    assert beams.contracted(0, scene.lamp).shape[2] == len(images.kept) < len(x)
+    assert beams.contracted(0, tilted.lamp).shape[2] == len(x)
+    np.testing.assert_allclose(one.value, other.value, rtol=1e-4)
+    np.testing.assert_allclose(one.uncertain, other.uncertain, rtol=1e-4)
+    for mine, its in zip(one.noises, other.noises, strict=True):
+        np.testing.assert_allclose(mine.roots, its.roots, rtol=1e-3)
