@@ -198,7 +198,7 @@ def trace_by_direction(
     asked = np.flatnonzero(np.isin(kinds, classes))
     # Of a round beam, as the traced one is; in single precision, as the tallies are.
     own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi).astype(np.float32)
-    total = np.zeros((len(histories), emission_nodes, len(images.kept)), np.float32)
+    every = np.zeros((len(histories), emission_nodes, setup.planes.cells), np.float32)
     parts = []
     for batch in range(DIRECTION_BATCHES):
         counts, _ = trace(
@@ -210,10 +210,12 @@ def trace_by_direction(
         )
         tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
         by_node = counts.reshape(len(histories), emission_nodes, -1)
-        images.add_folded(total, by_node, asked, beam_nodes.nodes)
+        every += by_node
         beam = (own @ by_node)[:, images.told_by]  # [n_rows, n_cells]
         parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
         del counts, by_node  # so that the next tally takes the memory of this one
+    total = np.zeros((len(histories), emission_nodes, len(images.kept)), np.float32)
+    images.add_folded(total, every, asked, beam_nodes.nodes)
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = shared_errors(mean, stderr)
