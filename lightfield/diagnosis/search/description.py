@@ -71,13 +71,14 @@ def describe(
     n = int(problem.keep.sum())
     few = np.random.default_rng(0).standard_normal((problem.layout.size, 2))
 
-    def test_under(whiten: Whitener) -> AdequacyTest:
-        return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: few, errors_stated)
+    def test_under(problem: Problem, whiten: Whitener) -> AdequacyTest:
+        noise = few[: problem.layout.size]
+        return AdequacyTest(problem, whiten, whitened_unknowns(problem, whiten), lambda: noise, errors_stated)
 
     def misses(test: AdequacyTest, fit: Fit) -> bool:
         return min(test(fit).tests.values()) < _MISSED
 
-    test = test_under(whiten)
+    test = test_under(problem, whiten)
     at_base = test(base)
     if min(at_base.tests.values()) > _MISSED:
         return Description((), base)
@@ -93,12 +94,10 @@ def describe(
     best, (own, fit) = near[i], judged[i]
     missing = problem.forward.light.to_trace([fit.values])
     poor = misses(test, best[1])
-    if poor and problem.sample is not None:  # what they miss all of them say, not a sample
-        own, fit = whiten, best[1]
-        if best[0][0].effect.diffuse:
-            own, fit = under_own_errors(problem, best[0], fit, whiten, rounds=1)
-            missing = problem.forward.light.to_trace([fit.values])
-    if poor and (own is whiten or misses(test_under(own), fit)):
+    if poor and best[0][0].effect.diffuse:  # for its few photons? Of many readings a sample tells.
+        some = problem if problem.sample is None else problem.sample[1]
+        poor = misses(test_under(some, own), fit)
+    if poor:
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
