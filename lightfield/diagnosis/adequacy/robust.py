@@ -49,6 +49,9 @@ _TOGETHER, _TOGETHER_PART = 3, 0.4
 #: Correlations considered, all equally likely beforehand. Of both signs: were none below 0, independent noise
 #: of 120 readings would on average pass for one of 0.13, and errors of fits be a tenth too large.
 RHO_GRID = np.linspace(-0.5, 0.95, 30)
+#: Correlations closer than this are one; whitened by one of 1e-3 in place of none chi-square is the same to
+#: 1e-3 of itself.
+SAME_RHO = 1e-3
 #: A correlation needs so many pairs of neighbours in the scan: its error is then 0.2.
 _FEWEST_PAIRS = 20
 #: Quantiles of a posterior in the middle of its fifths.
@@ -84,7 +87,8 @@ class Serial:
     Parameters
     ----------
     rho : float
-        Mean of the posterior, or 0 where that is less: noise that alternates is put down to chance.
+        Mean of the posterior, or 0 where that is less, or next to it: noise that alternates is put down to
+        chance.
     levels : tuple of float
         Equally likely values, 0 for those below, which stand for the posterior in simulations.
     """
@@ -220,7 +224,8 @@ def serial_correlation(
     weight = np.exp(np.array(evidence) - max(evidence))
     share = np.cumsum(weight) / weight.sum()
     levels = tuple(max(float(RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in _FIFTHS)
-    return Serial(max(float(weight @ RHO_GRID / weight.sum()), 0.0), levels)
+    rho = float(weight @ RHO_GRID / weight.sum())
+    return Serial(rho if rho > SAME_RHO else 0.0, levels)
 
 
 def _log_evidence(white: Array, stated: float | None) -> float:

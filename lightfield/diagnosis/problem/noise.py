@@ -95,13 +95,19 @@ class Noise:
         return np.where(gain > 0, stay, -1), gain
 
     @property
+    def has_modes(self) -> bool:
+        """Are there Monte Carlo errors?"""
+        return self.photon_modes is not None and bool(self.photon_modes.size)
+
+    @property
     def moved(self) -> Array:
         """Error by the place, which readings of one moment share, shape (n,)."""
         return self.budget.position_m * self.position_slope
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
-        if FEW < self.layout.size <= _KEPT_WHOLE:  # asked for twice: for its rank, and for the factor
+        if FEW < self.layout.size <= _KEPT_WHOLE and not self.has_modes:
+            # Asked for twice: for its rank, and for the factor.
             if tolerance not in self._whole:
                 every = np.arange(self.layout.size)
                 self._whole[tolerance] = self._smooth_between(every, every, tolerance)
@@ -121,7 +127,7 @@ class Noise:
                     shared *= np.where(one_channel, 1.0, share)
                 out += shared
             out *= lay.alike_among(a) if a is b else lay.alike(a, b)
-        if self.photon_modes is not None and self.photon_modes.size:
+        if self.has_modes:
             some = self._exact_modes[a]
             # Of one array with itself BLAS does half the work.
             out += some @ (some if a is b else self._exact_modes[b]).T
@@ -319,7 +325,7 @@ class Whitener:
     def _is_one(self, size: int) -> bool:
         """Do readings share so many errors that one block of them is as quick as many?"""
         noise, n = self.noise, self.noise.layout.size
-        if n <= _KEPT_WHOLE and noise.photon_modes is not None and noise.photon_modes.size:
+        if n <= _KEPT_WHOLE and noise.has_modes:
             return True
         return 2 * noise.smooth_columns(self.tolerance).shape[1] + size > n
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.robust import (
+    SAME_RHO,
     Serial,
     noise_scale,
     outliers,
@@ -50,8 +51,6 @@ _MET = 3.0
 _SPARE_FOR_SERIAL = 25
 #: Seeds of generators of their own.
 _SEEDS = 1 << 62
-#: Correlations closer than this are one.
-_SAME_RHO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -360,7 +359,7 @@ def judged(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> Ad
 def _with_serial(whiten: Whitener, serial: Serial, white: Array) -> Array:
     """Whitened noise, given the uncertainty of the serial correlation in place, shape (n, REPLICATES)."""
     for i, rho in enumerate(serial.levels):
-        if abs(rho - whiten.rho) > _SAME_RHO:
+        if abs(rho - whiten.rho) > SAME_RHO:
             mine = slice(i, None, len(serial.levels))
             other = Whitener(whiten.noise, rho, whiten.phi, whiten.tolerance)
             white[:, mine] = whiten(other.coloured(white[:, mine]))
