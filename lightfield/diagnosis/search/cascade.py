@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.pool.evidence import GAP
 from lightfield.diagnosis.search.pool.search import Many
-from lightfield.diagnosis.search.preparation import Bench, Prepared, bench
+from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
 from lightfield.diagnosis.search.progress import SILENT, Progress
 from lightfield.diagnosis.search.search import (
     Fitted,
@@ -150,10 +150,7 @@ class Finding:
 
 def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:
     """The base model, fitted and tested at one tolerance."""
-    made, problem = bench(prepared, tolerance, rng), prepared.problem
-    starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
-    base = problem.fit((), made.whiten, starts)
-    return Level(tolerance, made, base, made.test(base))
+    return Level(tolerance, *base_at(prepared, tolerance, rng))
 
 
 def level_for(level: Level) -> float:

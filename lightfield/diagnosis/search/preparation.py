@@ -29,7 +29,7 @@ from lightfield.diagnosis.adequacy.robust import (
     unstated_error,
 )
 from lightfield.diagnosis.adequacy.scale import scale_along
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, AdequacyTest
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener
@@ -80,6 +80,11 @@ class Prepared:
         return {}
 
     @cached_property
+    def bases(self) -> dict[float, TestedBase]:
+        """The base model of many readings by tolerance, once it is tested."""
+        return {}
+
+    @cached_property
     def richest(self) -> tuple[Whitener, Fit, Array]:
         """Whitening by the quoted errors alone, the description under it, and the rich model there."""
         noise = replace(self.noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
@@ -96,6 +101,14 @@ class Bench:
     test: AdequacyTest
     unknowns: Mapping[str, Array]
     phi: float
+
+
+class TestedBase(NamedTuple):
+    """The base model, fitted and tested."""
+
+    bench: Bench
+    fit: Fit
+    adequacy: Adequacy
 
 
 class Kept(NamedTuple):
@@ -190,10 +203,20 @@ def prepare_problem(
 
 
 def _base_passes(prepared: Prepared, rng: np.random.Generator, alpha: float) -> bool:
-    made = bench(prepared, 0.0, rng)
-    problem = prepared.problem
+    return base_at(prepared, 0.0, rng).adequacy.passes(alpha)
+
+
+def base_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> TestedBase:
+    """The base model, fitted and tested at one tolerance; that of many readings once."""
+    if tolerance in prepared.bases:
+        return prepared.bases[tolerance]
+    made, problem = bench(prepared, tolerance, rng), prepared.problem
     starts = [problem.model().start, prepared.reference.u[: len(problem.base)]]
-    return made.test(problem.fit((), made.whiten, starts)).passes(alpha)
+    fit = problem.fit((), made.whiten, starts)
+    tested = TestedBase(made, fit, made.test(fit))
+    if problem.sample is not None:
+        prepared.bases[tolerance] = tested
+    return tested
 
 
 def _beside_base(problem: Problem, quoted: Array, by_effects: bool) -> Kept:

@@ -23,7 +23,7 @@ from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
 from lightfield.diagnosis.search import search as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
-from lightfield.diagnosis.search.preparation import bench
+from lightfield.diagnosis.search.preparation import base_at, bench
 from lightfield.diagnosis.search.profile import profiled
 from lightfield.diagnosis.search.rivals import nearest_rival
 from lightfield.diagnosis.search.search import Tried, at_lowest_minima, bic
@@ -184,6 +184,18 @@ def test_fits_that_a_sample_leads_end_where_those_of_all_readings_do(many: None)
         if not far:
             assert some.chi2 == pytest.approx(every.chi2, abs=1e-2)
             assert some.u == pytest.approx(every.u, abs=1e-3)
+
+
+def test_the_base_model_of_many_readings_is_tested_once(many: None) -> None:
+    """What preparation has asked the search is told; few readings are drawn anew, with another p."""
+    made = toy()
+    prepared = made.prepared(made.drawn(np.random.default_rng(2), odd=3.0))
+    rng = np.random.default_rng(0)
+    first = base_at(prepared, 0.0, rng)
+    assert base_at(prepared, 0.0, rng) is first
+    few = made.prepared(in_full(prepared.problem))
+    one, other = (base_at(few, 0.0, rng) for _ in range(2))
+    assert one is not other and one.fit.chi2 == other.fit.chi2 == pytest.approx(first.fit.chi2)
 
 
 @pytest.mark.parametrize("strength", [0.02, 0.3, 3.0])
