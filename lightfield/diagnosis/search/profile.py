@@ -22,7 +22,7 @@ ROUGH_STEPS = 4
 #: Within so many standard errors of a minimum a sample is not asked whether it is far behind.
 _BESIDE = 2.1
 #: Chi-square, in units of the scale, by which a minimum must be lower to be another one.
-_LOWER = 0.1
+LOWER = 0.1
 #: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
 _ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
 
@@ -50,18 +50,20 @@ def restarted(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whit
     return other if other.chi2 < fit.chi2 else fit
 
 
-def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, far: bool) -> list[Fit]:
-    """Fits with one parameter held at points near its minimum, and over its whole range (`far`)."""
+def _along(
+    problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, far: bool, near: bool = True
+) -> list[Fit]:
+    """Fits with one parameter held at points near its minimum (`near`), and over its whole range (`far`)."""
     i = fit.paths.index(path)
     parameter = fit.model.parameters[i]
     sigma = float(np.sqrt(fit.covariance(phi)[i, i]))
-    known = np.isfinite(sigma)
+    known = near and bool(np.isfinite(sigma))
     grid = np.linspace(parameter.low, parameter.high, _POINTS) if far or not known else np.zeros(0)
     if known:
         grid = np.r_[grid, fit.u[i] + sigma * np.array([-2.0, -1.0, 1.0, 2.0])]
     grid = np.unique(np.clip(grid, parameter.low, parameter.high))
     led, out = _leader(problem, fit, whiten), list[Fit]()
-    near = _BESIDE * sigma if known else 0.0
+    beside = _BESIDE * sigma if known else 0.0
     for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
         row = [fit]
         for value in side:
@@ -69,7 +71,7 @@ def _along(problem: Problem, fit: Fit, whiten: Whiten, path: str, phi: float, fa
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
             start, steps = row[-1].u, _STEPS
-            if abs(value - fit.u[i]) > near:
+            if abs(value - fit.u[i]) > beside:
                 start, steps = led(model, start)
             row.append(least_squares(model, problem.value, whiten, start, problem.keep, steps, _LEFT))
         chi2 = [f.chi2 for f in row] + [np.inf]
@@ -103,6 +105,21 @@ def _leader(problem: Problem, fit: Fit, whiten: Whiten) -> Callable[[Model, Arra
     return led
 
 
+def lowest(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
+    """The fit, or a better one in another valley over the shapes."""
+    points = [
+        there
+        for candidate in explanation
+        for shape in candidate.shapes
+        for there in _along(problem, fit, whiten, shape.path, 1.0, far=True, near=False)
+    ]
+    best = min(points, key=lambda f: f.chi2, default=fit)
+    if best.chi2 > fit.chi2 - LOWER:
+        return fit
+    other = problem.fit(explanation, whiten, [best.u])
+    return other if other.chi2 < fit.chi2 else fit
+
+
 def profiled(
     problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten, phi: float, far: bool = True
 ) -> tuple[Fit, Mapping[str, float]]:
@@ -129,7 +146,7 @@ def profiled(
     for _ in range(2 if shapes else 0):
         points = [there for path in shapes for there in _along(problem, fit, whiten, path, phi, far)]
         lowest = min(points, key=lambda f: f.chi2)
-        if lowest.chi2 > fit.chi2 - _LOWER * phi:
+        if lowest.chi2 > fit.chi2 - LOWER * phi:
             break
         other = problem.fit(explanation, whiten, [lowest.u])
         fit = other if other.chi2 < fit.chi2 else fit

@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import on_sample
-from lightfield.diagnosis.search.profile import ROUGH_STEPS, profiled, restarted
+from lightfield.diagnosis.search.profile import LOWER, ROUGH_STEPS, lowest, profiled, restarted
 from lightfield.fitting.least_squares import Fit
 
 Fitted = tuple[Explanation, Fit]
@@ -363,7 +363,7 @@ def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
             phi, whiten = one.adequacy.phi, one.test.whiten
             followed = problem.sample is not None and can_follow(problem) and scatters(problem, one.fit)
             if followed and isinstance(whiten, Whitener):
-                fit, errors = _lowest_of_sample(problem, one, whiten), one.errors
+                fit, errors = _lowest_of_sample(problem, one, whiten, phi), one.errors
             else:
                 fit, errors = profiled(problem, one.explanation, one.fit, whiten, phi)
             gain = (one.fit.chi2 - fit.chi2) / phi
@@ -373,14 +373,14 @@ def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
     return sorted(out, key=lambda t: t.bic)
 
 
-def _lowest_of_sample(problem: Problem, one: Tried, whiten: Whitener) -> Fit:
+def _lowest_of_sample(problem: Problem, one: Tried, whiten: Whitener, phi: float) -> Fit:
     """The fit, or a better one where a sample has a lower minimum over the shapes."""
     some, there, own = on_sample(problem, one.explanation, one.fit, whiten)
-    lowest, _ = profiled(some, one.explanation, there, own, 1.0)
-    if lowest is there:
+    other = lowest(some, one.explanation, there, own)
+    if other is there:
         return one.fit
-    other = problem.fit(one.explanation, whiten, [lowest.u])
-    return other if other.chi2 < one.fit.chi2 else one.fit
+    every = problem.fit(one.explanation, whiten, [other.u])
+    return every if every.chi2 < one.fit.chi2 - LOWER * phi else one.fit
 
 
 def weights(explanations: list[Tried]) -> list[float]:

@@ -121,7 +121,7 @@ def _settled(
         own = _in_light(now.problem, traced)
         before = now.fit.u
         # Many readings are fitted from where a sample has led, and that leads on: errors are known nearly.
-        rounds = 1 if of_many and k > 0 else 2
+        rounds = 1 if of_many and (k > 0 or first > 0) else 2
         whiten, fit = under_own_errors(own, explanation, now.fit, now.whiten, rounds)
         if k == 0 and fit.away_from(before) > _FAR:
             fit = restarted(own, explanation, fit, whiten)
