@@ -124,11 +124,16 @@ class Diagnosis:
         """
         problem, verdict = self.prepared.problem, self.verdict
         photons, precision, floor = min(FRESH_PHOTONS, max_photons), REL_ERROR, self._floor_percent
-        fresh, stderr = self._rendered_percent(photons, precision)
+        light, error = self._rendered(photons, precision, 1)
+        fresh, stderr = self._off_percent(light, error)
         if stderr > _PRECISE * floor > 0 and photons < max_photons:
-            more = (stderr / (_PRECISE * floor)) ** 2
-            photons, precision = min(more * photons, max_photons), max(precision / np.sqrt(more), _FINEST)
-            fresh, stderr = self._rendered_percent(photons, precision)
+            # What it lacks is traced with other random numbers, and both count by their photons.
+            more = (stderr / (_PRECISE * floor)) ** 2 - 1
+            photons = min(more * photons, max_photons - photons)
+            other, its = self._rendered(photons, max(precision / np.sqrt(1 + more), _FINEST), 2)
+            share = 1 / (1 + (self._off_percent(other, its)[1] / stderr) ** 2)
+            light, error = (1 - share) * light + share * other, np.hypot((1 - share) * error, share * its)
+            fresh, stderr = self._off_percent(light, error)
         counted = bright(problem)
         last = verdict.ladder[-1].model_copy(
             update={"rendered_error_percent": finite(fresh), "rendered_stderr_percent": finite(stderr)}
@@ -155,12 +160,15 @@ class Diagnosis:
         value = self.prepared.problem.value[counted]
         return rms_over(self.sigma[counted], value)
 
-    def _rendered_percent(self, photons: float, precision: float) -> tuple[float, float]:
+    def _rendered(self, photons: float, precision: float, seed: int) -> tuple[Array, Array]:
+        """Light of a fresh render of the last rung, and its error, both of shape (n,)."""
+        return rendered_light(
+            self.scene, self.readings, seed=seed, rel_error=precision, max_photons=photons, symmetry=True
+        )
+
+    def _off_percent(self, light: Array, error: Array) -> tuple[float, float]:
         """Error of a fresh render of the last rung against the readings, and its own, in per cent."""
         problem, values = self.prepared.problem, self.steps[-1].fit.values
-        light, error = rendered_light(
-            self.scene, self.readings, rel_error=precision, max_photons=photons, symmetry=True
-        )
         model, up = self.forward.read(light, values), self.forward.read(light + error, values)
         counted = bright(problem)
         return percent(problem, model, counted), rms_over((up - model)[counted], model[counted])

@@ -89,21 +89,25 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
     assert not any("does not confirm" in w for w in found.verdict.warnings)
 
 
-def test_a_render_too_coarse_to_object_is_made_again_with_more_photons(found: Diagnosis, monkeypatch) -> None:
-    """The first one is off by its error of 10 %, a second with enough photons confirms the fit."""
+def test_a_render_too_coarse_to_object_is_given_more_photons(found: Diagnosis, monkeypatch) -> None:
+    """The first one has an error of 10 %; what a second adds counts with it, each by its photons."""
     r, asked = found.readings, []
     light = direct_field(found.scene, r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.medium)
 
-    def rendered(*_: object, max_photons: float, rel_error: float, **__: object):
-        asked.append((max_photons, rel_error))
+    def rendered(*_: object, max_photons: float, rel_error: float, seed: int, **__: object):
+        asked.append((max_photons, rel_error, seed))
         error = 0.1 * light * np.sqrt(FRESH_PHOTONS / max_photons)
         return light, error
 
     monkeypatch.setattr("lightfield.diagnosis.diagnose.rendered_light", rendered)
+    coarse = found.rendered(FRESH_PHOTONS).verdict.ladder[-1].rendered_stderr_percent
+    asked.clear()
     last = found.rendered().verdict.ladder[-1]
-    assert [photons for photons, _ in asked] == [FRESH_PHOTONS, MOST_FRESH_PHOTONS]
-    assert asked[1][1] < asked[0][1]
-    assert last.rendered_stderr_percent is not None and last.rendered_stderr_percent < 4
+    assert [photons for photons, *_ in asked] == [FRESH_PHOTONS, MOST_FRESH_PHOTONS - FRESH_PHOTONS]
+    assert asked[1][1] < asked[0][1] and asked[1][2] != asked[0][2]
+    together = np.sqrt(FRESH_PHOTONS / MOST_FRESH_PHOTONS)
+    assert coarse is not None and coarse > 5
+    assert last.rendered_stderr_percent == pytest.approx(coarse * together, rel=1e-3)
 
 
 def test_an_effect_that_the_scene_has_is_not_found_again(found: Diagnosis) -> None:
