@@ -1,4 +1,5 @@
-"""`lightfield demo`, shortened: fewer photons for the tow tank, no traces and one effect for the stories.
+"""`lightfield demo`, shortened: fewer photons for the tow tank, a quarter of the cells of its maps, no traces
+and one effect for the stories.
 
 Figures are made, but not drawn into the pages or beside them, which would take half of the time: the commands
 of the README and the tests of each page do that.
@@ -9,6 +10,7 @@ experiment, and their paths as the last lines.
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -27,11 +29,17 @@ def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
         fits = line.startswith("compare") and "data.csv" in line
         return line if fits else line + SHORTER[line.split()[0]]
 
+    scenes = tmp_path / "scenes"
+    shutil.copytree(SCENES, scenes)
+    tank = scenes / "unh_tow_tank" / "scene.toml"
+    whole = tank.read_text(encoding="utf-8")
+    assert "pixels = 65" in whole
+    tank.write_text(whole.replace("pixels = 65", "pixels = 33"), encoding="utf-8")
     short = {name: tuple(shorter(line) for line in lines) for name, lines in demo.EXPERIMENTS.items()}
     monkeypatch.setattr(demo, "EXPERIMENTS", short)
     monkeypatch.setattr("lightfield.report.page.to_svg", lambda drawing, name: f"<svg>{name}</svg>")
     monkeypatch.setattr("lightfield.report.compare.page.save_png", lambda drawing, path: path)
-    assert main(["demo", "--scenes", str(SCENES), "-o", str(tmp_path / "my demo")]) == 0
+    assert main(["demo", "--scenes", str(scenes), "-o", str(tmp_path / "my demo")]) == 0
     printed = capsys.readouterr().out
     reports = [tmp_path / "my demo" / name / "index.html" for name in short]
     assert printed.splitlines()[-len(reports) :] == [f"report: {report}" for report in reports]
