@@ -340,6 +340,14 @@ def worker_name() -> str:
 
 
 def peak_bytes() -> int:
-    """Most memory that this process has held, in bytes."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
+    """Most memory that this process has held, in bytes.
+
+    Linux hands ``ru_maxrss`` on to whatever a process starts: a small worker of a large parent reports the
+    parent's. Its own is the high-water mark of its own memory (proc(5), VmHWM).
+    """
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return next(int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmHWM:"))
+    except (OSError, StopIteration):
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak if sys.platform == "darwin" else peak * 1024
