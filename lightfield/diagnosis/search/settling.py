@@ -21,9 +21,8 @@ from lightfield.scene import Scene
 
 #: Traces of an explanation at most. Chosen: most take two or three.
 _ROUNDS = 4
-#: By what factor photons grow from one trace to the next, and where the ratio's own noise widens an error; no
-#: trace has more.
-_MORE, _MANY_MORE, _MOST_PHOTONS = 2.0, 3.0, 1.2e7
+#: Photons of one trace at most.
+_MOST_PHOTONS = 1.2e7
 #: A fit is settled when no parameter will move by this part of its error, and photons widen no error by this
 #: one. Of a move the next is some so much at most: 0.02 to 0.2 of moves by 2.8 to 33 errors, in the waters of
 #: benchmarks/scattering_fits, with what the photons' noise moves.
@@ -135,7 +134,7 @@ def _settled(
             break
         if not scatters(own, fit):
             break  # clear water has no light to trace
-        photons = min(photons * (_MANY_MORE if widened > _WIDENED else _MORE), _MOST_PHOTONS)
+        photons = _enough(sum(ratio.photons for _, _, ratio in traced), widened, photons)
     return now, traced
 
 
@@ -144,6 +143,15 @@ def _under_its_noise(now: Settled, explanation: Explanation, judge: Judge) -> Se
     begun = whitening(noise, now.whiten.tolerance)
     whiten, fit = under_own_errors(noise.problem, explanation, now.fit, begun, rounds=1)
     return Settled(noise.problem, whiten, fit, noise)
+
+
+def _enough(traced: float, widened: float, last: float) -> float:
+    """Photons of the next trace: alone they would widen no error too much, and at least as many as the last.
+
+    So many have widened an error so much; its variance has a part that falls as 1 / photons.
+    """
+    wanted = traced * ((1 + widened) ** 2 - 1) / ((1 + _WIDENED) ** 2 - 1)
+    return min(max(wanted, last), _MOST_PHOTONS)
 
 
 def _widened(now: Settled) -> float:

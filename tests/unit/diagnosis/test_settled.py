@@ -20,7 +20,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import settled as module
 from lightfield.diagnosis.search import settling
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.following import scatters
+from lightfield.diagnosis.search.following import PHOTONS, scatters
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.search import Data
@@ -94,9 +94,9 @@ def test_water_that_a_fit_has_cleared_is_not_traced_again(
     made, best = list[float](), found.finding.accepted[0]
     assert best.test is not None and isinstance(best.test.whiten, Whitener)
 
-    def ratio_at(light: object, values: object, photons: float, seed: int) -> tuple[None, None]:
+    def ratio_at(light: object, values: object, photons: float, seed: int) -> tuple[None, SimpleNamespace]:
         made.append(photons)
-        return None, None
+        return None, SimpleNamespace(photons=photons)
 
     for name, value in (
         ("ratio_at", ratio_at),
@@ -107,6 +107,18 @@ def test_water_that_a_fit_has_cleared_is_not_traced_again(
         monkeypatch.setattr(settling, name, value)
     settling.settle(found.prepared.problem, best.explanation, best.fit, best.test.whiten)
     assert len(made) == traces
+    assert made == [PHOTONS] * traces, "no photons widen an error"
+
+
+@pytest.mark.parametrize("widened", [0.3, 0.5, 1.0])
+def test_a_trace_has_the_photons_that_errors_lack(widened: float) -> None:
+    """An error of 1 without photons' noise, whose variance photons add to as one over their number."""
+    traced = 1e6
+    added = ((1 + widened) ** 2 - 1) * traced
+    photons = settling._enough(traced, widened, last=traced)
+    assert np.sqrt(1 + added / photons) - 1 == pytest.approx(settling._WIDENED)
+    assert settling._enough(traced, widened, last=1e7) == 1e7
+    assert settling._enough(traced, 100.0, last=traced) == settling._MOST_PHOTONS
 
 
 def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, monkeypatch) -> None:
