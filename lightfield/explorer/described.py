@@ -76,6 +76,8 @@ def _effects(e: Experiment, state: State, survey: Mapping[str, float]) -> list[d
         # Of a curve that which can follow most, unless a form is named; else the usual form.
         usual = keys[-1] if e.candidates[keys[0]].effect.is_free_form else keys[0]
         one = e.candidates[on or usual]
+        chosen = [e.candidates[key].effect for key in state.effects]
+        barring = [effect.name for effect in chosen if not one.effect.combines_with(effect)]
         out.append(
             {
                 "name": name,
@@ -88,6 +90,7 @@ def _effects(e: Experiment, state: State, survey: Mapping[str, float]) -> list[d
                 "laboratory": one.effect.laboratory,
                 "parameters": [p.path for p in one.parameters],
                 "error_percent": survey.get(on or usual),
+                "not_with": barring[0] if on is None and barring else None,
             }
         )
     return out

@@ -117,7 +117,7 @@ LF.showBecomes = (state) => {
     if (!place) continue;
     const known = effect.error_percent !== null && effect.error_percent !== undefined;
     const helps = known && !effect.on && LF.shown && effect.error_percent === least && least < 0.8 * LF.shown.error_percent;
-    place.textContent = !known ? "" : effect.on ? `${LF.percent(effect.error_percent)} without` : `${helps ? "↓ " : ""}${LF.percent(effect.error_percent)}`;
+    place.textContent = effect.not_with ? `not with ${LF.title(effect.not_with)}` : !known ? "" : effect.on ? `${LF.percent(effect.error_percent)} without` : `${helps ? "↓ " : ""}${LF.percent(effect.error_percent)}`;
     place.classList.toggle("best", Boolean(helps));
   }
 };

@@ -141,6 +141,16 @@ def test_the_survey_says_what_every_effect_would_bring(session: Session) -> None
     assert all(value <= 1.02 * errors["beam_tilt"] for value in errors.values())
 
 
+def test_an_effect_that_cannot_be_added_says_beside_what(session: Session) -> None:
+    """A curve contains the named forms of what it draws: its error with them is no number, and says why."""
+    assert not any(e["not_with"] for e in session.state_data()["effects"])
+    profile = next(e["key"] for e in session.state_data()["effects"] if e["name"] == "beam_profile")
+    ask(session, "switch", effect=profile, on=True)
+    barred = {e["name"]: e["not_with"] for e in session.state_data()["effects"]}
+    assert barred["beam_shape"] == barred["beam_skirt"] == "beam_profile"
+    assert barred["background"] is None and barred["beam_profile"] is None
+
+
 @pytest.mark.parametrize(
     ("do", "more"),
     [
