@@ -150,7 +150,8 @@ class Diagnosis:
             told = {"fitted_percent": fitted, "rendered_percent": fresh}
             update["cautions"] = [*verdict.cautions, Caution(warns=Warns.NOT_CONFIRMED, values=told)]
             if verdict.verdict != "unexplained":
-                update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt}
+                found = [one.model_copy(update={"level": "one of"}) for one in verdict.found]
+                update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt, "found": found}
         return replace(self, verdict=verdict.model_copy(update=update))
 
     @property
@@ -347,7 +348,8 @@ def _diagnose(
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
-        finding = finding.without_answer()
+        partly = trust.doubt.reason is DoubtReason.SET_ASIDE
+        finding = finding.but_for_some() if partly else finding.without_answer()
     if diffuse == "trace":
         finding = in_light_of_photons(prepared.problem, finding)
     also = with_scattering(prepared.problem, finding, seed) if diffuse == "trace" else None

@@ -16,7 +16,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.own_judge import OwnErrors
-from lightfield.diagnosis.search.pool.evidence import GAP
+from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
 from lightfield.diagnosis.search.progress import SILENT, Progress
@@ -80,6 +80,8 @@ class Finding:
         Number of readings that were fitted.
     withheld : bool
         There was an answer, and no reason to believe it.
+    in_part : bool
+        There was an answer, but for readings that no effect reaches.
     many : Many, optional
         The best set of any number of effects, and how sure each of them is.
     """
@@ -92,11 +94,21 @@ class Finding:
     tried: list[Tried]
     n: int
     withheld: bool = False
+    in_part: bool = False
     many: Many | None = None
 
     def without_answer(self) -> Finding:
         """The same, where no answer can rest on the readings."""
         return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
+
+    def but_for_some(self) -> Finding:
+        """The same, where some readings are beyond all effects: what was the answer is a part of it."""
+        best, many = self.best, self.many
+        if best is None or many is None:
+            return self.without_answer()
+        many = replace(many, adequate=False, evidence=evidence(many.pool, many.best, adequate=False))
+        tried = [best, *(t for t in self.tried if t is not best)]
+        return replace(self, size=None, accepted=[], weights=[], tried=tried, in_part=True, many=many)
 
     @property
     def best(self) -> Tried | None:
@@ -111,12 +123,14 @@ class Finding:
     @property
     def closest(self) -> Tried | None:
         """The best explanation, or the best set where it leaves something unexplained."""
-        return self.best or (self.tried[0] if self.beyond_two and not self.withheld else None)
+        partly = self.in_part or (self.beyond_two and not self.withheld)
+        return self.best or (self.tried[0] if partly else None)
 
     @property
     def whiten(self) -> Whiten:
         """Whitening under which the best explanation was judged."""
-        test = self.best.test if self.best else None
+        told = self.closest if self.in_part else self.best
+        test = told.test if told else None
         return test.whiten if test is not None else self.level.bench.whiten
 
     @property

@@ -310,7 +310,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
         if kind == "ambiguous" and other is not None and advise:
             advice = _advice(found, best, other)
-    elif kind == "unexplained" and not finding.withheld:
+    elif kind == "unexplained" and not (finding.withheld or finding.in_part):
         local = left_over(prepared, finding, found.readings, estimates) if advise else []
         misfit, advice = unexplained(prepared, finding, local)
         left = along(misfit, [one.record for one in local])

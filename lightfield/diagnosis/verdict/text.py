@@ -9,7 +9,7 @@ from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.found import rest
 from lightfield.diagnosis.verdict.found import words as found_words
-from lightfield.diagnosis.verdict.parts import AcceptedExplanation, NearestRival
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Doubt, DoubtReason, NearestRival
 from lightfield.fitting.parameter import GAIN
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _SHOWN, _LISTED = 8, 20
 def words_of(verdict: Verdict) -> words.Said:
     """Headline and what supports it."""
     why = verdict.reason_to_doubt
-    told = _found(verdict) if why is None else words.Said.of(f"Unexplained: {words.doubt(why)}.")
+    told = _found(verdict) if why is None else _doubted(verdict, why)
     if why is None and verdict.verdict == "unexplained":
         told = told.then(rest.sentences(verdict.left_over, verdict.misfit))
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, verdict.several_wavelengths)
@@ -36,6 +36,13 @@ def warnings_of(verdict: Verdict) -> list[str]:
         *(one.sentence for one in verdict.cautions),
         *found_words.unnamed_sentences(verdict.unnamed, best),
     ]
+
+
+def _doubted(verdict: Verdict, why: Doubt) -> words.Said:
+    """Why there is no answer; beside readings that are beyond all effects, what is known of the others."""
+    partly = why.reason is DoubtReason.SET_ASIDE
+    so_far = found_words.so_far(verdict.found, verdict.ladder, " of the others") if partly else ()
+    return words.Said.of(f"Unexplained{' in part' if so_far else ''}: {words.doubt(why)}.", *so_far)
 
 
 def _found(verdict: Verdict) -> words.Said:

@@ -61,7 +61,7 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
     """
     best = finding.best.adequacy if finding.best else None
     scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
-    unexplained = finding.size is None and not finding.withheld
+    unexplained = finding.size is None and not (finding.withheld or finding.in_part)
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
 
 

@@ -63,6 +63,31 @@ def test_a_shadow_along_a_ray_is_a_structure_and_no_slip(stated: bool) -> None:
     jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
 
 
+def test_effects_beside_readings_that_no_effect_reaches_are_a_part_of_the_answer() -> None:
+    """A bubble passes the window: 6 readings in a row lose 40 %. The beam lies 3 cm aside, all the same."""
+
+    def bubble(table):
+        row = layout_of(table).order.argsort()
+        return np.where((row >= 40) & (row < 46), 0.6, 1.0)
+
+    hidden = {"lamp.offset_x_m": 0.03, "lamp.drift_per_hour": 0.1}
+    table, scene = readings(hidden, seed=1, layout="grid", factor=bubble)
+    verdict = verdict_on(table, scene)
+    assert (verdict.verdict, verdict.effects, verdict.explanations) == ("unexplained", [], [])
+    assert "are no slips" in verdict.headline and verdict.unexplained_coordinate == "time"
+    assert sorted(verdict.best_set) == ["beam_offset", "lamp_drift"]
+    assert verdict.certain == verdict.simplest == [] and "beam_offset" in verdict.partial
+    offset = next(one for one in verdict.found if one.effect == "beam_offset").parameters["lamp.offset_x_m"]
+    assert offset.stderr is not None
+    assert offset.value == pytest.approx(0.03, abs=3 * offset.stderr)
+    first, last = verdict.ladder[0], verdict.ladder[-1]
+    assert len(verdict.ladder) == 3 and first.error_percent is not None and last.error_percent is not None
+    assert last.error_percent < 0.2 * first.error_percent
+    assert "of the misfit of the others" in verdict.sentence and "Certain so far: " in verdict.sentence
+    assert verdict.outliers == np.flatnonzero(bubble(table) < 1).tolist()
+    jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
+
+
 def test_scattered_slips_are_slips_and_are_named() -> None:
     table, scene = readings(seed=7)
     value, struck = table.value.copy(), [3, 30, 61, 100]

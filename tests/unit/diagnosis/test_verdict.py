@@ -86,6 +86,10 @@ def test_a_render_that_contradicts_the_fit_is_said(found: Diagnosis, monkeypatch
         kind = ("unexplained", []) if said else ("identified", found.verdict.effects)
         assert (verdict.verdict, verdict.effects) == kind
         assert ("does not confirm the fit" in verdict.sentence) == said
+        assert verdict.best_set == found.verdict.best_set
+        assert (verdict.certain, verdict.simplest) == (
+            ([], []) if said else (found.verdict.certain, found.verdict.simplest)
+        )
     assert not any("does not confirm" in w for w in found.verdict.warnings)
 
 

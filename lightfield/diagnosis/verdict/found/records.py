@@ -33,8 +33,7 @@ def found_effects(
         return []
     known = {e.candidate.key: e for e in (finding.many.evidence if finding.many else ())}
     records = [
-        _record(forward, c, known.get(c.key), closest.fit, values, finding.identified)
-        for c in closest.explanation
+        _record(forward, c, known.get(c.key), closest.fit, values, finding) for c in closest.explanation
     ]
     return sorted(records, key=lambda r: -(r.sigma_to_remove or 0.0))
 
@@ -45,14 +44,14 @@ def _record(
     one: Evidence | None,
     fit: Fit,
     values: Mapping[str, Estimate],
-    identified: bool,
+    finding: Finding,
 ) -> FoundEffect:
     known = FoundEffect(
         effect=candidate.name,
         family=candidate.effect.family,
         form=candidate.form.name,
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
-        level="simplest",
+        level="simplest" if finding.best is not None else "partial",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
         rms_percent=_rms_percent(candidate, fit),
         with_it=_water_and_beam(forward, fit),
@@ -60,7 +59,7 @@ def _record(
     if one is None:
         return known
     # Where one or two effects were sought, all sets of them were: what they identify is no slot.
-    level = "simplest" if identified and one.level == "one of" else one.level
+    level = "simplest" if finding.identified and one.level == "one of" else one.level
     return known.model_copy(
         update={
             "level": level,

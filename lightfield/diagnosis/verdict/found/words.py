@@ -107,14 +107,28 @@ def _slot(one: FoundEffect) -> str:
 
 
 def _unexplained(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: Misfit | None) -> Said | None:
+    told = so_far(found, ladder)
+    return Said.of(f"Unexplained in part: {unexplained_about(misfit)}.", *told) if told else None
+
+
+def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "") -> tuple[str, ...]:
+    """What a best set explains that leaves something, and what is certain of it; nothing of less than half of
+    the misfit.
+
+    Parameters
+    ----------
+    misfit : str
+        Of what, where not of all readings: " of the others".
+    """
     removed = sum(rung.removed_percent or 0.0 for rung in ladder)
     if not found or removed < _SPOKEN:
-        return None
+        return ()
     certain = [one.effect for one in found if one.level == "partial"]
     names = [one.effect for one in found]
-    what = f"{_sentence(join(names))} remove{'s' if len(names) == 1 else ''} {removed:.3g} % of the misfit"
+    verb = "removes" if len(names) == 1 else "remove"
+    what = f"{_sentence(join(names))} {verb} {removed:.3g} % of the misfit{misfit}"
     known = f"Certain so far: {join(certain)}." if certain else "None of these is certain so far."
-    return Said.of(f"Unexplained in part: {unexplained_about(misfit)}.", f"{what}.", known)
+    return f"{what}.", known
 
 
 def _sentence(text: str) -> str:
