@@ -20,7 +20,7 @@ BINS = ((3.0, 5.0), (5.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 100.0), (100.0
 _CURVE_OF = {
     "unknown:ripple": "beam_profile",
     "unknown:kink": "beam_profile",
-    "unknown:flicker": "lamp_history",
+    "unknown:flicker": "lamp_power_curve",
 }
 BEAM_FORMS = ("beam_shape", "beam_skirt")
 

@@ -341,6 +341,9 @@ def _diagnose(
             # Better light took back what one or two effects seemed to explain.
             prepared, finding = beyond_two(data, before, finding, alpha, seed, progress)
             prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
+        if not (finding.is_levelled or finding.beyond_two):  # in better light another set is the best
+            there = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
+            finding = levelled(there, prepared, replace(finding, many=None), alpha)
     forward = prepared.problem.forward  # what the answer rests on is said and drawn in its own light
     problem = replace(problem, forward=forward)
     finding = with_truncation(finding)

@@ -116,6 +116,12 @@ class Finding:
         return self.accepted[0] if self.accepted else None
 
     @property
+    def is_levelled(self) -> bool:
+        """Is it known how sure the effects of the best explanation are, each beside the others?"""
+        known = {e.candidate.key for e in self.many.evidence} if self.many is not None else set()
+        return self.best is None or {c.key for c in self.best.explanation} == known
+
+    @property
     def beyond_two(self) -> bool:
         """Did one or two effects explain nothing?"""
         return self.many is not None and self.many.sought

@@ -158,6 +158,26 @@ def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pyt
     assert told.found.forward is told.found.prepared.problem.forward is better[0]
 
 
+def test_a_set_that_better_light_puts_first_is_levelled_by_its_own_rivals(monkeypatch) -> None:
+    """Else its effects would pass for the simplest, whatever does as well: of them nothing was known."""
+    table, scene = readings({"detector.background": 0.02})
+
+    def settle(_: Data, prepared: Prepared, finding: Finding, *__: object) -> tuple[Prepared, Finding]:
+        assert finding.is_levelled and finding.best is not None
+        other = next(t for t in finding.tried if t.test is not None and t.names == ("beam_tilt",))
+        adequacy = other.test(other.fit) if other.test is not None else None
+        return prepared, replace(finding, accepted=[replace(other, adequacy=adequacy)], weights=[1.0])
+
+    for name, value in (("source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED))), ("settled", settle),
+                        ("with_scattering", lambda *_: None)):  # fmt: skip
+        monkeypatch.setattr(diagnosing, name, value)
+    told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
+    (tilt,) = told.verdict.found
+    assert told.finding.is_levelled and tilt.effect == "beam_tilt"
+    assert (tilt.level, tilt.rival) == ("one of", ["background"])
+    assert tilt.gap is not None and tilt.gap < 0
+
+
 def test_one_or_two_effects_nearly_explain_where_better_light_might_do(found: Diagnosis, monkeypatch) -> None:
     """Not where nothing scatters, nor where they are farther off than a trace may be wrong."""
     monkeypatch.setattr(module, "can_follow", lambda *_: True)

@@ -10,6 +10,7 @@ from lightfield.arrays import finite
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Evidence
+from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -51,7 +52,7 @@ def _record(
         family=candidate.effect.family,
         form=candidate.form.name,
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
-        level="simplest" if finding.best is not None else "partial",
+        level="simplest" if finding.identified or candidate.name == POWER else "one of",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
         rms_percent=_rms_percent(candidate, fit),
         with_it=_water_and_beam(forward, fit),
