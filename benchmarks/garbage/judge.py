@@ -30,6 +30,7 @@ def judge(table: Table, trace: bool = False) -> dict[str, Any]:
     return row | {
         "verdict": verdict.verdict,
         "effects": verdict.effects,
+        "claimed": [*verdict.certain, *verdict.simplest, *verdict.partial],
         "sentence": verdict.sentence,
         "doubt": verdict.doubt,
         "noise_percent": verdict.noise_percent,
@@ -68,4 +69,18 @@ def page(rows: list[dict[str, Any]], version: str) -> str:
     if answered:
         lines += ["", "Not unexplained:", "", "| table | said |", "|---|---|"]
         lines += [f"| {r['kind']}, errors {r['errors']}, {r['draw']} | {r['sentence']} |" for r in answered]
+    lines += ["", *_claims(rows)]
     return "\n".join(lines) + "\n"
+
+
+def _claims(rows: list[dict[str, Any]]) -> list[str]:
+    """Names that a table without an answer is said to be certain of, as far as the rest allows."""
+    named = [r for r in rows if r.get("claimed")]
+    lines = [f"**Tables in which an effect is called certain, simplest or partial: {len(named)}.**"]
+    if named:
+        lines += ["", "| table | names | said |", "|---|---|---|"]
+        lines += [
+            f"| {r['kind']}, errors {r['errors']}, {r['draw']} | {', '.join(r['claimed'])} | {r['sentence']} |"
+            for r in named
+        ]
+    return lines
