@@ -80,7 +80,7 @@ def _claims(rows: list[dict[str, Any]]) -> list[str]:
     if named:
         lines += ["", "| table | names | said |", "|---|---|---|"]
         lines += [
-            f"| {r['kind']}, errors {r['errors']}, {r['draw']} | {', '.join(r['claimed'])} | {r['sentence']} |"
+            f"| {r['kind']}, errors {r['errors']}, {r['draw']} | {' '.join(r['claimed'])} | {r['sentence']} |"
             for r in named
         ]
     return lines
