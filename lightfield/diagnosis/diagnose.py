@@ -352,7 +352,9 @@ def _diagnose(
     trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
     if trust.doubt is not None:
         partly = trust.doubt.reason is DoubtReason.SET_ASIDE
-        finding = finding.but_for_some() if partly else finding.without_answer()
+        # What has a coordinate may pass for noise; of what is no beam nothing is told.
+        no_beam = trust.doubt.reason is not DoubtReason.NOISE
+        finding = finding.but_for_some() if partly else finding.without_answer(no_beam)
     if diffuse == "trace":
         finding = in_light_of_photons(prepared.problem, finding)
     also = with_scattering(prepared.problem, finding, seed) if diffuse == "trace" else None

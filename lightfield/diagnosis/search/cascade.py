@@ -79,7 +79,7 @@ class Finding:
     n : int
         Number of readings that were fitted.
     withheld : bool
-        There was an answer, and no reason to believe it.
+        Whatever was found, there is no reason to believe it.
     in_part : bool
         There was an answer, but for readings that no effect reaches.
     many : Many, optional
@@ -97,15 +97,16 @@ class Finding:
     in_part: bool = False
     many: Many | None = None
 
-    def without_answer(self) -> Finding:
-        """The same, where no answer can rest on the readings."""
-        return replace(self, size=None, accepted=[], weights=[], withheld=self.size is not None)
+    def without_answer(self, in_no_part: bool = True) -> Finding:
+        """The same, where no answer can rest on the readings; nor what explains a part (`in_no_part`)."""
+        withheld = in_no_part or self.size is not None
+        return replace(self, size=None, accepted=[], weights=[], withheld=withheld)
 
     def but_for_some(self) -> Finding:
         """The same, where some readings are beyond all effects: what was the answer is a part of it."""
         best, many = self.best, self.many
         if best is None or many is None:
-            return self.without_answer()
+            return self.without_answer(in_no_part=False)
         many = replace(many, adequate=False, evidence=evidence(many.pool, many.best, adequate=False))
         tried = [best, *(t for t in self.tried if t is not best)]
         return replace(self, size=None, accepted=[], weights=[], tried=tried, in_part=True, many=many)
@@ -129,7 +130,7 @@ class Finding:
     @property
     def closest(self) -> Tried | None:
         """The best explanation, or the best set where it leaves something unexplained."""
-        partly = self.in_part or (self.beyond_two and not self.withheld)
+        partly = (self.in_part or self.beyond_two) and not self.withheld
         return self.best or (self.tried[0] if partly else None)
 
     @property

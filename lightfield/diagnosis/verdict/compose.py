@@ -27,6 +27,7 @@ from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement,
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
+    DoubtReason,
     Estimate,
     Kind,
     LeftOver,
@@ -335,11 +336,14 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     )
     budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
     small = unnamed.unnamed(finding, units, found.also) if advise else []
+    # Too much noise names nothing; readings set aside leave the others as they are.
+    nameless = doubt is not None and doubt.reason is not DoubtReason.SET_ASIDE
+    told = [] if nameless else found_effects(found.forward, finding, of_best)
     return Verdict(
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
         explanations=explanations,
-        found=found_effects(found.forward, finding, of_best),
+        found=told,
         nearest_rival=rival,
         detection_limits=_limits(finding, units, found.also),
         hindrances={name: list(why) for name, why in untestable.items()},

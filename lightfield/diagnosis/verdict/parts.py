@@ -249,6 +249,7 @@ class DoubtReason(_Word):
 
     NOTHING_BRIGHT = "no bright reading is left"
     NOISE = "too much noise"
+    COARSE = "the readings come in steps"
     FLAT = "the readings do not change from place to place"
     PINNED = "the readings ask for what is impossible"
     SET_ASIDE = "readings set aside are no slips"
@@ -259,7 +260,9 @@ class Doubt(Record):
     """Why nothing is named or ruled out whatever was found."""
 
     reason: DoubtReason
-    noise_percent: float | None = Field(None, description="median error of a bright reading")
+    noise_percent: float | None = Field(
+        None, description="median error of a bright reading, or of its rounding"
+    )
     pinned: dict[str, float] = Field(
         default_factory=dict, description="parameters of the base model at the edge of what is possible"
     )

@@ -23,6 +23,11 @@ SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before a scale that a misfit widens is no longer
 #: believed. Chosen: half of `score_tests.VARIANCE_EXCESS`, which readings without a misfit may show.
 CREDIBLE = 2.0
+#: Readings come in steps where every value is there so many times in the mean. Chosen: of readings that are
+#: none hardly one comes again.
+_COME_AGAIN = 2.0
+#: Standard deviation of what is spread evenly over one step.
+_OF_A_STEP = 12**-0.5
 #: A constant that scatters no more than this times as much as the model about the readings is as good as it,
 #: where the scene's own light varies by so many times the noise, or the error that the model is excused.
 #: Chosen: benchmarks/garbage has constants.
@@ -96,6 +101,8 @@ def trust_of(
 def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) -> Doubt | None:
     if noise is None:
         return Doubt(reason=DoubtReason.NOTHING_BRIGHT)
+    if (coarse := _rounding_percent(prepared)) > SANE_NOISE_PERCENT:
+        return Doubt(reason=DoubtReason.COARSE, noise_percent=coarse)
     if noise > SANE_NOISE_PERCENT:
         return Doubt(reason=DoubtReason.NOISE, noise_percent=noise)
     if _flat(prepared, finding, fit, noise):
@@ -103,6 +110,20 @@ def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) 
     if finding.size is not None and (pinned := _pinned(prepared, finding, fit)):
         return Doubt(reason=DoubtReason.PINNED, pinned=pinned)
     return None
+
+
+def _rounding_percent(prepared: Prepared) -> float:
+    """Standard error that the steps of readings give a typical bright one, where most values come again.
+
+    A model with enough curves follows steps: then neither the scatter nor stated errors tell of them.
+    """
+    problem, channel = prepared.problem, prepared.problem.layout.channel
+    rounding, counted = np.zeros(len(problem.value)), bright(problem)
+    for one in np.unique(channel):
+        levels, mine = np.unique(problem.value[channel == one]), channel == one
+        if 1 < len(levels) <= mine.sum() / _COME_AGAIN:
+            rounding[mine] = np.diff(levels).min() * _OF_A_STEP
+    return float(100 * np.median(rounding[counted] / problem.value[counted]))
 
 
 def _flat(prepared: Prepared, finding: Finding, fit: Fit, noise: float) -> bool:

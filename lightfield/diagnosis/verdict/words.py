@@ -187,6 +187,11 @@ def doubt(why: Doubt) -> str:
             f"the noise is {why.noise_percent:.0f} % of a typical bright reading, too much to name an effect "
             "or to rule one out; these may be no readings of a beam through water"
         )
+    if why.reason is DoubtReason.COARSE:
+        return (
+            f"these readings come in steps, and rounding alone moves a typical bright one by "
+            f"{why.noise_percent:.0f} %: too much to name an effect or to rule one out"
+        )
     if why.reason is DoubtReason.FLAT:
         return f"{_NO_BEAM}: they do not change from place to place, where the lamp's light does"
     if why.reason is DoubtReason.PINNED:

@@ -152,7 +152,8 @@ def test_an_answer_that_is_withheld_is_none() -> None:
     made = toy()
     answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0)).without_answer()
     assert (answer.size, answer.accepted, answer.withheld) == (None, [], True)
-    assert not answer.without_answer().withheld, "there was none any more"
+    assert answer.without_answer().withheld
+    assert not answer.without_answer(in_no_part=False).withheld, "there was none any more"
 
 
 def test_the_same_readings_and_seed_give_the_same_finding() -> None:

@@ -17,7 +17,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 MISTAKEN = (
     ("uniform", "10 times too large", 0), ("lognormal", "none", 0), ("permuted", "none", 0),
     ("constant", "as a spectrometer states them", 1), ("constant", "10 times too small", 3),
-    ("quantised", "3 times too small", 1),
+    ("constant", "3 times too large", 0), ("quantised", "3 times too small", 1), ("quantised", "none", 0),
     ("two lamps mixed", "none", 0),
 )  # fmt: skip
 
@@ -34,6 +34,7 @@ def unstated(table):
 def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
     verdict = verdict_on(Table(*sort).readings(), believed())
     assert (verdict.verdict, verdict.effects, verdict.explanations) == ("unexplained", [], [])
+    assert verdict.found == [], "nor is anything certain so far"
     assert verdict.doubt is not None and verdict.doubt in verdict.sentence
 
 
@@ -42,7 +43,9 @@ def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
 def test_no_effect_is_named_in_any_sort_of_garbage() -> None:
     """Four of every sort; benchmarks/garbage has twelve."""
     for table in tables(4 * len(KINDS) * len(ERRORS)):
-        assert verdict_on(table.readings(), believed()).verdict != "identified", table
+        verdict = verdict_on(table.readings(), believed())
+        assert verdict.verdict != "identified", table
+        assert not (verdict.certain or verdict.partial), table
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -64,6 +67,19 @@ def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
     assert "(estimated from the scatter), beam tilt above" in tilt
     nothing = verdict_on(table, scene, only=["beam_ellipticity"]).sentence
     assert "these readings say nothing of any" in nothing
+
+
+@pytest.mark.parametrize(("levels", "kind"), [(3, "unexplained"), (400, "identified")])
+def test_readings_in_few_steps_say_nothing(levels: int, kind: str) -> None:
+    """Whatever error is stated: curves follow the steps, with gaps as large as one likes."""
+    table, scene = readings({"detector.background": 0.03}, seed=1)
+    step = table.value.max() / levels
+    verdict = verdict_on(replace(table, value=np.round(table.value / step) * step), scene)
+    assert verdict.verdict == kind
+    if kind == "identified":
+        assert verdict.effects == ["background"]
+    else:
+        assert verdict.found == [] and len(verdict.ladder) == 1 and "come in steps" in verdict.headline
 
 
 def test_readings_that_are_the_same_everywhere_show_no_lamp() -> None:

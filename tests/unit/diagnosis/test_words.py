@@ -137,6 +137,9 @@ NO_SLIPS = "readings that no known effect reaches are no slips: they lie togethe
         (DoubtReason.NOISE, {"noise_percent": 13.6},
          "the noise is 14 % of a typical bright reading, too much to name an effect or to rule one out; "
          "these may be no readings of a beam through water"),
+        (DoubtReason.COARSE, {"noise_percent": 28.9},
+         "these readings come in steps, and rounding alone moves a typical bright one by 29 %: too much to "
+         "name an effect or to rule one out"),
         (DoubtReason.FLAT, {},
          f"{NO_BEAM}: they do not change from place to place, where the lamp's light does"),
         (DoubtReason.PINNED, {"pinned": {"gain": 0.74, "water.absorption_per_m": -0.0}},
