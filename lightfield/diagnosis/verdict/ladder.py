@@ -183,11 +183,12 @@ def climb(
         if k:
             known = dict(zip(full.paths, full.u, strict=True))
             own = [known[p.path] for p in order[k - 1].parameters]
-            starts_k = [np.concatenate([fit.u, own])]
-            if k == len(order):
-                starts_k.append(np.array([known[p.path] for p in problem.model(part).parameters]))
-            left = _LEFT if len(order) <= _FEW or k == len(order) else _ROUGHLY
-            fit = problem.fit(part, whiten, starts_k, tolerance=left)
+            if k < len(order):
+                left = _LEFT if len(order) <= _FEW else _ROUGHLY
+                fit = problem.fit(part, whiten, [np.concatenate([fit.u, own])], tolerance=left)
+            else:  # the best set as it is told: from elsewhere it may come to another minimum
+                there = np.array([known[p.path] for p in problem.model(part).parameters])
+                fit = problem.fit(part, whiten, [there], max_steps=0)
         label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(

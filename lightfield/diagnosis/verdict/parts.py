@@ -107,6 +107,9 @@ class FoundEffect(Record):
         default_factory=list, description="what replaces it in sets that are accepted too"
     )
     weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
+    hardly_tested: bool = Field(
+        False, description="a curve that would follow nearly any readings at these places"
+    )
     with_it: WaterAndBeam
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from lightfield.diagnosis.verdict.found.words import effect_size, instead
@@ -139,6 +140,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         found=[_found(one) for one in verdict.found],
         with_all=_light(verdict.found[0].with_it) if verdict.found else [],
         rungs=[_rung(rung) for rung in verdict.ladder],
+        falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
         explanations=[_explanation(each) for each in verdict.explanations],
         rival=_rival(verdict.nearest_rival),
         next_sentence=(advice.sentence if advice else "") or "No further reading is asked for.",
@@ -191,13 +193,20 @@ def _aside(each: SetAside) -> list[str]:
     ]
 
 
+def _rises(ladder: Sequence[Rung]) -> bool:
+    """Does the error in per cent grow? It can where the model is dark, while the misfit in sigma falls."""
+    first, last = ladder[0].error_percent, ladder[-1].error_percent
+    return first is not None and last is not None and last > first
+
+
 def _lead(verdict: Verdict) -> list[str]:
     ladder, floor = verdict.ladder, verdict.noise_floor_percent
     first, last = ladder[0].error_percent, ladder[-1].error_percent
     lines = []
     if len(ladder) > 1:
+        verb = "rises, though chi-square falls," if _rises(ladder) else "falls"
         lines.append(
-            f"The error falls from {_optional(first, 2)} % to {_optional(last, 2)} %; "
+            f"The error {verb} from {_optional(first, 2)} % to {_optional(last, 2)} %; "
             f"the noise floor is {_floor(floor)} %."
         )
         lines.append(FORMULA_IS_NOT_CAUSE)

@@ -67,6 +67,14 @@ def test_without_an_effect_the_water_would_be_another(three: Diagnosis) -> None:
         assert one.gap is not None and one.gap <= worse / scale, "the best rival is no worse than a drop"
 
 
+def test_the_last_rung_is_the_set_as_it_is_told(three: Diagnosis) -> None:
+    """Number by number: from rung to rung a fit may come to another minimum than the search has found."""
+    last = three.verdict.ladder[-1].parameters
+    for one in three.verdict.found:
+        for path, estimate in one.parameters.items():
+            assert estimate.value == pytest.approx(last[path].value, rel=1e-12)
+
+
 def test_the_ladder_falls_to_the_noise(three: Diagnosis) -> None:
     """A rung for every effect, each of less chi-square; together they remove all of the misfit."""
     ladder = three.verdict.ladder

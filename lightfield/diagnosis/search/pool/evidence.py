@@ -163,7 +163,8 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
         level = "one of"
     elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
-        level = "partial" if min(gap, gap_named) > PARTIAL * left else "one of"
+        part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
+        level = "partial" if part else "one of"
     else:
         level = "one of" if _at_edge(pool, best, candidate) else _claim(gap, gap_named, gap_plus)
     return Evidence(
@@ -206,6 +207,12 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
     curves = [c.effect.contains for c in pool.problem.candidates if candidate.name in c.effect.contains]
     forms = [c for c in node.explanation if c is candidate or any(c.name in names for names in curves)]
     return bounded.get(_WIDTH, False) or any(bounded[p.path] for c in forms for p in c.amplitudes)
+
+
+def _strained(node: Node) -> bool:
+    """Does an amplitude of any effect lie at a bound? Then a set that misses something bends to follow it."""
+    bounded = dict(zip(node.fit.paths, node.fit.at_bound(), strict=True))
+    return any(bounded[p.path] for c in node.explanation for p in c.amplitudes)
 
 
 def _alternatives(

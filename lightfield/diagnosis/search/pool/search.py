@@ -136,7 +136,8 @@ def _pool(ground: Ground, best: Node, progress: Progress) -> Pool:
 
     pool = Pool(ground)
     start = Begin(fitted_at(best))
-    pool.settled(pool.fit((), [start]))
+    # Width and absorption of a large set may lie where the base model alone has another minimum.
+    pool.settled(pool.fit((), [start, Begin({})]))
     pool.settled(pool.fit(best.explanation, [start]))
     pool.progress = told
     return pool

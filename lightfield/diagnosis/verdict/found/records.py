@@ -55,6 +55,7 @@ def _record(
         level="simplest" if finding.identified or candidate.name == POWER else "one of",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
         rms_percent=_rms_percent(candidate, fit),
+        hardly_tested=candidate.is_hardly_tested,
         with_it=_water_and_beam(forward, fit),
     )
     if one is None:

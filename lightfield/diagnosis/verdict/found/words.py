@@ -34,7 +34,7 @@ def level(one: FoundEffect) -> str:
 
 def follows_any(one: FoundEffect) -> bool:
     """Is it a curve that nothing replaces, and that is not sure all the same?"""
-    return one.level == "one of" and one.rms_percent is not None and not one.alternatives
+    return one.level == "one of" and one.hardly_tested and not one.alternatives
 
 
 def instead(one: FoundEffect) -> str:
