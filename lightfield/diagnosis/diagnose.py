@@ -13,28 +13,23 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
-from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.search.cascade import ALPHA, Finding, search
-from lightfield.diagnosis.search.many import beyond_two, levelled
-from lightfield.diagnosis.search.pool.search import Data
-from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
-from lightfield.diagnosis.search.search import Fitted
-from lightfield.diagnosis.search.settled import is_nearly_explained, settled
-from lightfield.diagnosis.search.truncation import with_truncation
-from lightfield.diagnosis.verdict import calibration, compose, refutation, text
+from lightfield.diagnosis.course import Inquiry, course
+from lightfield.diagnosis.problem.setup import source_of, spectral
+from lightfield.diagnosis.search.cascade import ALPHA, Finding
+from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.verdict import calibration, compose, text
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.found.left import ranked
-from lightfield.diagnosis.verdict.found.scattered_too import in_light_of_photons, with_scattering
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
-from lightfield.diagnosis.verdict.trust import standard_errors, trust_of
+from lightfield.diagnosis.verdict.trust import standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
-from lightfield.fitting.forward import Retraced, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.memory import give_back
 from lightfield.readings import Readings
@@ -275,28 +270,20 @@ def diagnose(
     UsageError
         Unknown effect.
     """
+    inquiry = _inquiry(readings.check_against(scene), scene, diffuse, only, alpha, seed)
     # On many small matrices more BLAS threads only get in each other's way.
     with threadpool_limits(1, "blas"):
-        return _diagnose(readings, scene, diffuse, only, alpha, seed, advise, _following(progress))
+        return _diagnose(inquiry, advise, _following(progress))
 
 
-def _following(progress: Callable[[str], None] | None) -> SoFar:
-    if isinstance(progress, SoFar):
-        return progress
-    return SoFar() if progress is None else SoFar(progress)
-
-
-def _diagnose(
+def _inquiry(
     readings: Readings,
     scene: Scene,
     diffuse: DiffuseSource | str | None,
     only: Sequence[str] | None,
     alpha: float,
     seed: int,
-    advise: bool,
-    progress: SoFar,
-) -> Diagnosis:
-    readings = readings.check_against(scene)
+) -> Inquiry:
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     every = effects.all_of(scene)
@@ -305,69 +292,29 @@ def _diagnose(
         if only is not None
         else [*every.values(), *effects.curves().values()]
     )
-    budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
-    known: tuple[Fitted, ...] = ()
-    traces = Retraced(scene, readings, source)
-    for forward in traces:
-        problem, untestable = problem_of(forward, readings, chosen, reason)
-        rng = np.random.default_rng(seed)
-        progress(f"noise and outliers of {problem.layout.size} readings")
-        by_shape = calibration.by_shape(problem)
-        # Curves come only where no named effect will do.
-        data = Data(by_shape.with_curves(), quoted, budget)
-        prepared = prepare_problem(by_shape, quoted, budget, rng, alpha, known)
-        traces.asked, known = prepared.to_trace_per_m, prepared.known
-        if traces.asked is not None and traces.left:
-            continue
-        finding, early = search(prepared, budget.tolerance, rng, alpha, progress), None
-        if finding.size is None and diffuse == "trace" and is_nearly_explained(prepared, finding):
-            early = settled(data, prepared, finding, rng, alpha, progress, seed)
-            if early[1].accepted:
-                break
-            early = None
-        if finding.size is None:
-            prepared, finding = beyond_two(data, prepared, finding, alpha, seed, progress)
-        light = prepared.problem.forward.light
-        traces.asked = light.to_trace(one.fit.values for one in finding.contenders)
-    if early is not None:
-        prepared, finding = early
-        data = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
-    progress("rivals of every effect")
-    finding = levelled(data, prepared, finding, alpha)
-    if diffuse == "trace" and early is None:
-        before = prepared
-        prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
-        if finding.size is None and (finding.many is None or not finding.many.sought):
-            # Better light took back what one or two effects seemed to explain.
-            prepared, finding = beyond_two(data, before, finding, alpha, seed, progress)
-            prepared, finding = settled(data, prepared, finding, rng, alpha, progress, seed)
-        if not (finding.is_levelled or finding.beyond_two):  # in better light another set is the best
-            there = replace(data, problem=replace(data.problem, forward=prepared.problem.forward))
-            finding = levelled(there, prepared, replace(finding, many=None), alpha)
-    forward = prepared.problem.forward  # what the answer rests on is said and drawn in its own light
-    problem = replace(problem, forward=forward)
-    finding = with_truncation(finding)
-    prepared, finding = calibration.on_absolute_scale(prepared, problem, finding)
-    finding = refutation.pruned(prepared, finding)
-    trust = trust_of(prepared, finding, np.asarray(readings.saturated, bool), rng)
-    if trust.doubt is not None:
-        partly = trust.doubt.reason is DoubtReason.SET_ASIDE
-        # What has a coordinate may pass for noise; of what is no beam nothing is told.
-        no_beam = trust.doubt.reason is not DoubtReason.NOISE
-        finding = finding.but_for_some() if partly else finding.without_answer(no_beam)
-    if diffuse == "trace":
-        finding = in_light_of_photons(prepared.problem, finding)
-    also = with_scattering(prepared.problem, finding, seed) if diffuse == "trace" else None
-    if also is not None:
-        finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
+    return Inquiry(readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed)
+
+
+def _following(progress: Callable[[str], None] | None) -> SoFar:
+    if isinstance(progress, SoFar):
+        return progress
+    return SoFar() if progress is None else SoFar(progress)
+
+
+def _diagnose(inquiry: Inquiry, advise: bool, progress: SoFar) -> Diagnosis:
+    outcome = course(inquiry, progress)
+    known, prepared, finding = outcome.known, outcome.known.prepared, outcome.known.finding
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]
-    phi = finding.level.bench.phi
     progress("errors of planes held out")
-    steps = climb(prepared.problem, best.explanation if best else (), finding.whiten, starts, phi, advise)
+    explanation, phi = best.explanation if best else (), finding.level.bench.phi
+    steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
-    lamp = calibration.judged_power(prepared, problem, finding)
-    found = compose.Found(forward, readings, prepared, finding, steps, untestable, trust, lamp, seed, also)
+    lamp = calibration.judged_power(prepared, known.problem, finding)
+    found = compose.Found(
+        known.problem.forward, inquiry.readings, prepared, finding, steps, known.untestable, outcome.trust,
+        lamp, inquiry.seed, outcome.also,
+    )  # fmt: skip
     verdict = compose.verdict_of(found, advise)
     give_back()
     return Diagnosis(verdict, found)

@@ -212,14 +212,14 @@ def _searched(
     ground = Ground(test, 1.0, test(true).nu)
     pool = Pool(ground)
     at = Begin(dict(zip(true.paths, true.u.tolist(), strict=True)))
-    pool.settled(pool.fit((), [at]))
-    return pool, pool.settled(pool.fit(chosen, [at]))
+    pool.finished(pool.fit((), [at]))
+    return pool, pool.finished(pool.fit(chosen, [at]))
 
 
 def _worth_their_price(pool: Pool, node: Node) -> Node:
     """The set without what nobody would see beside the rest."""
     while node.explanation:
-        less = min((pool.settled(pool.drop(node, c)) for c in node.explanation), key=pool.cost)
+        less = min((pool.finished(pool.drop(node, c)) for c in node.explanation), key=pool.cost)
         if pool.cost(less) >= pool.cost(node):
             break
         node = less
@@ -231,12 +231,12 @@ def _unseen(
 ) -> Expected:
     """Of an effect that costs more than it explains."""
     mine = {p.path: values[p.path] for p in candidate.parameters}
-    less = pool.settled(pool.drop(whole, candidate))
+    less = pool.finished(pool.drop(whole, candidate))
     sigma = float(np.sqrt(max(less.fit.chi2 - whole.fit.chi2, 0.0) / pool.ground.phi))
     gap = min(pool.cost(less), pool.cost(seen)) - pool.cost(whole)
     # Beside what is seen alone: noise may lift it above its price, and by the gap that a name takes.
     begin = Begin(dict(zip(whole.fit.paths, whole.fit.u.tolist(), strict=True)))
-    more = pool.settled(pool.fit((*seen.explanation, candidate), [begin]))
+    more = pool.finished(pool.fit((*seen.explanation, candidate), [begin]))
     d, square = len(candidate.parameters), max(seen.fit.chi2 - more.fit.chi2, 0.0) / pool.ground.phi
     margin = pool.cost(seen) - pool.cost(more) + d - NAMED_GAP
     chance = float(special.ndtr(margin / _spread(square, d)))

@@ -95,8 +95,8 @@ def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> 
     if not all(c in problem.candidates for c in explanation):
         return finding
     start = Begin(dict(zip(best.fit.paths, best.fit.u, strict=True)))
-    pool.settled(pool.fit((), [start]))
-    node = pool.settled(pool.fit(explanation, [start]))
+    pool.finished(pool.fit((), [start]))
+    node = pool.finished(pool.fit(explanation, [start]))
     for other in finding.accepted[1:]:
         pool.fit(other.explanation, [Begin(dict(zip(other.fit.paths, other.fit.u, strict=True)))])
     for candidate in node.explanation:

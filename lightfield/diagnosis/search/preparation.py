@@ -198,7 +198,7 @@ def prepare_problem(
     kept, kept_by_rich = alone.problem.keep, rich.problem.keep
     if (kept == kept_by_rich).all() or kept.sum() < kept_by_rich.sum() - 1:
         return rich
-    plain = _settled(alone, (), alone.fit, np.zeros_like(kept), budget, errors_stated(quoted))
+    plain = _errors_about(alone, (), alone.fit, np.zeros_like(kept), budget, errors_stated(quoted))
     return plain if _base_passes(plain, rng, alpha) else rich
 
 
@@ -242,8 +242,8 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[F
     if explanation:
         own = _own_error(problem, reference)
         kept = _without_outliers(problem, quoted, explanation, reference, usable, True, own)
-    settled = _settled(kept, explanation, base, own, budget, stated)
-    return replace(settled, known=described.known, to_trace_per_m=described.to_trace_per_m)
+    made = _errors_about(kept, explanation, base, own, budget, stated)
+    return replace(made, known=described.known, to_trace_per_m=described.to_trace_per_m)
 
 
 def prepare_about(
@@ -265,8 +265,8 @@ def prepare_about(
     if law is not None:
         again = replace(problem, keep=usable)
         kept = _without_outliers(again, law, explanation, fit, usable, True, own)
-    settled = _settled(kept, explanation, kept.fit, own, budget, stated)
-    return replace(settled, doubted=law is not None)
+    made = _errors_about(kept, explanation, kept.fit, own, budget, stated)
+    return replace(made, doubted=law is not None)
 
 
 def _own_error(problem: Problem, fit: Fit) -> Array:
@@ -275,7 +275,7 @@ def _own_error(problem: Problem, fit: Fit) -> Array:
     return np.asarray(np.sqrt((modes**2).sum(axis=1) + smooth**2))
 
 
-def _settled(
+def _errors_about(
     kept: Kept,
     explanation: Explanation,
     lit: Fit,

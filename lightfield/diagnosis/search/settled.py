@@ -303,7 +303,7 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
         fits = all(more.effect.combines_with(c.effect) for c in kept)
         if not (fits and one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN):
             continue
-        rival = pool.settled(pool.fit((*kept, more), [begin_at(node)]))
+        rival = pool.finished(pool.fit((*kept, more), [begin_at(node)]))
         if not scatters(problem, rival.fit):
             continue  # clear water: the set less the effect, which the search knows
         new = settle(problem, rival.explanation, rival.fit, whiten, seed)

@@ -88,13 +88,13 @@ def settle(
     some, there, own = on_sample(problem, explanation, fit, whiten)
     many = some is not problem
     begun = Settled(some, own, there)
-    now, traced = _settled(begun, explanation, trace, traced, PHOTONS, of_many=many, judge=judge)
+    now, traced = _until_still(begun, explanation, trace, traced, PHOTONS, of_many=many, judge=judge)
     if many:
         every = _in_light(problem, traced)
         there = every.fit(explanation, whiten, [now.fit.u], max_steps=0)
         photons = traced[-1][2].photons
         begun = Settled(every, whiten, there)
-        now, _ = _settled(begun, explanation, trace, traced, photons, _ROUNDS, many)
+        now, _ = _until_still(begun, explanation, trace, traced, photons, _ROUNDS, many)
     return now
 
 
@@ -102,7 +102,7 @@ def _in_light(problem: Problem, traced: list[_Trace]) -> Problem:
     return with_light(problem, [(scene, ratio) for _, scene, ratio in traced])
 
 
-def _settled(
+def _until_still(
     now: Settled,
     explanation: Explanation,
     trace: _Tracer,

@@ -17,7 +17,7 @@ import numpy as np
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.pool.quick import Begin, settled_fit
+from lightfield.diagnosis.search.pool.quick import Begin, finished_fit
 from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
@@ -80,7 +80,7 @@ def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: 
     whiten, stated = tried.test.whiten, tried.fit.values
 
     def fitted(explanation: Explanation, begin: Mapping[str, float]) -> Fit:
-        return settled_fit(problem, explanation, whiten, Begin(begin), _STEPS, _LEFT)
+        return finished_fit(problem, explanation, whiten, Begin(begin), _STEPS, _LEFT)
 
     def at(fit: Fit) -> dict[str, float]:
         return dict(zip(fit.paths, map(float, fit.u), strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -287,6 +288,36 @@ def kind_of(finding: Finding) -> Kind:
     return "none" if finding.size == 0 else "unexplained"
 
 
+class _LeftOpen(NamedTuple):
+    """What a verdict leaves open."""
+
+    rival: NearestRival | None = None
+    advice: NextMeasurement | None = None
+    misfit: Misfit | None = None
+    left: Sequence[LeftOver] = ()
+
+
+def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
+    """Of an answer its nearest rival and what tells them apart; else what the unexplained rest is like."""
+    prepared, finding = found.prepared, found.finding
+    best = finding.best
+    if best is None:
+        if kind != "unexplained" or finding.withheld or finding.in_part:
+            return _LeftOpen()
+        local = left_over(prepared, finding, found.readings, estimates) if advise else []
+        misfit, advice = unexplained(prepared, finding, local)
+        return _LeftOpen(None, advice, misfit, along(misfit, [one.record for one in local]))
+    rival, near = None, None
+    if not finding.beyond_two:  # of more the gap to the best set without each says more, and takes no fits
+        near = nearest_rival(prepared.problem, finding.whiten, best, finding.tried, finding.level.phi)
+    if near is not None:
+        rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
+    other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
+    if kind != "ambiguous" or other is None or not advise:
+        return _LeftOpen(rival)
+    return _LeftOpen(rival, _advice(found, best, other))
+
+
 def verdict_of(found: Found, advise: bool = True) -> Verdict:
     """The verdict as plain data.
 
@@ -298,23 +329,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     prepared, finding, trust = found.prepared, found.finding, found.trust
     problem, level, units = prepared.problem, finding.level, units_in(found.forward)
     best, kind, untestable = finding.best, kind_of(finding), _untestable(found)
-    rival: NearestRival | None = None
-    advice: NextMeasurement | None = None
-    misfit: Misfit | None = None
-    left: list[LeftOver] = []
-    if best is not None:
-        # Of more effects the gap to the best set without each says more, and takes no fits.
-        many = finding.beyond_two
-        near = None if many else nearest_rival(problem, finding.whiten, best, finding.tried, level.phi)
-        if near is not None:
-            rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
-        other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
-        if kind == "ambiguous" and other is not None and advise:
-            advice = _advice(found, best, other)
-    elif kind == "unexplained" and not (finding.withheld or finding.in_part):
-        local = left_over(prepared, finding, found.readings, estimates) if advise else []
-        misfit, advice = unexplained(prepared, finding, local)
-        left = along(misfit, [one.record for one in local])
+    rival, advice, misfit, left = _left_open(found, kind, advise)
     aside = _set_aside(found)
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
@@ -349,7 +364,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         hindrances={name: list(why) for name, why in untestable.items()},
         unexplained_coordinate=coordinate,
         misfit=misfit,
-        left_over=left,
+        left_over=list(left),
         unnamed=small,
         reason_to_doubt=doubt,
         ladder=_rungs(found, units),

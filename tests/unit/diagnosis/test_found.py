@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
+from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
@@ -230,7 +231,7 @@ def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(mon
         nothing = replace(finding, size=None, accepted=[], weights=[])
         return prepared, nothing if len(taken) == 1 else finding
 
-    monkeypatch.setattr(diagnosing, "settled", takes_back)
+    monkeypatch.setattr(stages, "settled", takes_back)
     monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
     found = diagnosing.diagnose(table, believed, only=["background", "beam_offset"], diffuse="trace")
     assert taken == [1, 1]

@@ -22,7 +22,7 @@ from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Node
-from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
+from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
 from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
@@ -242,7 +242,7 @@ def test_a_quick_fit_ends_where_regression_does() -> None:
     for slopes in ({}, right, bent):
         quick = quick_fit(problem, chosen, made.whiten, Begin({}, slopes), 60, 1e-6)
         assert quick.chi2 == pytest.approx(chi2, abs=0.1)
-        settled = settled_fit(problem, chosen, made.whiten, Begin({}, slopes), 60, 1e-6)
+        settled = finished_fit(problem, chosen, made.whiten, Begin({}, slopes), 60, 1e-6)
         assert settled.chi2 == pytest.approx(chi2, abs=1e-5)
         assert settled.u == pytest.approx(expected, abs=1e-3)
         assert np.allclose(settled.jacobian, own.jacobian, rtol=1e-4, atol=1e-6)
@@ -278,7 +278,7 @@ def test_an_effect_whose_light_is_no_number_is_left_where_it_was() -> None:
             return problem.forward.predict(values) * (np.nan if values.get("toy.fan", 0.0) else 1.0)
 
     both = [c for c in problem.candidates if c.name in ("odd", "fan")]
-    fit = settled_fit(replace(problem, forward=Broken()), tuple(both), made.whiten, Begin({}), 20, 1e-6)
+    fit = finished_fit(replace(problem, forward=Broken()), tuple(both), made.whiten, Begin({}), 20, 1e-6)
     found, _, _ = made.regression(problem, "odd")
     assert fit.values["toy.odd"] == pytest.approx(found[-1], rel=1e-3) and fit.values["toy.fan"] == 0
 
@@ -307,7 +307,7 @@ def test_bounds_hold() -> None:
     made = toy()
     problem = made.drawn(np.random.default_rng(1), odd=3.0)
     (one,) = (candidate("odd", 0.0, 1.0),)
-    fit = settled_fit(problem, (one,), made.whiten, Begin({}), 60, 1e-6)
+    fit = finished_fit(problem, (one,), made.whiten, Begin({}), 60, 1e-6)
     assert fit.u[-1] == 1.0 and bool(fit.at_bound()[-1])
 
 

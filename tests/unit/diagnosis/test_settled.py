@@ -12,6 +12,7 @@ import pytest
 from analytic_readings import readings
 from toy_problem import Toy, candidate, layout, waves
 
+from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
@@ -138,7 +139,7 @@ def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, mo
 def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where it was settled before more effects than one or two were sought."""
     table, scene = readings({"detector.background": 0.02})
-    search, sought, better = diagnosing.search, list[Finding](), list[object]()
+    search, sought, better = stages.search, list[Finding](), list[object]()
 
     def nothing_passes(*given: Any) -> Finding:
         sought.append(search(*given))
@@ -148,11 +149,12 @@ def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pyt
         better.append(copy(prepared.problem.forward))
         return replace(prepared, problem=replace(prepared.problem, forward=better[0])), sought[0]
 
+    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
     for name, value in (
-        ("source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED))), ("search", nothing_passes),
-        ("is_nearly_explained", lambda *_: True), ("settled", settle), ("with_scattering", lambda *_: None),
+        ("search", nothing_passes), ("is_nearly_explained", lambda *_: True), ("settled", settle),
+        ("with_scattering", lambda *_: None),
     ):  # fmt: skip
-        monkeypatch.setattr(diagnosing, name, value)
+        monkeypatch.setattr(stages, name, value)
     told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
     assert told.verdict.effects == ["background"] and len(better) == 1
     assert told.found.forward is told.found.prepared.problem.forward is better[0]
@@ -168,9 +170,9 @@ def test_a_set_that_better_light_puts_first_is_levelled_by_its_own_rivals(monkey
         adequacy = other.test(other.fit) if other.test is not None else None
         return prepared, replace(finding, accepted=[replace(other, adequacy=adequacy)], weights=[1.0])
 
-    for name, value in (("source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED))), ("settled", settle),
-                        ("with_scattering", lambda *_: None)):  # fmt: skip
-        monkeypatch.setattr(diagnosing, name, value)
+    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
+    for name, value in (("settled", settle), ("with_scattering", lambda *_: None)):
+        monkeypatch.setattr(stages, name, value)
     told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
     (tilt,) = told.verdict.found
     assert told.finding.is_levelled and tilt.effect == "beam_tilt"

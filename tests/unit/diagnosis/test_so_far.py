@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lightfield import cli
-from lightfield.diagnosis import diagnose as module
+from lightfield.diagnosis import course
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -21,7 +22,7 @@ def test_the_best_set_is_told_with_its_error() -> None:
     so_far = SoFar(lines.append)
     assert so_far.as_text() == ""
     readings, scene = read_table(STORY / "data.csv"), Scene.load(STORY / "scene.toml")
-    found = module.diagnose(
+    found = diagnose(
         readings, scene, diffuse=None, only=["beam_tilt", "background"], advise=False, progress=so_far
     )
     assert so_far.best is not None and so_far.sets >= 2
@@ -39,7 +40,7 @@ def test_stopped_it_leaves_the_best_set(capsys, monkeypatch) -> None:
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "levelled", stopped)
+    monkeypatch.setattr(course, "levelled", stopped)
     run = f"diagnose {STORY}/data.csv --scene {STORY}/scene.toml --effects beam_offset,background --no-trace"
     assert cli.main(run.split()) == 130
     said = capsys.readouterr()

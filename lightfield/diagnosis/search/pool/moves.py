@@ -39,7 +39,7 @@ def forward(
         made = fit_additions(pool, level, fits, allowed)
         if not made:
             break
-        made = sorted(map(pool.settled, sorted(made, key=pool.cost)[:beam]), key=pool.cost)
+        made = sorted(map(pool.finished, sorted(made, key=pool.cost)[:beam]), key=pool.cost)
         if pool.cost(made[0]) < lowest - _BETTER:
             lowest, stale = pool.cost(made[0]), 0
         else:
@@ -58,7 +58,7 @@ def fit_additions(pool: Pool, level: list[Node], fits: int, allowed: Allowed) ->
 
 def best_of(pool: Pool, allowed: Allowed) -> Node:
     """The set of least cost, of allowed effects, fitted to the end."""
-    while (best := pool.settled(now := pool.best(allowed))) is not now or best is not pool.best(allowed):
+    while (best := pool.finished(now := pool.best(allowed))) is not now or best is not pool.best(allowed):
         pass
     return best
 

@@ -19,7 +19,7 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool.quick import Begin, quick_fit, settled_fit
+from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
 from lightfield.diagnosis.search.search import clipped
 from lightfield.fitting.least_squares import Fit
 
@@ -153,7 +153,7 @@ class Pool:
     most_diffuse: int = MOST_DIFFUSE
     _scores: dict[Key, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
     _promises: dict[Key, list[Promise]] = field(default_factory=dict)
-    _settled: set[Key] = field(default_factory=set)
+    _finished: set[Key] = field(default_factory=set)
     _lowest: float = float("inf")
     progress: Callable[[Node], None] = lambda best: None
 
@@ -184,7 +184,7 @@ class Pool:
         order = self.problem.candidates
         whole = tuple(sorted(explanation, key=order.index))
         if (known := self.nodes.get(frozenset(c.key for c in whole))) is not None:
-            if known.key in self._settled or not self._is_near(promised):
+            if known.key in self._finished or not self._is_near(promised):
                 return known
             begins = [*begins, Begin(fitted_at(known))]
         fits = [self._quick(whole, begin, _FEW if len(begins) > 1 else _STEPS) for begin in begins]
@@ -194,7 +194,7 @@ class Pool:
         self.fits += 1
         node = self._remember(Node(whole, fit))
         near = self._is_near(min(self.cost(node), promised))
-        done = self.settled(node) if near or not node.is_diffuse else node
+        done = self.finished(node) if near or not node.is_diffuse else node
         self.progress(self.best())
         return done
 
@@ -218,14 +218,14 @@ class Pool:
             self._lowest = cost
         return node
 
-    def settled(self, node: Node) -> Node:
+    def finished(self, node: Node) -> Node:
         """The set as fitted to the end, with slopes of its own."""
-        if node.key not in self._settled:
+        if node.key not in self._finished:
             whiten = self.ground.test.whiten
             begin = Begin(fitted_at(node))
-            fit = settled_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
+            fit = finished_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
             self._spend(node.explanation, fit)
-            self._settled.add(node.key)
+            self._finished.add(node.key)
             self._scores.pop(node.key, None)
             self._promises.pop(node.key, None)
             return self._remember(Node(node.explanation, fit))

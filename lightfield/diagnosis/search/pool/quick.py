@@ -203,7 +203,7 @@ def quick_fit(
     return search.fit()
 
 
-def settled_fit(
+def finished_fit(
     problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin, steps: int, tolerance: float
 ) -> Fit:
     """The same to the end: until slopes taken anew ask for no further step."""

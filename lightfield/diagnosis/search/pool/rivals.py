@@ -35,7 +35,7 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
 
     rest = [c for c in best.explanation if c is not candidate]
     if pool.affordable(rest):
-        dropped = pool.settled(pool.drop(best, candidate))
+        dropped = pool.finished(pool.drop(best, candidate))
         # Far from the best what they cost need not be known to the end.
         fit_additions(pool, [dropped], _FITS, without)
         if _far(pool, best, without) < _FAR:

@@ -137,8 +137,8 @@ def _pool(ground: Ground, best: Node, progress: Progress) -> Pool:
     pool = Pool(ground)
     start = Begin(fitted_at(best))
     # Width and absorption of a large set may lie where the base model alone has another minimum.
-    pool.settled(pool.fit((), [start, Begin({})]))
-    pool.settled(pool.fit(best.explanation, [start]))
+    pool.finished(pool.fit((), [start, Begin({})]))
+    pool.finished(pool.fit(best.explanation, [start]))
     pool.progress = told
     return pool
 
@@ -217,21 +217,21 @@ def search_many(
         found = _again(pool)
         if found.key != before.key or _is_elsewhere(data, found, before):
             continue
-        found, adequacy = _settled(pool, made, found, alpha)
+        found, adequacy = _tested(pool, made, found, alpha)
         if not adequacy.passes(alpha) and data.budget.tolerance > 0:
             break
         found = _beside_rivals(pool, found)
         if found.key == before.key:
             break
     tolerance = 0.0
-    found, adequacy = _settled(pool, made, found, alpha)
+    found, adequacy = _tested(pool, made, found, alpha)
     if not adequacy.passes(alpha) and data.budget.tolerance > 0:
         tolerance = data.budget.tolerance
         for k in range(_ROUNDS_WITHIN):
             before = found
             made, ground = _ground(prepared, tolerance, rng, found)
             pool = _pool(ground, found, progress)
-            found, adequacy = _settled(pool, made, _again(pool), alpha)
+            found, adequacy = _tested(pool, made, _again(pool), alpha)
             if not _is_elsewhere(data, found, before):
                 break
             seed = _SEED + (1 + _ROUNDS + k) * _TRACES
@@ -319,7 +319,7 @@ def _again(pool: Pool) -> Node:
     return polish(pool, everything)
 
 
-def _settled(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, Adequacy]:
+def _tested(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, Adequacy]:
     """The best set and its test, after another look where it fails."""
     adequacy = made.test(found.fit)
     if not adequacy.passes(alpha):

@@ -71,7 +71,7 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings, estimate
     for start in known:
         for promise in pool.promises(start):
             if promise.candidate in local and pool.affordable((*start.explanation, promise.candidate)):
-                made = _fitting(pool, pool.settled(pool.add(promise)), promise.candidate, node.explanation)
+                made = _fitting(pool, pool.finished(pool.add(promise)), promise.candidate, node.explanation)
                 name = promise.candidate.name
                 best[name] = min(made, best.get(name, made), key=pool.cost)
     out = []
@@ -103,7 +103,7 @@ def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Poo
     test = whitened_test(wider, Whitener(prepared.noise, 0.0, 1.0, 0.0), np.random.default_rng(0))
     pool = Pool(Ground(test, error_scale(prepared, finding), level.adequacy.nu))
     begin = Begin(dict(zip(fit.paths, fit.u.tolist(), strict=True)))
-    return pool, pool.settled(pool.fit(explanation, [begin])), local
+    return pool, pool.finished(pool.fit(explanation, [begin])), local
 
 
 def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
@@ -111,7 +111,7 @@ def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
     begin = Begin(dict(zip(node.fit.paths, node.fit.u.tolist(), strict=True)))
     partial = [e.candidate.key for e in finding.many.evidence if e.level == "partial"] if finding.many else []
     sure = tuple(c for c in node.explanation if c.key in partial)
-    return [pool.settled(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
+    return [pool.finished(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
 
 
 def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> Node:
@@ -122,7 +122,7 @@ def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> No
     while True:
         less = [pool.drop(node, c) for c in node.explanation if c is not kept]
         more = [pool.add(p) for p in pool.promises(node)]
-        best = min(map(pool.settled, [*less, *more]), key=pool.cost, default=node)
+        best = min(map(pool.finished, [*less, *more]), key=pool.cost, default=node)
         if pool.cost(best) >= pool.cost(node):
             return node
         node = best

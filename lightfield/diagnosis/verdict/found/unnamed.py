@@ -97,7 +97,7 @@ def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candi
     for promise in sorted(promises, key=lambda p: p.cost):
         wanted = promise.candidate.name not in chosen and len(chosen) < _FITTED
         if wanted and pool.affordable((*node.explanation, promise.candidate)):
-            chosen[promise.candidate.name] = pool.settled(pool.add(promise)), promise.candidate
+            chosen[promise.candidate.name] = pool.finished(pool.add(promise)), promise.candidate
     return list(chosen.values())
 
 

@@ -1,0 +1,217 @@
+"""The course of a diagnosis: search in the light of a trace, settle what was found in better light, judge it.
+
+Each stage takes what is known and gives what is known then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.setup import budget_of, problem_of
+from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
+from lightfield.diagnosis.search.cascade import Finding, search
+from lightfield.diagnosis.search.many import beyond_two, levelled
+from lightfield.diagnosis.search.pool.search import Data
+from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
+from lightfield.diagnosis.search.progress import Progress
+from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.search.settled import is_nearly_explained, settled
+from lightfield.diagnosis.search.truncation import with_truncation
+from lightfield.diagnosis.verdict import calibration, refutation
+from lightfield.diagnosis.verdict.found.scattered_too import (
+    WithScattering,
+    in_light_of_photons,
+    with_scattering,
+)
+from lightfield.diagnosis.verdict.parts import DoubtReason
+from lightfield.diagnosis.verdict.trust import Trust, trust_of
+from lightfield.fitting.effects import Effect
+from lightfield.fitting.forward import Retraced
+from lightfield.fitting.light_source import DiffuseSource
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+
+@dataclass(frozen=True)
+class Inquiry:
+    """What is asked of readings.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the experimenter believes.
+    source, without_diffuse
+        What gives scattered and reflected light, or why nothing does.
+    effects : sequence of Effect
+        That are considered.
+    is_settled_after : bool
+        Light is traced by the renderer: what is found is settled with light traced for it.
+    alpha : float
+        Family-wise false-alarm probability of the test of the base model.
+    seed : int
+        Of the bootstrap, and of the traces that scattered light is settled with.
+    """
+
+    readings: Readings
+    scene: Scene
+    source: DiffuseSource | None
+    without_diffuse: Hindrance | None
+    effects: Sequence[Effect]
+    is_settled_after: bool
+    alpha: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the readings so far.
+
+    Parameters
+    ----------
+    problem : Problem
+        As the table poses it, with the gain in its range.
+    untestable : dict
+        Effects that cannot be tested here, with reasons.
+    data : Data
+        Every usable reading, with every candidate.
+    prepared, finding
+        Noise and outliers; what was found.
+    rng : Generator
+        Of the bootstrap, as far as it was used.
+    is_settled : bool
+        The finding rests on light traced for it.
+    """
+
+    problem: Problem
+    untestable: Untestable
+    data: Data
+    prepared: Prepared
+    finding: Finding
+    rng: np.random.Generator
+    is_settled: bool = False
+
+    def now(self, prepared: Prepared, finding: Finding) -> Knowledge:
+        """The same with another finding, and the noise that it was judged beside."""
+        return replace(self, prepared=prepared, finding=finding)
+
+    @property
+    def data_in_its_light(self) -> Data:
+        """Every usable reading, in the light that the finding rests on."""
+        forward = self.prepared.problem.forward
+        return replace(self.data, problem=replace(self.data.problem, forward=forward))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is known in the end.
+
+    Parameters
+    ----------
+    trust : Trust
+        What is set aside, and whether there is a reason to doubt.
+    also : WithScattering, optional
+        What reflects, with scattering too.
+    """
+
+    known: Knowledge
+    trust: Trust
+    also: WithScattering | None
+
+
+def course(inquiry: Inquiry, progress: Progress) -> Outcome:
+    """Search, settle, judge."""
+    known = _searched(inquiry, progress)
+    progress("rivals of every effect")
+    known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding, inquiry.alpha))
+    if inquiry.is_settled_after and not known.is_settled:
+        known = _settled_after(inquiry, known, progress)
+    return _judged(inquiry, known)
+
+
+def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
+    """What a trace shows; traced again where it ends in water too dense for it."""
+    readings, seed, alpha = inquiry.readings, inquiry.seed, inquiry.alpha
+    budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
+    before: tuple[Fitted, ...] = ()
+    traces = Retraced(inquiry.scene, readings, inquiry.source)
+    for forward in traces:
+        problem, untestable = problem_of(forward, readings, inquiry.effects, inquiry.without_diffuse)
+        rng = np.random.default_rng(seed)
+        progress(f"noise and outliers of {problem.layout.size} readings")
+        by_shape = calibration.by_shape(problem)
+        # Curves come only where no named effect will do.
+        data = Data(by_shape.with_curves(), quoted, budget)
+        prepared = prepare_problem(by_shape, quoted, budget, rng, alpha, before)
+        traces.asked, before = prepared.to_trace_per_m, prepared.known
+        if traces.asked is not None and traces.left:
+            continue
+        finding = search(prepared, budget.tolerance, rng, alpha, progress)
+        known = Knowledge(problem, untestable, data, prepared, finding, rng)
+        if finding.size is None:
+            known = _with_more_effects(inquiry, known, progress)
+        if known.is_settled:
+            break
+        light = known.prepared.problem.forward.light
+        traces.asked = light.to_trace(one.fit.values for one in known.finding.contenders)
+    return known
+
+
+def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
+    """Where no one or two effects will do: any number, unless one or two nearly do, and do once settled."""
+    if inquiry.is_settled_after and is_nearly_explained(known.prepared, known.finding):
+        early = _settled(inquiry, known, progress)
+        if early.finding.accepted:
+            return replace(early, data=early.data_in_its_light, is_settled=True)
+    return _beyond_two(inquiry, known, known.prepared, progress)
+
+
+def _beyond_two(inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress) -> Knowledge:
+    alpha, seed = inquiry.alpha, inquiry.seed
+    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress))
+
+
+def _settled(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
+    data, prepared, finding, rng = known.data, known.prepared, known.finding, known.rng
+    alpha, seed = inquiry.alpha, inquiry.seed
+    return known.now(*settled(data, prepared, finding, rng, alpha, progress, seed))
+
+
+def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Knowledge:
+    """What was found, settled; more effects where better light takes one or two back."""
+    known = _settled(inquiry, found, progress)
+    finding = known.finding
+    if finding.size is None and (finding.many is None or not finding.many.sought):
+        known = _beyond_two(inquiry, known, found.prepared, progress)
+        known = _settled(inquiry, known, progress)
+        finding = known.finding
+    if not (finding.is_levelled or finding.beyond_two):  # in better light another set is the best
+        finding = replace(finding, many=None)
+        finding = levelled(known.data_in_its_light, known.prepared, finding, inquiry.alpha)
+    return known.now(known.prepared, finding)
+
+
+def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
+    """What may be believed: the calibration, what the scene states, too much noise, the photons' errors."""
+    # What the answer rests on is said and drawn in its own light.
+    known = replace(known, problem=replace(known.problem, forward=known.prepared.problem.forward))
+    prepared, finding = calibration.on_absolute_scale(
+        known.prepared, known.problem, with_truncation(known.finding)
+    )
+    finding = refutation.pruned(prepared, finding)
+    trust = trust_of(prepared, finding, np.asarray(inquiry.readings.saturated, bool), known.rng)
+    if trust.doubt is not None:
+        partly = trust.doubt.reason is DoubtReason.SET_ASIDE
+        # What has a coordinate may pass for noise; of what is no beam nothing is told.
+        no_beam = trust.doubt.reason is not DoubtReason.NOISE
+        finding = finding.but_for_some() if partly else finding.without_answer(no_beam)
+    also = None
+    if inquiry.is_settled_after:
+        finding = in_light_of_photons(prepared.problem, finding)
+        also = with_scattering(prepared.problem, finding, inquiry.seed)
+    if also is not None:
+        finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
+    return Outcome(known.now(prepared, finding), trust, also)
