@@ -40,6 +40,9 @@ of successive readings spoiled by 6 to 30 sigma.
 was hidden refitted (of a lamp that is no Gaussian its curve too: what the curve can do is not visible).
 **Right** is a name that was hidden, or the curve that contains what was; a *set* is right if it has all that
 is above 5 sigma and nothing that was not hidden. Diagnoses trace their own light, as the command does.
+
+The aims are figures of the method's prototype, by its own rules: names that are certain are among those that
+are the simplest, too, and finding by sigma is counted in clean sets.
 """
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from benchmarks.many_effects import catalogue, scores
 from lightfield.fitting import effects
 
@@ -13,3 +15,23 @@ def test_what_describes_an_unknown_influence_is_a_curve() -> None:
 
 def test_what_may_act_is_in_the_table() -> None:
     assert {name for names in catalogue.MAY_ACT.values() for name in names} <= set(effects.table())
+
+
+def _row(**given: Any) -> dict[str, Any]:
+    best = {"best_set": ["beam_tilt"], "certain": [], "simplest": ["beam_tilt"], "family": [["beam_tilt"]]}
+    found = [{"effect": "beam_tilt", "alternatives": [["acceptance", "detector_tilt"]]}]
+    hidden = ["acceptance", "detector_tilt"]
+    truth = {"hidden": hidden, "delta": dict.fromkeys(hidden, 40.0), "lamp": "", "unknown": ""}
+    return truth | best | {"found": found} | given
+
+
+def test_wrong_names_are_counted_over_levels_together_and_apart() -> None:
+    rows = [_row(), _row(certain=["acceptance", "detector_tilt"], simplest=[])]
+    assert str(scores._names(rows, "simplest")).endswith("1/1)")
+    assert str(scores._names(rows, "certain", "simplest")).endswith("1/3)")
+
+
+def test_a_set_that_is_told_to_do_as_well_is_not_in_the_family() -> None:
+    assert not scores._in_family(_row())
+    assert scores._in_family(_row(), told=True)
+    assert not scores._in_family(_row(hidden=["background"], delta={"background": 9.0}), told=True)
