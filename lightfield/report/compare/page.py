@@ -14,7 +14,8 @@ from rich.table import Table
 from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_figure, radial_figure
 from lightfield.report.page import fill, page_figure, write_page
 from lightfield.report.style import save_png
-from lightfield.studies.compare.maps import LEVELS, Comparison, PlaneComparison, as_text
+from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
+from lightfield.studies.compare.rings import BEYOND, LEVELS
 
 HEAD = (
     "z (m)",
@@ -72,7 +73,7 @@ def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
             three_digits(plane.formula_spot.hwhm_m),
             concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
             *(_radius(plane, level) for level in LEVELS),
-            style="yellow" if plane.excess_on_axis() > LEVELS[0] else None,
+            style="yellow" if plane.told_on_axis(LEVELS[0]) == BEYOND else None,
         )
     return table
 
@@ -121,7 +122,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
             )
         body = [
             [
-                {"text": cell, "over": index == 2 and plane.excess_on_axis() > LEVELS[0]}
+                {"text": cell, "over": index == 2 and plane.told_on_axis(LEVELS[0]) == BEYOND}
                 for index, cell in enumerate(row)
             ]
             for plane, row in zip(planes, rows(planes), strict=True)
@@ -228,10 +229,12 @@ def three_digits(value: float) -> str:
 
 
 def _radius(plane: PlaneComparison, level: float) -> str:
-    radius = plane.radius_within(level)
-    if math.isnan(radius):
+    radius, is_left = plane.within(level)
+    if math.isnan(radius) or (not is_left and not radius):
         return "–"
-    return f"> {plane.profile.r_m[-1]:.2f}" if math.isinf(radius) else f"{radius:.2f}"
+    if math.isinf(radius):
+        return f"> {plane.profile.r_m[-1]:.2f}"
+    return f"{radius:.2f}" if is_left else f"≥ {radius:.2f}"
 
 
 def _quantity(comparison: Comparison) -> str:

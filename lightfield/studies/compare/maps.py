@@ -6,9 +6,9 @@ The render is the reference, so every relative error is (formula - render) / ren
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -17,31 +17,42 @@ from scipy.ndimage import gaussian_filter
 from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
 from lightfield.formula.field import direct_field
-from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
+from lightfield.maps.cells import cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
+from lightfield.studies.compare.rings import (
+    BEYOND,
+    LEVELS,
+    OPEN,
+    SIGMAS,
+    WITHIN,
+    Profile,
+    excess,
+    known_error,
+    on_axis,
+    radial_profile,
+    told,
+)
 
 # (scene, x, y, z, spectrum) -> mean over the spectrum in the unit of the maps, shape of x
 Formula = Callable[[Scene, Array, Array, Array, BandLight], Array]
-LEVELS = (0.05, 0.10)
-SIGMAS = 3.0
 
 
-@dataclass(frozen=True)
-class Profile:
-    """Mean over rings around the lamp's axis, each array of shape (n_rings,)."""
+class Within(NamedTuple):
+    """Up to where the formula is within a relative error.
 
-    r_m: Array
-    render: Array
-    stderr: Array
-    formula: Array
+    Parameters
+    ----------
+    radius_m : float, m
+        Every ring up to there is known to be; infinite where all are, NaN where no light was rendered.
+    is_left : bool
+        Farther out it is known not to be; else too few photons tell.
+    """
 
-    @property
-    def excess(self) -> Array:
-        """Relative error of the formula beyond Monte Carlo error."""
-        return excess(self.render, self.stderr, self.formula)
+    radius_m: float
+    is_left: bool
 
 
 @dataclass(frozen=True)
@@ -85,7 +96,7 @@ class PlaneComparison:
     def is_lit(self) -> bool:
         """Was light rendered on the plane, beyond Monte Carlo error? Else nothing can be compared."""
         total = float(np.nansum(self.render))
-        return total > SIGMAS * float(np.sqrt(np.sum(_finite(self.stderr) ** 2))) and total > 0
+        return total > SIGMAS * float(np.sqrt(np.sum(known_error(self.stderr) ** 2))) and total > 0
 
     @property
     def axis_error(self) -> float:
@@ -105,6 +116,10 @@ class PlaneComparison:
 
     def smooth_excess(self) -> Array:
         """The same after averaging neighbouring cells (Gaussian), for contours that noise does not tear."""
+        return excess(*self._smooth())
+
+    def _smooth(self) -> tuple[Array, Array, Array]:
+        """Render, its error and formula, averaged over neighbouring cells."""
 
         def mean(values: Array, sigma: float) -> Array:
             return np.asarray(gaussian_filter(values, sigma, mode="nearest", truncate=6.0))
@@ -112,28 +127,27 @@ class PlaneComparison:
         width_cells, known = 1.5, np.isfinite(self.render)
         weight = np.where(known, mean(known.astype(float), width_cells), 1.0)
         # The square of a Gaussian kernel is one of width sigma / sqrt 2 over 4 pi sigma^2.
-        narrow = mean(_finite(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)
+        narrow = mean(known_error(self.stderr) ** 2, width_cells / np.sqrt(2)) / (4 * np.pi * width_cells**2)
         formula, render = (smoothed(v, width_cells, 6.0) for v in (self.formula, self.render))
-        return excess(render, np.sqrt(narrow) / weight, formula)
+        return render, np.sqrt(narrow) / weight, formula
 
-    def excess_on_axis(self) -> float:
-        """`smooth_excess` at x = y = 0."""
-        return float(self.smooth_excess()[np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))])
+    def told_on_axis(self, level: float) -> int:
+        """How the error at x = y = 0, averaged over neighbouring cells, compares with a level: see `told`."""
+        at = np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))
+        render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
+        return int(told(render, stderr, formula, level)[0])
 
-    def radius_within(self, level: float) -> float:
-        """Largest radius, m, up to which every ring is within a relative error; infinite when all are.
-
-        NaN where no light was rendered.
-        """
+    def within(self, level: float) -> Within:
+        """Up to where every ring is within a relative error."""
         if not self.is_lit:
-            return float("nan")
-        beyond = np.flatnonzero(self.profile.excess > level)
-        if beyond.size == 0:
-            return float("inf")
-        first = int(beyond[0])
-        if first == 0:
-            return 0.0
-        return float(0.5 * (self.profile.r_m[first - 1] + self.profile.r_m[first]))
+            return Within(float("nan"), False)
+        rings = self.profile.told(level)
+        others = np.flatnonzero(rings != WITHIN)
+        if others.size == 0:
+            return Within(float("inf"), True)
+        first = int(others[0])
+        radius = 0.5 * (self.profile.r_m[first - 1] + self.profile.r_m[first]) if first else 0.0
+        return Within(float(radius), bool((rings[first:] == BEYOND).any()))
 
     def as_data(self) -> dict[str, Any]:
         """Plain numbers for JSON and tables; what is unknown is None."""
@@ -147,7 +161,7 @@ class PlaneComparison:
             "axis_error_stderr": self.axis_error_stderr,
             "lost": self.lost,
             "lost_stderr": self.lost_stderr,
-            **{f"radius_within_{100 * level:.0f}_percent_m": self.radius_within(level) for level in LEVELS},
+            **{f"radius_within_{100 * level:.0f}_percent_m": self.within(level).radius_m for level in LEVELS},
         }
         for name, spot in (("render", self.render_spot), ("formula", self.formula_spot)):
             numbers |= {
@@ -248,7 +262,7 @@ def compare_plane(
     known = not formula_spot.problem
     centre = (formula_spot.centre_x_m, formula_spot.centre_y_m) if known else (0.0, 0.0)
     total, power = float(np.nansum(render)), float(np.nansum(formula))
-    total_stderr = float(np.sqrt(np.sum(_finite(stderr) ** 2)))
+    total_stderr = float(np.sqrt(np.sum(known_error(stderr) ** 2)))
     return PlaneComparison(
         wavelength_nm=float(wavelength_nm),
         z_m=float(z_m),
@@ -263,56 +277,6 @@ def compare_plane(
         formula_spot=formula_spot,
         lost=1 - power / total if total > 0 else float("nan"),
         lost_stderr=power / total**2 * total_stderr if total > 0 else float("nan"),
-    )
-
-
-def excess(render: Array, stderr: Array, formula: Array) -> Array:
-    """Relative error of the formula that Monte Carlo noise cannot explain; zero where no light was rendered.
-
-    NaN outside the tank.
-    """
-    beyond = np.abs(formula - render) - SIGMAS * stderr
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.maximum(beyond, 0) / render
-    return np.where(render > 0, relative, np.where(np.isnan(render), np.nan, 0.0))
-
-
-def radial_profile(
-    render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array, centre: tuple[float, float] = (0, 0)
-) -> Profile:
-    """Means over rings one pixel wide that lie wholly on the plane and in the tank.
-
-    Errors of different cells are taken as independent: a photon rarely meets a plane twice.
-    """
-    radius = np.hypot(*np.meshgrid(x_m - centre[0], y_m - centre[1]))
-    pitch = pitch_m(x_m) or 1.0
-    # Rounding, not flooring: with cells on a centred grid no cell then lies on the border of two rings.
-    ring = np.round(radius / pitch).astype(int)
-    reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
-    known = np.isfinite(render)
-    rings = max(1, min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1))))
-    inside = (ring < rings) & known
-    count = np.bincount(ring[inside], minlength=rings)
-    used = count > 0
-
-    def mean(values: Array) -> Array:
-        return np.bincount(ring[inside], values[inside], minlength=rings)[used] / count[used]
-
-    error = np.sqrt(mean(_finite(stderr) ** 2) / count[used])
-    # A ring in which no cell ever counted a photon has an unknown, not a vanishing, error.
-    silent = mean(np.isfinite(stderr).astype(float)) == 0
-    return Profile(mean(radius), mean(render), np.where(silent, np.inf, error), mean(formula))
-
-
-def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array) -> Profile:
-    """Mean of the cell, or the equally near cells, at x = y = 0."""
-    near = axis_cells(x_m, y_m)
-    error = np.sqrt(np.sum(stderr[near] ** 2)) / near.sum()
-    return Profile(
-        np.hypot(*np.meshgrid(x_m, y_m))[near][:1],
-        render[near].mean(keepdims=True),
-        np.array([error]),
-        formula[near].mean(keepdims=True),
     )
 
 
@@ -349,28 +313,44 @@ def as_text(comparison: Comparison) -> str:
     if last is not first:
         verb = "" if verbs[0] == verbs[1] else f"{verbs[1]} "
         lost += f" and {verb}{_percent(abs(last.lost))} at {last.z_m:g} m"
-    good = [p for p in lit if p.excess_on_axis() <= LEVELS[0]]
-    every = "every lit plane" if dark else "every plane"
-    if len(good) == len(lit):
-        where = f"on the axis it is within 5 % on {every}"
-    elif not good:
-        where = f"on the axis it is more than 5 % off on {every}"
-    else:
-        where = "on the axis it is within 5 % at " + ", ".join(f"{p.z_m:g}" for p in good) + " m only"
-    radius = last.radius_within(LEVELS[1])
+    on_axis = _told_on_axis(lit, "every lit plane" if dark else "every plane")
+    return f"{lost}; {on_axis}; {_told_off_axis(last)}.{unknown}"
+
+
+def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
+    """Where the formula can be trusted on the axis."""
+    states = [plane.told_on_axis(LEVELS[0]) for plane in lit]
+
+    def at(state: int) -> str:
+        return ", ".join(f"{plane.z_m:g}" for plane, its in zip(lit, states, strict=True) if its == state)
+
+    if set(states) == {WITHIN}:
+        return f"on the axis it is within 5 % on {every}"
+    if set(states) == {BEYOND}:
+        return f"on the axis it is more than 5 % off on {every}"
+    if set(states) == {OPEN}:
+        return f"on the axis too few photons tell whether it is within 5 % on {every}"
+    if not at(OPEN):
+        return f"on the axis it is within 5 % at {at(WITHIN)} m only"
+    known = [f"within 5 % at {at(WITHIN)} m"] if at(WITHIN) else []
+    known += [f"more than 5 % off at {at(BEYOND)} m"] if at(BEYOND) else []
+    return f"on the axis it is {' and '.join(known)}, and too few photons tell at {at(OPEN)} m"
+
+
+def _told_off_axis(last: PlaneComparison) -> str:
+    """Up to where it can be trusted on the farthest plane."""
+    radius, is_left = last.within(LEVELS[1])
     if np.isinf(radius):
-        off = f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
-    elif radius == 0:
-        off = f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
-    else:
-        off = f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
-    return f"{lost}; {where}; {off}.{unknown}"
+        return f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
+    if not is_left and radius == 0:
+        return f"off the axis too few photons tell at {last.z_m:g} m"
+    if not is_left:
+        return f"at {last.z_m:g} m it is within 10 % to {radius:.2f} m; beyond too few photons tell"
+    if radius == 0:
+        return f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
+    return f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
 
 
 def _percent(part: float) -> str:
     percent = round(100 * part, 1) + 0.0  # no minus before nothing
     return f"{percent:.1f} %" if abs(percent) < 10 else f"{percent:.0f} %"
-
-
-def _finite(stderr: Array) -> Array:
-    return np.where(np.isfinite(stderr), stderr, 0.0)

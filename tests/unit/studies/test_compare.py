@@ -8,7 +8,8 @@ import pytest
 
 from lightfield.maps.dataset import to_dataset
 from lightfield.report.compare.page import comparison_page, write_comparison
-from lightfield.studies.compare.maps import as_text, compare, compare_plane, excess, radial_profile
+from lightfield.studies.compare.maps import as_text, compare, compare_plane
+from lightfield.studies.compare.rings import BEYOND, OPEN, WITHIN, Profile, excess, radial_profile, told
 
 
 @pytest.fixture
@@ -20,7 +21,7 @@ def test_without_a_difference_nothing_is_reported(make, formula):
     # Cells of 1 cm, so that averaging over the cell (formula) and its centre (stand-in) are the same to 1e-3.
     comparison = compare(to_dataset(make(pixels=201, noise=0.02)), formula)
     for plane in comparison.planes:
-        assert plane.radius_within(0.05) == np.inf
+        assert plane.within(0.05).radius_m == np.inf
         assert abs(plane.lost) < 3 * plane.lost_stderr + 1e-3
         # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
         assert (plane.excess() > 0.05).sum() == 0
@@ -75,7 +76,7 @@ def test_axis_error_and_radius_are_those_of_the_glow(make, formula):
     assert plane.axis_error == pytest.approx(-share[middle, middle], abs=4 * plane.axis_error_stderr + 1e-3)
     x = rendering.grid.x_m[middle:]
     expected = x[np.argmax(share[middle, middle:] > 0.10)]
-    assert plane.radius_within(0.10) == pytest.approx(expected, abs=2 * 2 / 65)
+    assert plane.within(0.10).radius_m == pytest.approx(expected, abs=2 * 2 / 65)
 
 
 def test_shape_of_both_spots(make, formula):
@@ -120,3 +121,29 @@ def test_silent_cells_have_unknown_error_and_do_not_count():
 def test_summary_is_plain_json(make, formula):
     text = json.dumps(compare(to_dataset(make(pixels=33)), formula).as_data(), allow_nan=False)
     assert json.loads(text)["planes"][1]["z_m"] == 6.5
+
+
+def test_few_photons_tell_nothing(make, formula):
+    """The same glow in a render of 60 % noise: neither within 5 % nor beyond it."""
+    known, noisy = (compare(to_dataset(make(glow=0.02, noise=noise)), formula) for noise in (0.002, 0.6))
+    assert "too few photons" not in as_text(known)
+    assert "on the axis too few photons tell whether it is within 5 % on every plane" in as_text(noisy)
+    assert as_text(noisy).endswith("too few photons tell.")
+    assert [np.isinf(plane.within(0.05).radius_m) for plane in noisy.planes] == [False] * 3
+    assert [plane.told_on_axis(0.05) for plane in noisy.planes] == [OPEN] * 3
+
+
+def test_an_error_is_within_a_level_beyond_it_or_open():
+    render, formula = np.ones(6), np.array([1.04, 1.04, 1.06, 1.06, 1.2, 1.2])
+    stderr = np.array([0.02, 0.03, 0.01, 1e-3, 0.04, 0.2])
+    found = told(render, stderr, formula, 0.05)
+    np.testing.assert_array_equal(found, [WITHIN, OPEN, OPEN, BEYOND, BEYOND, OPEN])
+
+
+def test_a_ring_of_few_cells_is_joined_to_the_next():
+    """One cell on the axis is known to 8 %, the ring about it to 2 %: together within 5 %."""
+    r, ones = np.arange(3) * 0.1, np.ones(3)
+    near = Profile(r, ones, np.array([0.08, 0.02, 0.001]), np.array([1.07, 1.0, 1.2]))
+    np.testing.assert_array_equal(near.told(0.05), [WITHIN, WITHIN, BEYOND])
+    alone = Profile(r, ones, np.array([0.08, 0.001, 0.001]), np.array([1.0, 1.2, 1.0]))
+    np.testing.assert_array_equal(alone.told(0.05), [OPEN, BEYOND, WITHIN])

@@ -1,0 +1,118 @@
+"""A map against the formula's, by cells and by rings: within a relative error, beyond it, or unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.maps.cells import axis_cells, pitch_m
+
+LEVELS = (0.05, 0.10)
+SIGMAS = 3.0
+#: What is within a level is known to it by so many Monte Carlo standard errors.
+KNOWN_SIGMAS = 2.0
+#: How an error compares with a level.
+WITHIN, BEYOND, OPEN = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Mean over rings around the lamp's axis, each array of shape (n_rings,)."""
+
+    r_m: Array
+    render: Array
+    stderr: Array
+    formula: Array
+
+    def told(self, level: float) -> Array:
+        """How every ring's error compares with a level, see `told`.
+
+        A ring that is not known by itself, as the few cells on the axis are not, is joined to the next ones
+        until they are known together, each with the weight of its error.
+        """
+        states = told(self.render, self.stderr, self.formula, level)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off, weight = self.formula / self.render - 1, (self.render / self.stderr) ** 2
+        joined: list[int] = []
+        for ring, state in enumerate(states):
+            if state == BEYOND or (state == WITHIN and not joined):
+                joined = []
+                continue
+            joined.append(ring)
+            some = [k for k in joined if weight[k] > 0]
+            if not some:
+                continue
+            total = weight[some].sum()
+            mean = np.array([1 + off[some] @ weight[some] / total])
+            together = told(np.ones(1), np.array([total**-0.5]), mean, level)[0]
+            if together != OPEN:
+                states[joined], joined = together, []
+        return states
+
+
+def excess(render: Array, stderr: Array, formula: Array) -> Array:
+    """Relative error of the formula that Monte Carlo noise cannot explain; zero where no light was rendered.
+
+    NaN outside the tank.
+    """
+    beyond = np.abs(formula - render) - SIGMAS * stderr
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.maximum(beyond, 0) / render
+    return np.where(render > 0, relative, np.where(np.isnan(render), np.nan, 0.0))
+
+
+def told(render: Array, stderr: Array, formula: Array, level: float) -> Array:
+    """`BEYOND` a relative error, `WITHIN` it, or `OPEN`: with what the render is uncertain by, either may be.
+
+    Where no light was rendered nothing is beyond; what a render is not known to half of the level is open.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off, error = np.abs(formula - render) / render, stderr / render
+    known = (off <= level) & (KNOWN_SIGMAS * error <= level)
+    beyond = excess(render, stderr, formula) > level
+    return np.where(beyond, BEYOND, np.where(known, WITHIN, OPEN))
+
+
+def radial_profile(
+    render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array, centre: tuple[float, float] = (0, 0)
+) -> Profile:
+    """Means over rings one pixel wide that lie wholly on the plane and in the tank.
+
+    Errors of different cells are taken as independent: a photon rarely meets a plane twice.
+    """
+    radius = np.hypot(*np.meshgrid(x_m - centre[0], y_m - centre[1]))
+    pitch = pitch_m(x_m) or 1.0
+    # Rounding, not flooring: with cells on a centred grid no cell then lies on the border of two rings.
+    ring = np.round(radius / pitch).astype(int)
+    reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
+    known = np.isfinite(render)
+    rings = max(1, min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1))))
+    inside = (ring < rings) & known
+    count = np.bincount(ring[inside], minlength=rings)
+    used = count > 0
+
+    def mean(values: Array) -> Array:
+        return np.bincount(ring[inside], values[inside], minlength=rings)[used] / count[used]
+
+    error = np.sqrt(mean(known_error(stderr) ** 2) / count[used])
+    # A ring in which no cell ever counted a photon has an unknown, not a vanishing, error.
+    silent = mean(np.isfinite(stderr).astype(float)) == 0
+    return Profile(mean(radius), mean(render), np.where(silent, np.inf, error), mean(formula))
+
+
+def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array) -> Profile:
+    """Mean of the cell, or the equally near cells, at x = y = 0."""
+    near = axis_cells(x_m, y_m)
+    error = np.sqrt(np.sum(stderr[near] ** 2)) / near.sum()
+    return Profile(
+        np.hypot(*np.meshgrid(x_m, y_m))[near][:1],
+        render[near].mean(keepdims=True),
+        np.array([error]),
+        formula[near].mean(keepdims=True),
+    )
+
+
+def known_error(stderr: Array) -> Array:
+    return np.where(np.isfinite(stderr), stderr, 0.0)
