@@ -194,11 +194,11 @@ class SceneForward:
         scene = self._with(values, _LIT)
         lamp, shift = own.lit(scene).lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
-        whole = np.isnan(self.light.channels[0])  # readings of the band, not of a wavelength
         intensity = axial_intensity(lamp, read_nm(scene, self.light.wavelengths_nm))
+        whole = np.isnan(self.light.channels[0]) | self.readings.of_band
         if whole.any():
             low, high = scene.detector.bands_nm[0]
-            intensity[whole] = over_band(lamp, low + shift, high + shift).intensity.mean()
+            intensity[whole] = over_band(lamp, low + shift, high + shift, scene.detector).intensity.mean()
         return np.asarray(intensity / unit)[self._channel]
 
     def power(self, values: Mapping[str, float]) -> Array:

@@ -166,6 +166,7 @@ def against_scene(readings: Readings, scene: Scene, problems: Problems | None = 
     wavelength = readings.wavelength_nm
     noted = problems if problems is not None else _problems(readings)
     lines = _places(readings)
+    of_band = len(bands) == 1 and (readings.of_band or bool(np.isnan(wavelength).all()))
     if len(bands) == 1:
         wavelength = np.where(np.isnan(wavelength), sum(bands[0]) / 2, wavelength)
     shown = ", ".join(f"{low:g}-{high:g} nm" for low, high in bands)
@@ -199,7 +200,8 @@ def against_scene(readings: Readings, scene: Scene, problems: Problems | None = 
         _check_tank(readings, scene.tank, noted, lines)
     if problems is None:
         noted.raise_any("does not fit the scene")
-    return replace(readings, wavelength_nm=wavelength, quantity=readings.quantity or quantity)
+    quantity = readings.quantity or quantity
+    return replace(readings, wavelength_nm=wavelength, quantity=quantity, of_band=of_band)
 
 
 def _check_linear(readings: Readings, noted: Problems) -> None:

@@ -60,6 +60,9 @@ class Readings:
     warnings : tuple of LoadWarning
     line : array of int, shape (n,), optional
         Line of `source` that each reading stands in.
+    of_band : bool
+        The table states no wavelength: readings are means over the scene's only band, in whose middle
+        `check_against` has put them.
     """
 
     x_m: Array
@@ -84,6 +87,7 @@ class Readings:
     extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     warnings: tuple[LoadWarning, ...] = ()
     line: NDArray[np.int_] | None = None
+    of_band: bool = False
 
     def __post_init__(self) -> None:
         for array in [*(getattr(self, name) for name in COLUMNS), *self.extra.values()]:

@@ -141,3 +141,25 @@ def test_the_calibration_is_a_term_of_the_head(tmp_path) -> None:
     path.write_text(head + "-1\nz_m,value\n1,2\n")
     with pytest.raises(MeasurementError, match="calibration_percent is impossible"):
         read_table(path)
+
+
+def test_readings_of_a_band_are_means_over_it_and_not_of_its_middle() -> None:
+    """A line of 5 nm at the middle of a band of 50: its mean there is a tenth of its peak, by the Gaussian's
+    area over the width, sqrt(pi / ln 2) / 2 * 5 / 50."""
+    table, scene = absolute()
+    described = scene.to_dict()
+    described["lamp"] = {**described.get("lamp", {}), "spectrum": {"peak_nm": 525.0, "fwhm_nm": 5.0}}
+    described["detector"] = {**described.get("detector", {}), "bands_nm": [[500.0, 550.0]]}
+    scene = Scene.from_dict(described)
+    without = replace(table, wavelength_nm=np.full(len(table), np.nan), of_band=False)
+    peak = replace(table, wavelength_nm=np.full(len(table), 525.0), of_band=False)
+    mean, top = (SceneForward(scene, t.check_against(scene)).predict({}) for t in (without, peak))
+    share = math.sqrt(math.pi / math.log(2)) / 2 * 5 / 50
+    assert mean / top == pytest.approx(np.full(len(table), share), rel=1e-3)
+
+    read = replace(without, value=mean, stderr=0.004 * mean + 1e-6 * mean.max())
+    assert diagnose(read, scene, diffuse=None, advise=False).verdict.verdict == "none"
+    misread = replace(read, wavelength_nm=peak.wavelength_nm)
+    told = diagnose(misread, scene, diffuse=None, advise=False).verdict
+    assert told.effects == ["lamp_power"]
+    assert any("if these readings are such, leave wavelength_nm out" in w for w in told.warnings)

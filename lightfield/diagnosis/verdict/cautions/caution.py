@@ -26,6 +26,7 @@ class Warns(str, Enum):
     MORE_ABSORPTION = "absorption far above the scene's"
     LESS_ABSORPTION = "absorption far below the scene's"
     GAIN = "gain beyond the calibration"
+    OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     NOT_CONFIRMED = "not confirmed by a fresh render"
 
@@ -68,6 +69,8 @@ _WORDS = {
     Warns.LESS_ABSORPTION: _ABSORPTION.format("these readings were taken in water (column medium)"),
     Warns.GAIN: "the readings are {ratio:.3g} times what the scene's lamp of {power_w:g} W gives, and "
     "calibrated to {calibration_percent:g} %: check their unit, or lamp.power_w",
+    Warns.OF_BAND: "means over the band would be {ratio:.3g} times what is read at the stated wavelengths: "
+    "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
     Warns.NOT_CONFIRMED: CONTRADICTED + ": the explanation is no better than the former",

@@ -19,7 +19,9 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import GAIN
 from lightfield.scene import Scene
+from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
+from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Factors from which on a fitted value is spoken of. Guesses of the width were off by up to 18 %, those of
@@ -47,7 +49,11 @@ def hints(
         Relative standard error of the calibration; None on a relative scale.
     """
     scene, values = forward.scene, fit.values
-    found = [_width(scene, values), _absorption(forward, problem, values), _gain(scene, values, calibration)]
+    gain = _gain(scene, values, calibration)
+    found = [
+        _width(scene, values), _absorption(forward, problem, values),
+        gain, _of_band(forward, gain, calibration),
+    ]  # fmt: skip
     return [caution for caution in found if caution is not None]
 
 
@@ -103,3 +109,15 @@ def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) 
         return None
     told = {"ratio": ratio, "power_w": power, "calibration_percent": 100 * calibration}
     return Caution(warns=Warns.GAIN, about=POWER, values=told)
+
+
+def _of_band(forward: SceneForward, gain: Caution | None, calibration: float | None) -> Caution | None:
+    """Is the lamp so much too bright or too dark because means over the band were given a wavelength?"""
+    scene, readings = forward.scene, forward.readings
+    if gain is None or calibration is None or readings.of_band or len(scene.detector.bands_nm) > 1:
+        return None
+    mean = over_bands(scene).intensity.mean()
+    at = axial_intensity(scene.lamp, read_nm(scene, np.asarray(readings.wavelength_nm, float))).mean()
+    if at <= 0 or abs(np.log(gain.values["ratio"] * at / mean)) > GAIN_SIGMA * calibration:
+        return None
+    return Caution(warns=Warns.OF_BAND, about="wavelength_nm", values={"ratio": float(mean / at)})
