@@ -20,6 +20,10 @@ class Forward(Protocol):
     def predict(self, values: Mapping[str, float]) -> Array: ...
 
 
+#: Below this (10/value)^2 what is infinitely wide is meant: a scene takes widths of up to 1e5.
+_UNLIMITED = 1e-8
+
+
 @dataclass(frozen=True)
 class FitParameter:
     """One number that a fit moves.
@@ -60,7 +64,7 @@ class FitParameter:
         if self.coordinate == "square":
             return float(np.sqrt(u)) if u > 0 else 0.0
         if self.coordinate == "inverse-square":
-            return float(10.0 / np.sqrt(u)) if u > 0 else 0.0
+            return float(10.0 / np.sqrt(u)) if u > _UNLIMITED else 0.0
         return float(u)
 
     def width(self, u: float) -> float:
@@ -84,7 +88,7 @@ class FitParameter:
         if self.coordinate == "square":
             return float(0.5 * u**-0.5) if u > 0 else 0.0
         if self.coordinate == "inverse-square":
-            return float(-5.0 * u**-1.5) if u > 0 else 0.0
+            return float(-5.0 * u**-1.5) if u > _UNLIMITED else 0.0
         return 1.0
 
 

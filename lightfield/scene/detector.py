@@ -160,10 +160,10 @@ class Detector(Part):
     acceptance_hwhm_deg: float = number(
         0.0,
         "deg",
-        "half width of a Gaussian acceptance; 0 means unlimited",
+        "half width of a Gaussian acceptance; 0 means unlimited, as hundreds and more nearly are",
         Acts.RECEIVER,
         low=0.0,
-        high=180.0,
+        high=1e5,
         neutral=0.0,
     )
     cosine_error: float = number(

@@ -12,6 +12,7 @@ from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.effects import Effect, Form, Free, lamp, registry
 from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.parameter import FitParameter
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
@@ -203,3 +204,15 @@ def test_shapes_of_a_gaussian_need_a_beam_that_is_one():
     angles = np.linspace(0, 0.3, 7) ** 2
     same = radial_intensity(measured.with_values(named).lamp, angles)
     np.testing.assert_array_equal(same, radial_intensity(measured.lamp, angles))
+
+
+@pytest.mark.parametrize("u", [0.0, 1e-12, 1e-8, 1e-5, 3e-3, 25.0])
+def test_a_width_that_a_fit_may_reach_is_one_that_a_scene_takes(u: float) -> None:
+    """A fit moves (10/value)^2 from 0, infinitely wide: near it every width is an honest one."""
+    (free,) = effects.get("acceptance").forms[0].amplitudes
+    width = FitParameter(free.path, free.low, free.high, free.low, 1e-3, "inverse-square")
+    scene = Scene().with_values({free.path: width.value(u)})
+    theta = np.radians(20.0)
+    hwhm = np.radians(scene.detector.acceptance_hwhm_deg)
+    told = np.exp(-np.log(2) * (theta / hwhm) ** 2) if hwhm else 1.0
+    assert told == pytest.approx(np.exp(-np.log(2) * theta**2 * u / np.radians(10.0) ** 2), rel=1e-7)
