@@ -254,6 +254,7 @@ class DoubtReason(_Word):
     NOISE = "too much noise"
     COARSE = "the readings come in steps"
     FLAT = "the readings do not change from place to place"
+    NO_BETTER = "a constant tells the readings as well as the model"
     PINNED = "the readings ask for what is impossible"
     SET_ASIDE = "readings set aside are no slips"
     NOT_CONFIRMED = "a fresh render does not confirm the fit"

@@ -77,16 +77,14 @@ def as_text(verdict: Verdict) -> str:
         lines.append("")
         lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}{'removes %':>11}")
         for rung in verdict.ladder:
-            held = "-" if rung.held_out_percent is None else f"{rung.held_out_percent:.2f}"
             part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
-            error = "-" if rung.error_percent is None else f"{rung.error_percent:.2f}"
-            numbers = f"{error:>9}{rung.chi2_per_dof:>10.2f}{held:>12}{part:>11}"
+            numbers = f"{_short(rung.error_percent):>9}{_short(rung.chi2_per_dof):>10}"
+            numbers += f"{_short(rung.held_out_percent):>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
                 about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
-        floor = "-" if verdict.noise_floor_percent is None else f"{verdict.noise_floor_percent:.2f}"
-        lines.append(f"{'noise floor':<28}{floor:>9}")
+        lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += found_words.found_lines(verdict.found)
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(
@@ -119,3 +117,10 @@ def as_text(verdict: Verdict) -> str:
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings]
     return "\n".join(lines)
+
+
+def _short(number: float | None) -> str:
+    """Two decimals; of what no column has the room for, its size."""
+    if number is None:
+        return "-"
+    return f"{number:.2f}" if abs(number) < 1e5 else f"{number:.1e}"

@@ -105,8 +105,8 @@ def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) 
         return Doubt(reason=DoubtReason.COARSE, noise_percent=coarse)
     if noise > SANE_NOISE_PERCENT:
         return Doubt(reason=DoubtReason.NOISE, noise_percent=noise)
-    if _flat(prepared, finding, fit, noise):
-        return Doubt(reason=DoubtReason.FLAT)
+    if (reason := _no_better_than_a_constant(prepared, finding, fit, noise)) is not None:
+        return Doubt(reason=reason)
     if finding.size is not None and (pinned := _pinned(prepared, finding, fit)):
         return Doubt(reason=DoubtReason.PINNED, pinned=pinned)
     return None
@@ -126,22 +126,29 @@ def _rounding_percent(prepared: Prepared) -> float:
     return float(100 * np.median(rounding[counted] / problem.value[counted]))
 
 
-def _flat(prepared: Prepared, finding: Finding, fit: Fit, noise: float) -> bool:
+def _no_better_than_a_constant(
+    prepared: Prepared, finding: Finding, fit: Fit, noise: float
+) -> DoubtReason | None:
     """Does a constant per wavelength tell the readings as well as the model, where light should vary?
 
     Within the error that the model is excused it does, too: that many effects follow noise is no merit.
+    Readings that vary are no constant for it: the model misses them as much.
     """
     problem, layout, kept = prepared.problem, prepared.problem.layout, prepared.problem.keep
     channels = (layout.channel[:, None] == np.unique(layout.channel)) * kept[:, None]
     spare = int(kept.sum()) - len(fit.u)
     if spare < 1:
-        return False
+        return None
     left = beside(orthonormal(finding.whiten(channels)), finding.whiten(kept * problem.value)[:, None])
     constant = float((left**2).sum()) / (kept.sum() - channels.shape[1])
     excused = finding.level.tolerance
-    as_good = constant <= _AS_GOOD * fit.chi2 / spare or _contrast(problem.value, channels) <= excused
-    light = problem.forward.predict({})
-    return as_good and _contrast(light, channels) > _VARIES * max(noise / 100, excused)
+    varies = _VARIES * max(noise / 100, excused)
+    if _contrast(problem.forward.predict({}), channels) <= varies:
+        return None
+    contrast = _contrast(problem.value, channels)
+    if constant > _AS_GOOD * fit.chi2 / spare and contrast > excused:
+        return None
+    return DoubtReason.FLAT if contrast <= varies else DoubtReason.NO_BETTER
 
 
 def _contrast(values: Array, channels: Array) -> float:

@@ -194,6 +194,8 @@ def doubt(why: Doubt) -> str:
         )
     if why.reason is DoubtReason.FLAT:
         return f"{_NO_BEAM}: they do not change from place to place, where the lamp's light does"
+    if why.reason is DoubtReason.NO_BETTER:
+        return f"{_NO_BEAM}: one and the same value everywhere tells them as well as the model does"
     if why.reason is DoubtReason.PINNED:
         pinned = " and ".join(f"{path} = {value + 0.0:.3g}" for path, value in why.pinned.items())
         return f"{_NO_BEAM}: they ask for more than {pinned} allows, the edge of what is possible"

@@ -91,6 +91,16 @@ def test_readings_that_are_the_same_everywhere_show_no_lamp() -> None:
     assert "do not change from place to place" in verdict.sentence
 
 
+def test_values_that_vary_are_not_said_to_be_the_same_everywhere() -> None:
+    """Drawn at random over a factor of a hundred: no beam, and no constant either."""
+    table, scene = readings(seed=1)
+    value = np.exp(np.random.default_rng(2).standard_normal(len(table)))
+    verdict = verdict_on(replace(table, value=value, stderr=0.005 * value), scene)
+    assert verdict.verdict == "unexplained"
+    assert "do not change" not in verdict.sentence
+    assert "everywhere tells them as well as the model" in verdict.sentence
+
+
 def test_water_that_amplifies_is_no_water() -> None:
     """Light that grows by 0.5 % per metre: nothing is ruled out at an absorption that cannot be less."""
     clear = {"water.absorption_per_m": 0.0}

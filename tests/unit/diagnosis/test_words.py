@@ -142,6 +142,8 @@ NO_SLIPS = "readings that no known effect reaches are no slips: they lie togethe
          "name an effect or to rule one out"),
         (DoubtReason.FLAT, {},
          f"{NO_BEAM}: they do not change from place to place, where the lamp's light does"),
+        (DoubtReason.NO_BETTER, {},
+         f"{NO_BEAM}: one and the same value everywhere tells them as well as the model does"),
         (DoubtReason.PINNED, {"pinned": {"gain": 0.74, "water.absorption_per_m": -0.0}},
          f"{NO_BEAM}: they ask for more than gain = 0.74 and water.absorption_per_m = 0 allows, the edge of "
          "what is possible"),
