@@ -80,7 +80,8 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
             "detector.saturation_quadratic": 0.1,
         }
     )  # fmt: skip
-    return [everything, other]
+    linear = everything.with_values({"detector.saturation": 0.0})
+    return [everything, other, linear]
 
 
 #: Readings of one spectrum, the last at twice a wavelength between the others.
@@ -234,6 +235,14 @@ def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[
         assert (BEAM(other.lamp) == BEAM(scene.lamp)) == (other == scene or not kinds & Acts.BEAM)
         assert without(other, kinds) == without(scene, kinds)
         assert only(other, ~kinds & ~Acts(0)).get(path) == only(scene, ~kinds).get(path)
+
+
+@pytest.mark.parametrize("path", paths_on(Acts.READOUT))
+def test_a_field_of_the_readout_acts_whether_the_instrument_saturates_or_not(
+    path: str, bases: list[Scene]
+) -> None:
+    read = OBSERVED[Acts.READOUT]
+    assert [differ(read(scene), read(changed(scene, path))) for scene in bases] == [True] * len(bases)
 
 
 def test_a_new_field_must_say_what_it_acts_on() -> None:
