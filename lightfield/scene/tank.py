@@ -54,6 +54,7 @@ class Tank(Part):
         low=0.0,
         high=100.0,
         neutral=1.0,
+        later=True,
     )
     surface: Literal["none", "flat"] = declare(
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
@@ -75,6 +76,7 @@ class Tank(Part):
         low=0.0,
         high=STEEPEST_DEG,
         neutral=0.0,
+        later=True,
     )
 
     @model_validator(mode="before")
