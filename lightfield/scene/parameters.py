@@ -135,10 +135,16 @@ def fields_on(model: type[BaseModel], what: Acts) -> tuple[str, ...]:
 
 
 @cache
+def neutral_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Values that switch fields of a part off, by name; of those that have one."""
+    extras = {name: field.json_schema_extra for name, field in model.model_fields.items()}
+    return {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+
+
+@cache
 def _switches(model: type[BaseModel], what: Acts) -> tuple[Callable[[Any], Any], Any]:
     """Reads the fields that act on any of these stages and have a neutral value; and these values."""
-    extras = {name: model.model_fields[name].json_schema_extra for name in fields_on(model, what)}
-    neutral = {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+    neutral = {n: v for n, v in neutral_of(model).items() if acts_of(model, n) & what}
     if not neutral:
         return (lambda part: ()), ()
     return attrgetter(*neutral), tuple(neutral.values()) if len(neutral) > 1 else next(iter(neutral.values()))

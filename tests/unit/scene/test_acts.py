@@ -31,6 +31,7 @@ from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.spectral.response import response_at
 from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.layers import is_layered
 from lightfield.scene.water.phase.of_scene import phase_function
 
 X, Y, Z = np.meshgrid([-0.6, 0.1, 0.9], [-0.4, 0.2], [2.0, 6.6])
@@ -242,6 +243,7 @@ def test_water_that_is_called_grey_or_dark_is(path: str) -> None:
     coefficients = [f(scene.water, WAVELENGTHS) for f in (absorption_per_m, scattering_per_m)]
     flat = all(np.ptp(c) == 0 for c in coefficients)
     assert is_grey(scene.water) == (flat and path != "water.base")  # a preset may know one wavelength only
+    assert is_layered(scene.water) == differ(_layers(scene), _layers(Scene()))
     assert scene.tank is not None
     lit = coefficients[1].max() > 0 or max(scene.tank.wall_albedo, scene.tank.surface_reflectance) > 0
     assert has_diffuse_light(scene) == lit == (not neutral(scene, DIFFUSE))
