@@ -23,9 +23,7 @@ from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.listed import OWN_FIELD
-
-#: What the tallies of light under a water surface are for.
-ON_SURFACE = frozenset({"tank.surface_reflectance"})
+from lightfield.scene.tank import OPENS_THE_TOP
 
 
 @dataclass
@@ -328,7 +326,7 @@ class Session:
         """
         experiment = self.experiment
         lit = all_lit(experiment)
-        lit = {path: v for path, v in lit.items() if path in self.experiment.stated or path not in ON_SURFACE}
+        lit = {path: v for path, v in lit.items() if path in experiment.stated or path != OPENS_THE_TOP}
         experiment.maps[0].predict({p.path: p.value(p.start) for p in experiment.problem.base} | lit)
 
     def experiment_data(self) -> dict[str, object]:

@@ -31,8 +31,9 @@ READOUT = paths_on(Acts.READOUT)
 _READOUT, _TIME = frozenset(READOUT), frozenset(paths_on(Acts.TIME))
 #: Where the light comes from and which way it shines, of which formulas may speak.
 _POSE = frozenset(paths_on(Acts.SOURCE | Acts.BEAM))
-POWER, SHIFT = "lamp.power_w", "detector.wavelength_shift_nm"
-_LIT = frozenset({SHIFT, *(path for path in paths_on(~Acts(0)) if path.startswith("lamp."))})
+#: What makes the intensity on the axis: power, the beam that it is spread over, and the wavelengths read.
+_LIT = frozenset(paths_on(Acts.POWER | Acts.BEAM | Acts.PLACES))
+POWER = "lamp.power_w"
 #: So many scenes and powers in time are remembered: most steps of a fit change something else.
 _REMEMBERED = 16
 

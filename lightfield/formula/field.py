@@ -11,6 +11,7 @@ All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, o
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
-from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.lamp.frame import beam_angles, through_window
 from lightfield.scene.lamp.profile import LN2, relative_intensity
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import response
@@ -79,7 +80,7 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     if in_air is None or lamp.window_index == 1.0:
         return relative_intensity(lamp, theta_x, theta_y)
     n = np.where(in_air, lamp.window_index, 1.0)
-    return relative_intensity(lamp, theta_x / n, theta_y / n) / (n * n)
+    return np.asarray(through_window(partial(relative_intensity, lamp), theta_x, theta_y, n))
 
 
 def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Array:

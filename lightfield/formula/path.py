@@ -13,6 +13,7 @@ from lightfield.arrays import Array
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.ageing import ages, growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.hardening import hardening_depth
 from lightfield.scene.water.layers import is_layered, layers_depth
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def optical_depth(
     if time_s is not None and ages(water):
         tau = tau + growth_per_m(water, time_s) * s
     if water.hardening_per_m:
-        tau = tau - 0.5 * (water.hardening_per_m * s) ** 2
+        tau = tau - hardening_depth(water, s)
     return np.asarray(tau)
 
 

@@ -209,12 +209,12 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
         mean = np.bincount(taken.spectrum, reading) / np.bincount(taken.spectrum)
         reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)
     reading = reading + ambient(scene, taken.time_s)
-    if not detector.saturation and not detector.saturation_quadratic:
-        return reading
-    level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full
-    s = reading / level
-    if detector.saturation:
-        s = s / (1.0 + detector.saturation * s)
-    if detector.saturation_quadratic:
-        s = s * (1.0 - detector.saturation_quadratic * s)
-    return level * s
+    if detector.saturation or detector.saturation_quadratic:
+        level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full
+        s = reading / level
+        if detector.saturation:
+            s = s / (1.0 + detector.saturation * s)
+        if detector.saturation_quadratic:
+            s = s * (1.0 - detector.saturation_quadratic * s)
+        reading = level * s
+    return reading

@@ -8,7 +8,8 @@ from lightfield.formula.own import factor, lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import positions_grid, reference_of
 from lightfield.scene import Scene
-from lightfield.scene.lamp.frame import beyond_window
+from lightfield.scene.lamp.frame import beyond_window, through_window
+from lightfield.scene.water.hardening import hardening_depth
 
 RINGS, SPOKES = 8, 8  # points on the window: rings of equal area, with no bias to any side
 
@@ -69,13 +70,13 @@ def direct_at(
     in_water = beyond_window(distance, target.z, lamp.apparent_distance_m)
     start = mi.Point3f(target - direction * in_water)
     theta_x, theta_y = emission.angles(direction)
-    n_window = lamp.window_index if in_air else 1.0
-    intensity = emission.intensity(theta_x / n_window, theta_y / n_window) / n_window**2
+    index = lamp.window_index if in_air else 1.0
+    intensity = through_window(emission.intensity, theta_x, theta_y, index)
     depth = mi.Float(0)
     if not in_air:
         depth = Absorption(setup.water).depth(start, direction, in_water)
         depth += (attenuation_per_m - setup.water.absorption_per_m) * in_water
-        depth -= 0.5 * dr.square(scene.water.hardening_per_m * in_water)
+        depth -= hardening_depth(scene.water, in_water)
     seen = ~setup.mitsuba_scene.ray_test(mi.Ray3f(mi.Ray3f(start, direction), in_water * (1 - 1e-4)))
     to_lamp = mi.Vector3f(lamp.offset_x_m - target.x, lamp.offset_y_m - target.y, -target.z)
     response = setup.planes.point_response(direction, to_lamp)

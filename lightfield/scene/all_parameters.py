@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -10,7 +11,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import OWN_FIELD
-from lightfield.scene.parameters import acts_of, fields_on, switched_off
+from lightfield.scene.parameters import acts_of, fields_on, neutral_of, switched_off
 from lightfield.scene.scene import Scene
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.water import Water
@@ -53,6 +54,12 @@ def neutral(scene: Scene, what: Acts) -> bool:
     """Is everything that acts on any of these stages, and has a neutral value, at it?"""
     parts = (scene.lamp, scene.water, scene.tank, scene.detector)
     return all(part is None or switched_off(part, what) for part in parts)
+
+
+def neutral_values(*paths: str) -> dict[str, Any]:
+    """The values at which fields do nothing, by dotted path."""
+    named = (path.split(".") for path in paths)
+    return {f"{part}.{name}": neutral_of(PARTS[part])[name] for part, name in named}
 
 
 def _reset(scene: Scene, names: dict[str, tuple[str, ...]]) -> Scene:

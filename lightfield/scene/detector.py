@@ -75,9 +75,10 @@ class Detector(Part):
         "weight of wavelengths in a band, of detector and filter: a name, a peak { peak_nm, fwhm_nm }, or a "
         "list of peaks; absent: all alike",
         Acts.POWER,
+        later=True,
     )
     response_table: TablePath | None = declare(
-        None, "for response table: CSV (wavelength_nm, response), any scale", Acts.POWER
+        None, "for response table: CSV (wavelength_nm, response), any scale", Acts.POWER, later=True
     )
     wavelength_shift_nm: float = number(
         0.0,
@@ -96,6 +97,7 @@ class Detector(Part):
         low=0.0,
         high=1.0,
         neutral=0.0,
+        later=True,
     )
     stray_light: float = number(
         0.0,
@@ -147,6 +149,7 @@ class Detector(Part):
         "[[z_m, ln of a factor], ...] on the signal at each distance: linear between, constant beyond",
         Acts.READOUT,
         neutral=(),
+        later=True,
     )
     immersion_factor: float = number(
         1.0,

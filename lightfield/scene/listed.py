@@ -17,20 +17,6 @@ AT_FIELD = "absorption_at"
 AT = f"water.{AT_FIELD}."
 OWN_FIELD = "effect"
 OWN = f"{OWN_FIELD}."
-#: Fields that the first scenes did not have, which say nothing at these values.
-_CURVES = (
-    *(("lamp", f"{name}_departure") for name in ("profile", "power", "spectrum")),
-    *(("water", f"{name}_departure") for name in ("absorption", "colour")),
-    ("detector", "plane_departure"),
-)
-_OF_DETECTOR: dict[str, Any] = {"response": None, "response_table": None, "second_order": 0.0}
-_LATER: dict[tuple[str, str], Any] = {
-    ("water", AT_FIELD): [],
-    ("tank", "floor_over_walls"): 1.0,
-    ("tank", "surface_slope_deg"): 0.0,
-    **{field: [] for field in _CURVES},
-    **{("detector", name): value for name, value in _OF_DETECTOR.items()},
-}
 
 
 class Listing(Protocol):
@@ -41,15 +27,6 @@ class Listing(Protocol):
 
     @property
     def effect(self) -> tuple[OwnEffect, ...]: ...
-
-
-def drop_later(data: dict[str, Any]) -> None:
-    """Leave out of a scene what older ones did not have, as if it did not exist: their keys stay."""
-    for (part, name), nothing in _LATER.items():
-        if data[part] is not None and data[part][name] == nothing:
-            del data[part][name]
-    if not data[OWN_FIELD]:
-        del data[OWN_FIELD]
 
 
 def is_listed(path: str) -> bool:

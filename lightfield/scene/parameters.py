@@ -9,9 +9,10 @@ from functools import cache, reduce
 from operator import attrgetter, or_
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic_core import to_jsonable_python
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
@@ -63,6 +64,7 @@ def number(
     above: float | None = None,
     below: float | None = None,
     neutral: float | None = None,
+    later: bool = False,
 ) -> Any:
     """Declare a number.
 
@@ -82,8 +84,10 @@ def number(
         Exclusive range.
     neutral : float, optional
         Value that switches the effect off.
+    later : bool
+        The first scenes did not have it, and were what they are with it at its default: see `drop_later`.
     """
-    extra = _extra(acts_on, unit, neutral)
+    extra = _extra(acts_on, unit, neutral, later)
     return Field(
         default,
         description=meaning,
@@ -97,15 +101,21 @@ def number(
 
 
 def declare(
-    default: Any, meaning: str, acts_on: Acts, *, unit: str | None = None, neutral: Any = None
+    default: Any,
+    meaning: str,
+    acts_on: Acts,
+    *,
+    unit: str | None = None,
+    neutral: Any = None,
+    later: bool = False,
 ) -> Any:
     """Declare what is no single number: a word, a list, a file; arguments as for `number`."""
-    return Field(default, description=meaning, json_schema_extra=_extra(acts_on, unit, neutral))
+    return Field(default, description=meaning, json_schema_extra=_extra(acts_on, unit, neutral, later))
 
 
-def _extra(acts_on: Acts, unit: str | None, neutral: Any) -> dict[str, Any]:
+def _extra(acts_on: Acts, unit: str | None, neutral: Any, later: bool) -> dict[str, Any]:
     """What is kept with a field beside its type and range, as a JSON Schema shows it."""
-    given = {"unit": unit, "neutral": neutral}
+    given = {"unit": unit, "neutral": neutral, "later": later or None}
     names = [str(stage.name).lower() for stage in Acts if stage in acts_on]
     return {**{key: value for key, value in given.items() if value is not None}, "acts_on": names}
 
@@ -125,10 +135,16 @@ def fields_on(model: type[BaseModel], what: Acts) -> tuple[str, ...]:
 
 
 @cache
+def neutral_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Values that switch fields of a part off, by name; of those that have one."""
+    extras = {name: field.json_schema_extra for name, field in model.model_fields.items()}
+    return {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+
+
+@cache
 def _switches(model: type[BaseModel], what: Acts) -> tuple[Callable[[Any], Any], Any]:
     """Reads the fields that act on any of these stages and have a neutral value; and these values."""
-    extras = {name: model.model_fields[name].json_schema_extra for name in fields_on(model, what)}
-    neutral = {n: e["neutral"] for n, e in extras.items() if isinstance(e, dict) and "neutral" in e}
+    neutral = {n: v for n, v in neutral_of(model).items() if acts_of(model, n) & what}
     if not neutral:
         return (lambda part: ()), ()
     return attrgetter(*neutral), tuple(neutral.values()) if len(neutral) > 1 else next(iter(neutral.values()))
@@ -208,6 +224,56 @@ def with_fields(part: AnyPart, values: Mapping[str, Any]) -> AnyPart:
         except KeyError as error:
             raise KeyError(f"{name}.{error.args[0]}") from None
     return part.model_copy(update=update) if update else part
+
+
+def drop_later(part: BaseModel, data: dict[str, Any]) -> None:
+    """Leave out of what a part dumped as JSON what the first scenes did not have, where it is at its default.
+
+    Their digests, and with them what was kept under these, stay as they are.
+
+    Parameters
+    ----------
+    part : BaseModel
+        Scene or piece of one.
+    data : dict
+        What it dumped, changed in place.
+    """
+    later = _later(type(part))
+    for name in [name for name in data if name in later and data[name] == later[name]]:
+        del data[name]
+    for name, inner in _inside(part, data):
+        drop_later(inner, data[name])
+
+
+def change_tables(part: BaseModel, data: dict[str, Any], change: Callable[[str], str]) -> None:
+    """Put something else in the place of the path of every table that a part dumped; as `drop_later`."""
+    for name in _tables(type(part)) & data.keys():
+        if data[name]:
+            data[name] = change(data[name])
+    for name, inner in _inside(part, data):
+        change_tables(inner, data[name], change)
+
+
+def _inside(part: BaseModel, data: Mapping[str, Any]) -> list[tuple[str, BaseModel]]:
+    """Parts of a part that it dumped."""
+    values = ((name, getattr(part, name)) for name in data)
+    return [(name, value) for name, value in values if isinstance(value, BaseModel)]
+
+
+@cache
+def _later(model: type[BaseModel]) -> dict[str, Any]:
+    """Fields that the first scenes did not have, with their defaults as JSON has them."""
+    fields, extras = model.model_fields, {n: f.json_schema_extra for n, f in model.model_fields.items()}
+    later = [name for name, extra in extras.items() if isinstance(extra, dict) and extra.get("later")]
+    return {name: to_jsonable_python(fields[name].get_default()) for name in later}
+
+
+@cache
+def _tables(model: type[BaseModel]) -> frozenset[str]:
+    """Fields that hold the path of a table, also those that may hold none."""
+    (rule,) = TablePath.__metadata__  # type: ignore[attr-defined]
+    fields = model.model_fields.items()
+    return frozenset(n for n, f in fields if rule in f.metadata or TablePath in get_args(f.annotation))
 
 
 @cache

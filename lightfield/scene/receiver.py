@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.profile import LN2
-from lightfield.scene.parameters import fields_on
+from lightfield.scene.parameters import fields_on, switched_off
 
 #: Half angle from which on a view is wide: more is not told apart.
 _WIDE_DEG = 60.0
@@ -27,8 +27,8 @@ def looks_aside(detector: Detector) -> bool:
 
 def is_cosine(detector: Detector) -> bool:
     """Is the response the plain cosine to the axis of the tank?"""
-    changed = detector.tilt_x_deg or detector.cosine_error or detector.acceptance_hwhm_deg
-    return detector.quantity == "irradiance" and detector.aim == "axis" and not changed
+    towards_end = detector.quantity == "irradiance" and detector.aim == "axis"
+    return towards_end and switched_off(detector, Acts.RECEIVER)
 
 
 def half_view_rad(detector: Detector) -> float:

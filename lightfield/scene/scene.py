@@ -26,7 +26,6 @@ from lightfield.scene.in_tank import (
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
     OWN_FIELD,
-    drop_later,
     is_listed,
     listed_parameters,
     listed_value,
@@ -38,6 +37,8 @@ from lightfield.scene.parameters import (
     FOLDER_KEY,
     Parameter,
     Part,
+    change_tables,
+    drop_later,
     numbers_of,
     with_fields,
     without_minus_zero,
@@ -50,13 +51,6 @@ from lightfield.storage.files import atomic_path
 
 __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
-TABLES = tuple(
-    tuple(path.split("."))
-    for path in (
-        *("lamp.intensity_table", "lamp.spectrum_table", "water.table", "water.phase.file", "array.table"),
-        *("detector.response_table", "follower.mission.leader_table"),
-    )
-)
 LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
 
 
@@ -71,7 +65,12 @@ class Scene(Part):
     detector: Detector = Field(default_factory=Detector, description="the receivers")
     array: DetectorArray | None = Field(None, description="the follower's detectors; absent: none")
     follower: Follower | None = Field(None, description="where they are; absent: on the axis")
-    effect: tuple[OwnEffect, ...] = Field((), max_length=MOST_EFFECTS, description="hypotheses of one's own")
+    effect: tuple[OwnEffect, ...] = Field(
+        (),
+        max_length=MOST_EFFECTS,
+        description="hypotheses of one's own",
+        json_schema_extra={"later": True},
+    )
 
     @model_validator(mode="after")
     def _effects_have_names(self) -> Scene:
@@ -213,12 +212,12 @@ class Scene(Part):
             The file cannot be written.
         """
         data, folder = self.to_dict(), Path(path).resolve().parent
-        for *parents, leaf in TABLES:
-            owner: Any = data
-            for key in parents:
-                owner = owner.get(key) or {}
-            if leaf in owner and Path(owner[leaf]).resolve().is_relative_to(folder):
-                owner[leaf] = Path(owner[leaf]).resolve().relative_to(folder).as_posix()
+
+        def named(table: str) -> str:
+            full = Path(table).resolve()
+            return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else table
+
+        change_tables(self, data, named)
         with atomic_path(path) as temporary:
             temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
 
@@ -336,13 +335,8 @@ class Scene(Part):
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""
         data = self.model_dump(mode="json", exclude={"name", "description", *LIGHTLESS})
-        for *parents, leaf in (path for path in TABLES if path[0] not in LIGHTLESS):
-            owner: Any = data
-            for key in parents:
-                owner = owner[key]
-            if owner.get(leaf):
-                owner[leaf] = inputs.content_digest(owner[leaf], inputs.TABLE)
-        drop_later(data)
+        change_tables(self, data, lambda table: inputs.content_digest(table, inputs.TABLE))
+        drop_later(self, data)
         data["detector"]["width_m"] = self.plane_size_m[0]
         text = json.dumps(without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()

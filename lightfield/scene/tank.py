@@ -15,6 +15,8 @@ from lightfield.scene.parameters import Part, declare, number, told
 #: Refractive index of the water under its surface, relative to air; 1.33 to 1.35 over the spectrum and for
 #: fresh to sea water (Quan & Fry 1995, Appl. Opt. 34, 3477; see `water.molecular.refractive_index`).
 WATER_INDEX = 1.34
+#: As soon as there is a surface the lid is gone, and with it what it reflects.
+OPENS_THE_TOP = "tank.surface_reflectance"
 #: Waves in a gale of 17 m/s are of 12 degrees (Cox & Munk 1954, J. Opt. Soc. Am. 44, 838,
 #: doi:10.1364/JOSA.44.000838: mean square slope 0.003 + 0.00512 W, of both directions together).
 STEEPEST_DEG = 15.0
@@ -54,6 +56,7 @@ class Tank(Part):
         low=0.0,
         high=100.0,
         neutral=1.0,
+        later=True,
     )
     surface: Literal["none", "flat"] = declare(
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
@@ -75,6 +78,7 @@ class Tank(Part):
         low=0.0,
         high=STEEPEST_DEG,
         neutral=0.0,
+        later=True,
     )
 
     @model_validator(mode="before")

@@ -50,6 +50,16 @@ def test_a_folder_can_be_taken_in_at_a_glance() -> None:
     assert max(beside.values()) <= MOST, beside.most_common(1)
 
 
+def test_what_lies_in_a_room_is_named_in_the_description_of_the_house() -> None:
+    """Rooms, and modules and folders in them; `commands` has one module per sub-command."""
+    named = set(re.findall(r"\w+", (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")))
+    places = {module.relative_to(PACKAGE).parts[:2] for module in MODULES}
+    lying = {
+        name.removesuffix(".py") for room, *inside in places if room != "commands" for name in (room, *inside)
+    }
+    assert sorted(lying - named - {"__init__"}) == []
+
+
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_library_has_one_room(module: Path) -> None:
     room = module.relative_to(PACKAGE).parts[0]

@@ -15,14 +15,13 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter
+from lightfield.scene.tank import OPENS_THE_TOP
 
 #: Half width at 1/e of a structure that stands in the light, in metres: a rod, a cable. Chosen.
 BUMP_WIDTH_M = 0.06
 #: Cycles over the angles that the readings span: effects change slower than this. Half a cycle apart, two
 #: ripples are as far from each other as their phases are; at most so many are tried, each at so many phases.
 SLOWEST_RIPPLE, _RIPPLES_APART, MOST_RIPPLES, _PHASES = 4.0, 0.5, 40, 4
-#: As soon as there is a surface the lid is gone, and with it what it reflects: that is a step, not a slope.
-OPENS_THE_TOP = "tank.surface_reflectance"
 #: Cosines of the time of so many readings, and of fewer.
 _TIME_TERMS, _MANY, _TIME_TERMS_OF_FEW = 6, 80, 2
 #: Cosines across the beam at most; at every distance at most, of so many readings for each. Chosen: what a
@@ -92,7 +91,7 @@ def _slope(problem: Problem, values: Mapping[str, float], parameter: FitParamete
             {**values, parameter.path: parameter.value(parameter.start + steps * step)}
         )
 
-    if parameter.path == OPENS_THE_TOP:
+    if parameter.path == OPENS_THE_TOP:  # a step, not a slope
         return np.asarray((predict(2) - predict(1)) / step)
     return np.asarray((predict(1) - at) / step)
 

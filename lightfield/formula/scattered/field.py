@@ -39,6 +39,7 @@ from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_roun
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.receiver import looks_aside
 from lightfield.scene.water.coefficients import coefficients_in
+from lightfield.scene.water.hardening import within_band
 from lightfield.scene.water.layers import layers_depth
 from lightfield.scene.water.phase.of_scene import with_molecules
 from lightfield.scene.water.phase.spec import TracedPhase
@@ -49,9 +50,6 @@ _ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
 _DISTANCES, _PER_E, _MORE = 3, 2, 0.05
-#: Nodes over the spread of attenuation within a band (`hardening_per_m`), and their shares.
-HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
-HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
 _NEAREST_M, _AT_NODE = 1e-3, 1e-15
 _REMEMBERED, _STEPS = 64, 3
@@ -170,8 +168,8 @@ class ScatteredField:
         light *= (b / scatters)[:, None]
         path = beyond_window(seen.length, self.z_m, behind_m)
         if water.hardening_per_m:
-            spread = np.exp(np.multiply.outer(path, -water.hardening_per_m * HERMITE_NODES))
-            light *= spread @ HERMITE_SHARES
+            changes, shares = within_band(water.hardening_per_m)
+            light *= np.exp(-np.multiply.outer(path, changes)) @ shares
         return np.asarray(light * np.exp(-layers_depth(water, self.z_m, path)))
 
     def _seen_from(self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Axis | None) -> _Seen:

@@ -14,10 +14,11 @@ from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
 from lightfield.render.diffuse.response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.scene import Scene
+from lightfield.scene.all_parameters import neutral_values
 from lightfield.scene.water.water import Water
 
-#: What only a response follows, and its neutral value: there the light without photons begins.
-_PLAIN = {"lamp.ellipticity": 1.0, "detector.acceptance_hwhm_deg": 0.0, "detector.tilt_x_deg": 0.0}
+#: What only a response follows, switched off: there the light without photons begins.
+_PLAIN = neutral_values("lamp.ellipticity", "detector.acceptance_hwhm_deg", "detector.tilt_x_deg")
 
 
 def field_at(places: tuple[Array, Array, Array]) -> ScatteredField:

@@ -25,11 +25,12 @@ from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.errors import ClassLight, relative_modes
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.straight import from_behind
-from lightfield.render.diffuse.traced import TracedWater, within_band
+from lightfield.render.diffuse.traced import TracedWater
 from lightfield.render.reflected.light import ReflectedLight
 from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import coefficients_in
+from lightfield.scene.water.hardening import within_band
 from lightfield.scene.water.layers import is_layered, layers_depth
 from lightfield.scene.water.water import Water
 
@@ -237,7 +238,7 @@ class DiffuseResponse:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
         if self.reflected is None or not any(scene.reflectances):
             return np.zeros((len(attenuation), len(self.shift.cell)))
-        nodes, shares = within_band(scene)
+        nodes, shares = within_band(scene.water.hardening_per_m)
         each = self.reflected.evaluate(scene, np.add.outer(attenuation, nodes).ravel())
         light = shares @ each.reshape(len(attenuation), len(nodes), -1)
         if is_layered(scene.water):

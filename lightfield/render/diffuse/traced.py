@@ -22,13 +22,12 @@ from lightfield.render.response.response import (
     CLASSES,
     FROM_SURFACE,
     FROM_WALLS,
-    HERMITE_NODES,
-    HERMITE_SHARES,
     NEVER_SCATTERED,
     Reference,
     TransportResponse,
 )
 from lightfield.scene import Scene
+from lightfield.scene.water.hardening import within_band
 
 
 class Traced(NamedTuple):
@@ -98,7 +97,7 @@ class TracedLight:
             return {}
         traced = self.trace()
         beams, rows = traced.beams, traced.rows
-        within, average = within_band(scene)
+        within, average = within_band(scene.water.hardening_per_m)
         absorption, scattering = np.add.outer(a, within).ravel(), np.repeat(b, len(within))
         ones, reference = np.ones_like(absorption), self.reference
         change = absorption + scattering - reference.absorption_per_m - reference.scattering_per_m
@@ -160,9 +159,3 @@ class TracedWater:
         first, last = kinds.start, kinds.stop
         scattered = self.own_top.classes(scene, a, b, range(first, min(last, 1)), errors)
         return scattered | self.under_surface.classes(scene, a, b, range(max(first, 1), last), errors)
-
-
-def within_band(scene: Scene) -> tuple[Array, Array]:
-    """Changes of the attenuation within a band, m^-1, and the share of each."""
-    q = scene.water.hardening_per_m
-    return (q * HERMITE_NODES, HERMITE_SHARES) if q else (np.zeros(1), np.ones(1))

@@ -36,6 +36,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
 from lightfield.scene.water.coefficients import coefficients_in
+from lightfield.scene.water.hardening import hardening_depth
 
 #: How the components change under x -> -x and y -> -y, and which they become when x and y are exchanged.
 _MIRROR_X, _MIRROR_Y, _EXCHANGED = (-1, 1, 1, 1), (1, -1, 1, 1), (1, 0, 2, 3)
@@ -251,7 +252,7 @@ class TracedField:
         """What the splines, which are smooth, leave out: another water on the straight way, and 1 / z^2."""
         x, y, z = place.T
         straight = rays(self.scene.lamp, x, y, z).water_m
-        depth = self._change * straight - 0.5 * (self.scene.water.hardening_per_m * straight) ** 2
+        depth = self._change * straight - hardening_depth(self.scene.water, straight)
         return np.asarray(np.exp(-depth) / z**2)
 
     @cached_property

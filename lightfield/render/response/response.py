@@ -22,13 +22,12 @@ from scipy.special import gammainc
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
+from lightfield.scene.water.hardening import within_band
 
 Rows = NDArray[np.integer[Any]] | slice
 NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
 FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
 CLASSES = 5
-HERMITE_NODES, _HERMITE = np.polynomial.hermite_e.hermegauss(5)
-HERMITE_SHARES = _HERMITE / _HERMITE.sum()
 #: Factors of rows in cells that are worked out at a time, one water at least.
 _AT_ONCE = 1_000_000
 #: Has a logarithm, as no scattering has not; 1/m.
@@ -171,11 +170,12 @@ class TransportResponse:
         scalar = all(np.ndim(v) == 0 for v in (a, b, rho, surface))
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (a, b, rho, surface)))
         if hardening:
-            spread = [np.repeat(v, len(HERMITE_NODES)) for v in columns]
-            spread[0] = spread[0] + np.tile(hardening * HERMITE_NODES, len(columns[0]))
+            changes, shares = within_band(hardening)
+            spread = [np.repeat(v, len(changes)) for v in columns]
+            spread[0] = spread[0] + np.tile(changes, len(columns[0]))
             batches = self._batches(*spread, part=part)
-            split = batches.reshape(len(batches), len(columns[0]), len(HERMITE_SHARES), -1)
-            batches = np.einsum("bwhp,h->bwp", split, HERMITE_SHARES)
+            split = batches.reshape(len(batches), len(columns[0]), len(shares), -1)
+            batches = np.einsum("bwhp,h->bwp", split, shares)
         else:
             batches = self._batches(*columns, part=part)
         mean, stderr = (self._spread(v) for v in mean_and_stderr(batches))

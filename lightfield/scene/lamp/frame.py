@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,23 @@ def beyond_window(length_m: Any, z_m: Any, apparent_distance_m: Any) -> Any:
     apparent_distance_m : float, or Dr.Jit's, m
     """
     return length_m * (z_m / (z_m + apparent_distance_m))
+
+
+def through_window(
+    intensity: Callable[[Any, Any], Any], theta_x_rad: Any, theta_y_rad: Any, index: Any
+) -> Any:
+    """Intensity of a beam beyond a flat window that refracts it: I(theta / n) / n^2, at small angles.
+
+    Parameters
+    ----------
+    intensity : callable
+        Of the beam in water, at two angles about its axis.
+    theta_x_rad, theta_y_rad : arrays of NumPy or Dr.Jit, rad
+        Behind the window.
+    index : float or array
+        n, `lamp.window_index` towards air; 1 towards water.
+    """
+    return intensity(theta_x_rad / index, theta_y_rad / index) / (index * index)
 
 
 def beam_axes(lamp: Lamp) -> tuple[Axis, Axis, Axis]:

@@ -119,18 +119,21 @@ class Lamp(Part):
         "[[angle_deg, ln of a factor], ...] on the intensity of the profile: linear between, constant beyond",
         Acts.BEAM,
         neutral=(),
+        later=True,
     )
     spectrum_departure: Curve = declare(
         (),
         "[[wavelength_nm, ln of a factor], ...] on the spectral power: linear between, constant beyond",
         Acts.POWER,
         neutral=(),
+        later=True,
     )
     power_departure: Curve = declare(
         (),
         "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",
         Acts.TIME,
         neutral=(),
+        later=True,
     )
 
     @model_validator(mode="after")

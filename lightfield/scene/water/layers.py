@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.acts import Acts
 from lightfield.scene.curve import integral_to, value_at
+from lightfield.scene.parameters import switched_off
 
 if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
@@ -15,12 +17,7 @@ if TYPE_CHECKING:
 
 def is_layered(water: Water) -> bool:
     """Does the absorption change with the place?"""
-    return bool(
-        water.gradient_per_m2
-        or water.height_gradient_per_m2
-        or water.layer_absorption_per_m
-        or water.absorption_departure
-    )
+    return not switched_off(water, Acts.LAYERS)
 
 
 def slab_m(water: Water) -> tuple[float, float]:

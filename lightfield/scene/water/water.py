@@ -71,6 +71,7 @@ class Water(Part):
         "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
         Acts.ABSORPTION | Acts.COLOUR,
         neutral=(),
+        later=True,
     )
     colour_departure: Curve = declare(
         (),
@@ -78,6 +79,7 @@ class Water(Part):
         "constant beyond",
         Acts.ABSORPTION | Acts.COLOUR,
         neutral=(),
+        later=True,
     )
     temperature_c: float = number(20.0, "degC", "of the water", Acts.BASE | COEFFICIENTS, low=-2.0, high=40.0)
     salinity_psu: float = number(
@@ -116,6 +118,7 @@ class Water(Part):
         "[[z_m, absorption in 1/m], ...] added along the tank: linear between, constant beyond",
         Acts.LAYERS,
         neutral=(),
+        later=True,
     )
     hardening_per_m: float = number(
         0.0,

@@ -4,7 +4,7 @@
     i1 = 2 R P, i0 = 0                          photocurrent of a mark and of a space (on-off keying)
     sigma^2 = 2 q (i + i_b) B + i_n^2 B         shot noise, background, amplifier; B = bit rate / 2
     Q = (i1 - i0) / (sigma1 + sigma0),  BER = erfc(Q / sqrt(2)) / 2
-    h(t) = sum R(e) at t = e n / c_0            impulse response: e is the path in excess of the straight line
+    h(t) = sum R(e) at t = e n_g / c_0          impulse response: e is the path in excess of the straight line
 
 (Agrawal 2010, Fiber-Optic Communication Systems, 4th ed., eq. 4.6.8 to 4.6.11.) The trace keeps e of every
 history, so h(t) costs no second one. The formula knows only exp(-cz), and loses every scattered photon.
@@ -39,9 +39,9 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.link.bandwidth import (
+    GROUP_INDEX,
     LIGHT_M_PER_S,
     PATH_NODES,
-    WATER_INDEX,
     bandwidth_of,
     between_nodes,
 )
@@ -323,7 +323,7 @@ def _late_light(
     direct = direct_field(water, x, y, nodes)
     bandwidth, error = bandwidth_of(direct, by_path, excess)
     scattered = by_path.mean(axis=0)
-    in_time = np.clip(1 - excess * WATER_INDEX / LIGHT_M_PER_S * receiver.bit_rate_per_s, 0, 1)
+    in_time = np.clip(1 - excess * GROUP_INDEX / LIGHT_M_PER_S * receiver.bit_rate_per_s, 0, 1)
     eye = np.clip(2 * (direct + in_time @ scattered) / (direct + scattered.sum(axis=0)) - 1, 0, 1)
     return _Late(diffuse, relative, bandwidth, error, eye)
 

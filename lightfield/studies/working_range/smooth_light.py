@@ -27,6 +27,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
+from lightfield.scene.water.hardening import hardening_depth
 
 #: Terms in distance and in squared tangent, of the excess and of the direction.
 _TERMS, _TURNING = (5, 3), (3, 2)
@@ -195,7 +196,7 @@ class SmoothLight:
         at = middles_nm(scene)[0].mean(keepdims=True)
         a, b = coefficients_in(scene.water, at, before.molecular_share)
         rho, surface = scene.reflectances
-        harder = np.exp(0.5 * (scene.water.hardening_per_m * straight) ** 2)
+        harder = np.exp(hardening_depth(scene.water, straight))
         diffuse = response.batches(float(a[0]), float(b[0]), rho, surface)[:, :, 0] * harder
         walls, top = np.array([rho]), np.array([surface])
         doubt = response.uncertain(response.tally.mean(axis=0)[None], a, b, walls, top, slice(None))

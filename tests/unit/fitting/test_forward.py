@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
+from perturbed import changed
 
 from lightfield.fitting.forward import TRACES, Retraced, SceneForward
 from lightfield.formula.scattered.field import ScatteredField
@@ -84,6 +86,24 @@ def test_what_was_predicted_before_changes_nothing() -> None:
         for name in order:
             asked[name] = changes[name]
             assert (forward.predict(asked) == SceneForward(scene, readings).predict(asked)).all()
+
+
+ABSOLUTE = Scene.from_dict(
+    {
+        "lamp": {"profile": "two-component", "skirt_fraction": 0.1, "warmup_fraction": 0.1},
+        "water": {"absorption_per_m": 0.1, "layer_absorption_per_m": 0.05, "settling_per_m": 0.05},
+        "detector": {"background": 0.1},
+    }
+)
+
+
+@pytest.mark.parametrize("path", [p for p in ABSOLUTE.parameters() if not p.startswith("detector.p")])
+def test_readings_in_a_unit_follow_every_number_of_the_scene(path: str) -> None:
+    """What is remembered of a scene is told by what its numbers act on: as in a model of that very scene."""
+    readings = replace(table(), scale="absolute", units="W/m^2/nm")
+    other = changed(ABSOLUTE, path)
+    followed = SceneForward(ABSOLUTE, readings, full=1.0).predict({path: other.get(path)})
+    np.testing.assert_allclose(followed, SceneForward(other, readings, full=1.0).predict({}), rtol=1e-12)
 
 
 def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perturbed import FIELDS, changed
 
 from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.formula.field import lamps_of_window, receiver, source
@@ -30,6 +31,7 @@ from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.spectral.response import response_at
 from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
+from lightfield.scene.water.layers import is_layered
 from lightfield.scene.water.phase.of_scene import phase_function
 
 X, Y, Z = np.meshgrid([-0.6, 0.1, 0.9], [-0.4, 0.2], [2.0, 6.6])
@@ -80,7 +82,8 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
             "detector.saturation_quadratic": 0.1,
         }
     )  # fmt: skip
-    return [everything, other]
+    linear = everything.with_values({"detector.saturation": 0.0})
+    return [everything, other, linear]
 
 
 #: Readings of one spectrum, the last at twice a wavelength between the others.
@@ -90,42 +93,8 @@ TAKEN = Taken(
     halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
     z_m=np.array([4.5, 5.5, 6.5]),
 )
-WORDS: dict[str, Any] = {
-    "lamp.profile": "isotropic",
-    "lamp.spectrum": "cie-a",
-    "detector.response": "silicon",
-    "water.base": "petzold-coastal",
-    "lamp.profile_departure": ((0.0, 0.1), (10.0, -0.2)),
-    "lamp.power_departure": ((0.0, 0.0), (1000.0, 0.1)),
-    "lamp.spectrum_departure": ((480.0, 0.0), (580.0, 0.1)),
-    "water.colour_departure": ((480.0, 0.02), (580.0, -0.01)),
-    "detector.plane_departure": ((4.5, 0.02), (6.5, -0.01)),
-    "water.absorption_departure": ((4.0, -0.02), (7.0, 0.03)),
-    "water.absorption_at": ((480.0, 0.15), (580.0, 0.2)),
-    "water.phase": {"type": "petzold"},
-    "tank.surface": "none",
-    "detector.quantity": "scalar_irradiance",
-    "detector.aim": "lamp",
-    "detector.planes_m": (2.0, 5.0),
-    "detector.positions_m": ((0.1, 0.0, 4.5), (0.3, 0.0, 4.5)),
-    "detector.bands_nm": ((510.0, 530.0),),
-}
 #: Which wavelengths are read is no matter of a trace.
 BANDS = ("detector.bands_nm", "detector.wavelength_shift_nm")
-FIELDS = [f"{part}.{name}" for part, model in PARTS.items() for name in model.model_fields]
-
-
-def changed(scene: Scene, path: str) -> Scene:
-    """The scene with another value of one field; the same where that makes no sense there."""
-    now = scene.get(path)
-    if path in WORDS:
-        return scene.with_values({path: WORDS[path]}, validate=path == "water.phase")
-    if path.endswith("table"):
-        return scene.with_values({path: now.replace("one", "two")}, validate=False) if now else scene
-    parameter = scene.parameters()[path]
-    step = 0.2 * (abs(parameter.value) or min(1.0, parameter.high))
-    value = parameter.value + (step if parameter.value + step <= parameter.high else -step)
-    return scene.with_values({path: round(value) if isinstance(now, int) else value}, validate=False)
 
 
 # -- one number, or several, for every stage of the light's way ----------------------------------------
@@ -236,6 +205,14 @@ def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[
         assert only(other, ~kinds & ~Acts(0)).get(path) == only(scene, ~kinds).get(path)
 
 
+@pytest.mark.parametrize("path", paths_on(Acts.READOUT))
+def test_a_field_of_the_readout_acts_whether_the_instrument_saturates_or_not(
+    path: str, bases: list[Scene]
+) -> None:
+    read = OBSERVED[Acts.READOUT]
+    assert [differ(read(scene), read(changed(scene, path))) for scene in bases] == [True] * len(bases)
+
+
 def test_a_new_field_must_say_what_it_acts_on() -> None:
     for part, model in PARTS.items():
         assert [name for name in model.model_fields if not acts_of(model, name)] == [], part
@@ -266,6 +243,7 @@ def test_water_that_is_called_grey_or_dark_is(path: str) -> None:
     coefficients = [f(scene.water, WAVELENGTHS) for f in (absorption_per_m, scattering_per_m)]
     flat = all(np.ptp(c) == 0 for c in coefficients)
     assert is_grey(scene.water) == (flat and path != "water.base")  # a preset may know one wavelength only
+    assert is_layered(scene.water) == differ(_layers(scene), _layers(Scene()))
     assert scene.tank is not None
     lit = coefficients[1].max() > 0 or max(scene.tank.wall_albedo, scene.tank.surface_reflectance) > 0
     assert has_diffuse_light(scene) == lit == (not neutral(scene, DIFFUSE))

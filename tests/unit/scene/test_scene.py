@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from lightfield.errors import SceneError
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
-from lightfield.scene.parameters import bounds
+from lightfield.scene.parameters import Part, bounds
 from lightfield.scene.water.coefficients import absorption_per_m
 
 PAPER = """
@@ -151,6 +151,49 @@ def test_digest_follows_physics_and_tables(tmp_path: Path) -> None:
     table.write_text("angle_deg,intensity\n0,1\n5,0.6\n10,0\n")
     assert scene.digest() != digest
     assert Scene(water=Water(gradient_per_m2=-0.0)).digest() == Scene().digest()
+
+
+#: A scene with each table there is, of which the light knows, and two contents of it.
+_ROWS = "angle_deg,intensity\n0,1\n90,{}\n", "wavelength_nm,power\n400,1\n700,{}\n"
+WITH_TABLE = {
+    "Lamp.intensity_table": ('[lamp]\nprofile = "table"\nintensity_table = "t.csv"', _ROWS[0]),
+    "Lamp.spectrum_table": ('[lamp]\nspectrum = "table"\nspectrum_table = "t.csv"', _ROWS[1]),
+    "Water.table": (
+        '[water]\nbase = "table"\ntable = "t.csv"',
+        "wavelength_nm,absorption_per_m,scattering_per_m\n400,1,1\n700,{},1\n",
+    ),
+    "MeasuredPhase.file": (
+        '[water]\nphase = { type = "table", file = "t.csv" }',
+        "angle_deg,phase_per_sr\n0,9\n180,{}\n",
+    ),
+    "Detector.response_table": (
+        '[detector]\nresponse = "table"\nresponse_table = "t.csv"',
+        _ROWS[1].replace("power", "response"),
+    ),
+}
+#: Tables of where a follower is and what it carries: the light is the same.
+LIGHTLESS_TABLES = {"DetectorArray.table", "Mission.leader_table"}
+
+
+@pytest.mark.parametrize("field", WITH_TABLE)
+def test_digest_knows_what_is_in_every_table(field: str, tmp_path: Path) -> None:
+    text, rows = WITH_TABLE[field]
+    digests = []
+    for number in ("0.5", "0.7"):
+        (tmp_path / "t.csv").write_text(rows.format(number))
+        digests.append(Scene.from_toml(text, folder=tmp_path).digest())
+    assert digests[0] != digests[1]
+
+
+def test_every_table_is_asked_whether_the_digest_knows_it() -> None:
+    """Fields of a table's path are told by their type, here as it is written."""
+    found = {
+        f"{part.__name__}.{name}"
+        for part in [Scene, *Part.__subclasses__()]
+        for name in part.model_fields
+        if part.__module__.startswith("lightfield") and "TablePath" in part.__annotations__.get(name, "")
+    }
+    assert found == {*WITH_TABLE, *LIGHTLESS_TABLES}
 
 
 def test_saved_scene_finds_its_tables(tmp_path: Path) -> None:

@@ -11,11 +11,12 @@ from scipy.optimize import brentq
 
 from lightfield.formula.field import direct_field
 from lightfield.scene import Scene
+from lightfield.scene.water.molecular import refractive_index
 from lightfield.studies.link.bandwidth import (
+    GROUP_INDEX,
     HALF_POWER,
     LIGHT_M_PER_S,
     PATH_NODES,
-    WATER_INDEX,
     bandwidth_of,
     between_nodes,
     coarser,
@@ -23,7 +24,7 @@ from lightfield.studies.link.bandwidth import (
 from lightfield.studies.link.study import Link, link
 
 Z = (10.0, 20.0, 30.0)
-SECONDS_PER_M = WATER_INDEX / LIGHT_M_PER_S
+SECONDS_PER_M = GROUP_INDEX / LIGHT_M_PER_S
 
 
 def scene(b: float) -> Scene:
@@ -62,6 +63,16 @@ def test_exponential_delays_have_a_closed_form(length_m, scattered) -> None:
     rough, rough_excess = tallied(length_m, scattered, PATH_NODES // 2 + 1)
     (found,), (error,) = bandwidth_of(np.ones(1), np.stack([rough[:, None]] * 4), rough_excess)
     assert abs(found - right) < 2 * error + 1e-3 * right
+
+
+@pytest.mark.parametrize("salinity", [0.0, 35.0])
+def test_what_is_sent_travels_by_the_group_index(salinity: float) -> None:
+    """Slope of the published refractive index by differences; the refractive index itself is 1.8 % less."""
+    w, step = np.array([450.0, 500.0, 550.0, 600.0]), 0.01
+    index, above, below = (refractive_index(w + d, 20.0, salinity) for d in (0.0, step, -step))
+    group = index - w * (above - below) / (2 * step)
+    assert group == pytest.approx(np.full(4, GROUP_INDEX), rel=0.013)
+    assert np.all(group > 1.012 * index)
 
 
 def test_light_that_comes_straight_sets_no_limit() -> None:
