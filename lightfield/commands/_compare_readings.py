@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lightfield.commands._json import write_json
-from lightfield.commands._options import LARGEST_SEED, add_option, given
+from lightfield.commands._options import add_option, given
 from lightfield.commands._progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
+from lightfield.render.limits import SEED
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -88,7 +89,7 @@ def _fit(
 
     if "seed" in options:
         # Seed 0 is that of the response which the render is to check.
-        options["seed"] = options["seed"] % LARGEST_SEED + 1
+        options["seed"] = options["seed"] % int(SEED.high) + 1
     source = None
     if not args.no_trace:
         from lightfield.render.diffuse.directed import Keeper

@@ -6,18 +6,28 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from lightfield.errors import UsageError
+from lightfield.render.limits import PHOTONS, SEED
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
     from argparse import Namespace, _ActionsContainer
     from typing import Any
 
-LARGEST_SEED = 2**31 - 1
-
 
 def seed_number(text: str) -> int:
     """Seed of random numbers."""
-    return _whole(text, 0, LARGEST_SEED)
+    return _whole(text, int(SEED.low), int(SEED.high))
+
+
+def photon_count(text: str) -> float:
+    """Photons of a trace."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not PHOTONS.holds(number):
+        raise ArgumentTypeError(f"found {text!r}; rule: a number, {PHOTONS.rule}")
+    return number
 
 
 def thread_count(text: str) -> int:
@@ -54,7 +64,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "relative standard error asked of a trace, in 95 %% of its lit cells (default {})",
     },
     "--max-photons": {
-        "type": float, "metavar": "N",
+        "type": photon_count, "metavar": "N",
         "help": "a trace ends there even if the error is not reached (default {})",
     },
     "--seed": {"type": seed_number, "metavar": "N", "help": "same seed, same result (default {})"},

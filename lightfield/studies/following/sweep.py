@@ -15,6 +15,7 @@ import xarray as xr
 
 from lightfield import __version__
 from lightfield.errors import LightfieldError
+from lightfield.render.limits import PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
@@ -90,7 +91,7 @@ def run_follow_sweep(
     """
     array_of(scene)
     scene = with_belief(scene, "")
-    settings = SweepSettings(max_photons=max(photons, 1e3), seed=seed, maps=False)
+    settings = SweepSettings(max_photons=max(photons, PHOTONS.low), seed=seed, maps=False)
     plan = plan_of_single_cases(scene, axes, settings, MOST_CASES)
     densest, contents = 0.0, set()
     for number in range(plan.cases.count):
