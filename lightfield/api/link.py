@@ -115,7 +115,7 @@ def link(
 
     Raises
     ------
-    UsageError, RenderError
+    UsageError, SceneError
         Numbers that make no sense; a lamp that is no beam.
     """
     for name, pair in (water or {}).items():

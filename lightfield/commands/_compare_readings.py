@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lightfield.api.given import named
 from lightfield.commands._json import write_json
 from lightfield.commands._options import add_option, given
 from lightfield.commands._progress import progress_of
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.what, scene)
-    names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
+    names = named(args.with_effects or "")
     if args.fit_json:
         inputs = [file for file in (args.what, args.scene, args.effects_file) if file]
         output_file(args.fit_json, *inputs)

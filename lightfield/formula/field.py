@@ -58,6 +58,15 @@ DISC = [
 ]
 
 
+def refuse_pencil(lamp: Lamp) -> None:
+    """Raise `SceneError` for a beam without a width, whose intensity is infinite."""
+    if lamp.profile == "pencil":
+        raise SceneError(
+            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
+            remedy="render it, or give the beam a width",
+        )  # fmt: skip
+
+
 def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     """Relative radiant intensity towards each receiver (eq. 1).
 
@@ -70,11 +79,7 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     in_air : array of bool, optional
         Readings in air see I(theta / n) / n^2 of the beam in water, n = lamp.window_index.
     """
-    if lamp.profile == "pencil":
-        raise SceneError(
-            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
-            remedy="render it, or give the beam a width",
-        )  # fmt: skip
+    refuse_pencil(lamp)
     theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
     if in_air is None or lamp.window_index == 1.0:
         return relative_intensity(lamp, theta_x, theta_y)

@@ -47,7 +47,7 @@ def interval(n: int, stretched: bool = False) -> Nodes:
 
 @lru_cache(maxsize=16)
 def in_cell(n: int) -> Nodes:
-    """n x n Gauss-Legendre nodes of a square of side one about zero, shape (n^2, 2); the weights are shares."""
+    """n x n Gauss-Legendre nodes of a square of side one about zero, shape (n^2, 2), with their shares."""
     x, w = np.polynomial.legendre.leggauss(n)
     return Nodes(0.5 * np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2), 0.25 * np.outer(w, w).ravel())
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.errors import LightfieldError
+from lightfield.errors import LightfieldError, one_line
 from lightfield.render.limits import PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
@@ -125,7 +125,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
                 densest=target.densest,
             )  # fmt: skip
         except LightfieldError as error:
-            failed[number] = " ".join(str(error).split())[:240]
+            failed[number] = one_line(error)[:240]
             continue
         for name, values in found.cases[0].runs.items():
             one = OverRuns.of(values)

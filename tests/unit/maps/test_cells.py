@@ -25,7 +25,7 @@ def test_mean_over_a_cell() -> None:
 
 @pytest.mark.parametrize("n", [2, 3, 8])
 def test_nodes_of_a_cell(n: int) -> None:
-    """So many each way are exact up to the power 2 n - 1: of x^(2 n - 2) y^2 over a cell of side one, by hand."""
+    """Exact up to the power 2 n - 1 each way: of x^(2 n - 2) y^2 over a cell of side one, by hand."""
     nodes, weight = in_cell(n)
     x, y = nodes.T
     assert weight @ (x ** (2 * n - 2) * y**2) == pytest.approx(0.25 ** (n - 1) / (2 * n - 1) / 12, rel=1e-12)
