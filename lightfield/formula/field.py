@@ -11,7 +11,7 @@ All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, o
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -178,9 +178,9 @@ def _point_source(
     x: Array,
     y: Array,
     z: Array,
-    wavelength_nm: Any,
+    wavelength_nm: ArrayLike | None,
     in_air: Array | None,
-    time_s: Any,
+    time_s: ArrayLike | None,
 ) -> Array:
     ahead = z > 0.0
     if not ahead.all():
@@ -209,9 +209,20 @@ def air_mask(medium: ArrayLike | None) -> Array | None:
     return mask if mask.any() else None
 
 
+class ReadAt(Protocol):
+    """Places of readings, m; `wavelength_nm`, `medium` and `time_s` are asked for where it has them."""
+
+    @property
+    def x_m(self) -> Array: ...
+    @property
+    def y_m(self) -> Array: ...
+    @property
+    def z_m(self) -> Array: ...
+
+
 def predict(
     scene: Scene,
-    readings: Any,
+    readings: ReadAt,
     diffuse: ArrayLike = 0.0,
     gain: ArrayLike = 1.0,
     full: float | None = None,
@@ -223,7 +234,7 @@ def predict(
     scene : Scene
         Everything that is known.
     readings : Readings or similar
-        x_m, y_m, z_m and, where it has them, wavelength_nm, medium, time_s.
+        Where, and with what.
     diffuse : array, 1/m^2
         Scattered and reflected light for unit on-axis intensity.
     gain : array
