@@ -110,7 +110,7 @@ def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
     right angle. Beyond 63 degrees, where 3 % arrive, the light falls with the cube of the tangent.
     """
     lamp, z, b = Lamp(hwhm_deg=3.0), 4.0, 0.3
-    spread = Spread(FORWARD, z, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, z, largest_kz(lamp))
     tangent = np.linspace(0, 2, 20001)
     light = multiple(lamp, spread, tangent, 0.0, b)
     power = 2 * math.pi * z**2 * (np.trapezoid(light * tangent, tangent) + light[-1] * tangent[-1] ** 2)
@@ -126,7 +126,7 @@ def test_few_slants_tell_of_all_angles_and_waters_at_once_of_each(hwhm_deg: floa
     """Beside the sum over every angle of emission, of one water after the other, written out here."""
     lamp, z, tangent = Lamp(hwhm_deg=hwhm_deg), 6.0, np.linspace(0, 0.4, 5)
     a, b = np.array([0.3, 0.05, 0.1, 0.3]), np.array([0.02, 1.5, 0.4, 0.8])
-    spread = Spread(FORWARD, z, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, z, largest_kz(lamp))
     found, single = multiple(lamp, spread, tangent, a, b), paths_of(lamp, z, tangent)
     theta, sent = emission(lamp)
     slant = 1 / np.cos(theta)
@@ -157,8 +157,8 @@ def test_turns_of_one_phase_function_serve_those_near_it(g: float) -> None:
     known, tangent = near(phase), np.linspace(0, 0.3, 7)
     assert known != phase
     shared, own = (
-        Spread(known, 5.0, largest_kz(lamp)).of(phase),
-        Spread(phase, 5.0, largest_kz(lamp)),
+        Spread.on_plane(known, 5.0, largest_kz(lamp)).of(phase),
+        Spread.on_plane(phase, 5.0, largest_kz(lamp)),
     )
     assert multiple(lamp, shared, tangent, A, B) == pytest.approx(
         multiple(lamp, own, tangent, A, B), rel=2e-3
@@ -176,7 +176,7 @@ def test_what_a_field_was_asked_before_does_not_change_its_light() -> None:
 
 def test_clear_water_has_light_in_proportion_to_b_and_more_orders_in_proportion_to_its_square() -> None:
     lamp = Lamp(hwhm_deg=3.81)
-    spread = Spread(FORWARD, 5.0, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, 5.0, largest_kz(lamp))
     thin, twice = (multiple(lamp, spread, np.array([0.05]), A, b)[0] for b in (1e-4, 2e-4))
     assert twice / thin == pytest.approx(4.0, rel=2e-3)
     field, here = ScatteredField(np.array([0.3]), np.zeros(1), np.array([5.0])), scene()

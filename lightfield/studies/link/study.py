@@ -304,7 +304,7 @@ def _late_light(
     rendering = render_scene(
         water, grid=grid, reference=reference, symmetry=True, path_nodes=PATH_NODES, **tracing
     )
-    response, shift = rendering.response, Shift(grid, x, y, nodes)
+    response, shift = rendering.response, Shift.on(grid, x, y, nodes)
     mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))
     diffuse = shift.apply(mean)
     relative = np.sqrt(
