@@ -6,7 +6,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.render.limits import PHOTONS, SEED
+from lightfield.render.limits import PHOTONS, SEED, Allowed
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
@@ -16,32 +16,27 @@ if TYPE_CHECKING:
 
 def seed_number(text: str) -> int:
     """Seed of random numbers."""
-    return _whole(text, int(SEED.low), int(SEED.high))
+    return int(_number(text, int, SEED))
 
 
 def photon_count(text: str) -> float:
     """Photons of a trace."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = float("nan")
-    if not PHOTONS.holds(number):
-        raise ArgumentTypeError(f"found {text!r}; rule: a number, {PHOTONS.rule}")
-    return number
+    return _number(text, float, PHOTONS)
 
 
 def thread_count(text: str) -> int:
     """Threads of the processor."""
-    return _whole(text, 1, 1024)
+    return int(_number(text, int, Allowed("1", "1024")))
 
 
-def _whole(text: str, low: int, high: int) -> int:
+def _number(text: str, kind: type[int] | type[float], allowed: Allowed) -> float:
     try:
-        number = int(text)
+        number = kind(text)
     except ValueError:
-        number = low - 1
-    if not low <= number <= high:
-        raise ArgumentTypeError(f"found {text!r}; rule: a whole number, {low} to {high}")
+        number = float("nan")
+    if not allowed.holds(number):
+        what = "a whole number" if kind is int else "a number"
+        raise ArgumentTypeError(f"found {text!r}; rule: {what}, {allowed.rule}")
     return number
 
 
