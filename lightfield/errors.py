@@ -62,6 +62,11 @@ def first_ten(lines: Sequence[str]) -> list[str]:
     return [*lines[:SHOWN], f"and {len(lines) - SHOWN} more"]
 
 
+def one_line(error: BaseException) -> str:
+    """What an error says, on one line."""
+    return " ".join(str(error).split())
+
+
 def brief(value: object, longest: int) -> str:
     """A value as Python writes it, on one line of so many characters at most."""
     try:

@@ -123,7 +123,7 @@ def of_reflections(name: str) -> list[float]:
     c = scene.water.absorption_per_m + 0.4 * room.C_STEP  # between two nodes
 
     def light() -> np.ndarray:
-        return ReflectedLight(scene, *where).evaluate(scene, c)
+        return ReflectedLight.at(scene, *where).evaluate(scene, c)
 
     now, found = light(), []
     for module, constant, value in (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from lightfield.api.given import AnyPath, checked, scene_of
-from lightfield.api.result import ToldByDetails
+from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
@@ -30,15 +30,14 @@ PHOTONS, HALF_WIDTH_M = 1e7, 0.4
 Medium = Literal["water", "air"]
 
 
-def filled(scene: Scene | AnyPath, medium: Medium) -> Scene:
-    """A scene, without its water where that is asked for."""
+def asked(
+    scene: Scene | AnyPath, half_width: float, medium: Medium, max_photons: float, seed: int, trace: bool
+) -> tuple[Scene, dict[str, Any]]:
+    """A scene, and where the follower may be and how its light is traced, as the studies take it."""
     known = scene_of(scene)
-    return in_air(known) if medium == "air" else known
-
-
-def space_and_photons(scene: Scene, half_width: float, max_photons: float, trace: bool) -> dict[str, Any]:
-    """Where the follower may be, and how its light is traced, as the studies take it."""
-    return {"space": Space.of_scene(scene, half_width), "photons": max_photons if trace else 0.0}
+    known = in_air(known) if medium == "air" else known
+    space = Space.of_scene(known, half_width)
+    return known, {"space": space, "photons": max_photons if trace else 0.0, "seed": seed}
 
 
 def sigma_columns(sigma: Mapping[str, float]) -> dict[str, float]:
@@ -51,7 +50,7 @@ def sigma_columns(sigma: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-class Survey(ToldByDetails[survey.Survey]):
+class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
     """What an array can know of its pose, here and over the formation space."""
 
     @property
@@ -73,10 +72,6 @@ class Survey(ToldByDetails[survey.Survey]):
     def to_xarray(self) -> xr.Dataset:
         """Standard deviations over the formation space, dimensions (z_m, x_m), m and rad."""
         return self.details.space
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per place of the formation space."""
-        return self.details.space.to_dataframe().reset_index()
 
     def report(self, path: AnyPath) -> Path:
         from lightfield.report.follower.page import write_survey
@@ -153,8 +148,8 @@ def show(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = filled(scene, medium)
-    return Survey(survey.survey(known, **space_and_photons(known, half_width, max_photons, trace), seed=seed))
+    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    return Survey(survey.survey(known, **where))
 
 
 @checked
@@ -185,12 +180,11 @@ def compare(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = filled(scene, medium)
     if not with_:
         raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
+    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
     others = {name: scene_of(other) for name, other in with_.items()}
-    where = space_and_photons(known, half_width, max_photons, trace)
-    return Arrays(design.compare_arrays(known, others, task=task, **where, seed=seed))
+    return Arrays(design.compare_arrays(known, others, task=task, **where))
 
 
 @checked
@@ -229,9 +223,6 @@ def optimise(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = filled(scene, medium)
-    where = space_and_photons(known, half_width, max_photons, trace)
-    found = design.optimise_array(
-        known, elements, design.Mounting(box, tilt_max, spacing), task=task, **where, seed=seed
-    )
-    return Arrays(found)
+    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    room = design.Mounting(box, tilt_max, spacing)
+    return Arrays(design.optimise_array(known, elements, room, task=task, **where))

@@ -12,7 +12,7 @@ import xarray as xr
 
 from lightfield.api.given import AnyPath, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import OverAxes
 from lightfield.scene import Scene
 from lightfield.studies import band as bands
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 REL_ERROR, MAX_PHOTONS = 0.005, 4e6
 
 
-class Band(Result[bands.Bands]):
+class Band(OverAxes[bands.Bands]):
     """Which band of wavelengths serves best."""
 
     @property
@@ -51,10 +51,6 @@ class Band(Result[bands.Bands]):
     def to_xarray(self) -> xr.Dataset:
         """Over (z_m, low_nm): what each band is worth, by every rule."""
         return self.details.bands
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per distance and band."""
-        return self.details.bands.to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
         """The best band by every rule."""

@@ -17,6 +17,7 @@ from lightfield.errors import UsageError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
 from lightfield.readings.columns import LAYOUT, REQUIRED
 from lightfield.readings.importing.importer import import_index
+from lightfield.render.limits import PHOTONS, SEED
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 
@@ -29,8 +30,8 @@ _R = TypeVar("_R")
 
 #: Numbers that are taken in one range everywhere, by the argument's name: what is said, and what is so.
 _RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
-    "seed": ("0 or above", lambda value: value >= 0),
-    "max_photons": ("1 or above", lambda value: value >= 1),
+    "seed": (SEED.rule, SEED.holds),
+    "max_photons": (PHOTONS.rule, PHOTONS.holds),
     "alpha": ("between 0 and 1", lambda value: 0 < value < 1),
     "half_width": ("above 0 m", lambda value: value > 0),
     "box": ("above 0 m", lambda value: value > 0),

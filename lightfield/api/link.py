@@ -12,7 +12,7 @@ import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import OverAxes
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.link import study as linking
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 REL_ERROR, MAX_PHOTONS = 0.005, 4e6
 
 
-class Link(Result[linking.Link]):
+class Link(OverAxes[linking.Link]):
     """How far the lamp carries data, and is seen."""
 
     @property
@@ -56,10 +56,6 @@ class Link(Result[linking.Link]):
     def to_xarray(self) -> xr.Dataset:
         """Over (water, z_m): power, errors per bit, bandwidth, of the render and of the formula."""
         return self.details.dataset
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per water and distance."""
-        return self.details.dataset.to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
         """How far, in every water."""
@@ -115,7 +111,7 @@ def link(
 
     Raises
     ------
-    UsageError, RenderError
+    UsageError, SceneError
         Numbers that make no sense; a lamp that is no beam.
     """
     for name, pair in (water or {}).items():

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, filled, sigma_columns, space_and_photons
+from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, asked, sigma_columns
 from lightfield.api.given import AnyPath, checked
-from lightfield.api.result import ToldByDetails
+from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower import bias as biases
@@ -69,7 +69,7 @@ def _keys(rows: Sequence[dict[str, Any]]) -> list[str]:
     return [key for row in rows for key in row]
 
 
-class Bias(ToldByDetails[biases.BiasStudy]):
+class Bias(OverAxes[biases.BiasStudy], ToldByDetails[biases.BiasStudy]):
     """The error of a follower that believes the formula."""
 
     @property
@@ -95,10 +95,6 @@ class Bias(ToldByDetails[biases.BiasStudy]):
     def to_xarray(self) -> xr.Dataset:
         """Bias and spread over (scattering_per_m, calibration, z_m), m and rad."""
         return self.details.axis
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per water, calibration and distance."""
-        return self.details.axis.to_dataframe().reset_index()
 
     def report(self, path: AnyPath) -> Path:
         from lightfield.report.follower.pose_page import write_bias
@@ -136,9 +132,8 @@ def estimate(
     MeasurementError, SceneError, RenderError
         Readings that cannot be read; no array; a space that is not in the water.
     """
-    known = filled(scene, medium)
-    where = space_and_photons(known, half_width, max_photons, trace)
-    return Poses(sequence.poses_of(readings, known, filtered=filter, **where, seed=seed))
+    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    return Poses(sequence.poses_of(readings, known, filtered=filter, **where))
 
 
 @checked
@@ -168,10 +163,9 @@ def bias(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known = filled(scene, medium)
-    where = space_and_photons(known, half_width, max_photons, trace)
+    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
     usual = biases.SCATTERING_PER_M if medium == "water" else (0.0,)
     waters = usual if scattering is None else tuple(scattering)
     if medium == "air" and any(waters):
         raise UsageError("air does not scatter", where="scattering", found=waters, rule="water")
-    return Bias(biases.bias_study(known, where.pop("space"), waters, **where, seed=seed))
+    return Bias(biases.bias_study(known, where.pop("space"), waters, **where))

@@ -9,7 +9,7 @@ import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import OverAxes
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.studies import regime as regimes
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 REL_ERROR, MAX_PHOTONS = 0.01, 4e6
 
 
-class Regime(Result[xr.Dataset]):
+class Regime(OverAxes[xr.Dataset]):
     """Where the closed-form model can be trusted."""
 
     @property
@@ -53,10 +53,6 @@ class Regime(Result[xr.Dataset]):
     def to_xarray(self) -> xr.Dataset:
         """Over (receiver, albedo, optical_depth): `formula_error` with its standard error."""
         return self.details
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per receiver, albedo and optical thickness."""
-        return self.details.to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
         """Optical thickness up to which the formula holds."""

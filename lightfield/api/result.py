@@ -117,6 +117,18 @@ class Result(ABC, Generic[Details]):
         return f"<div><p><b>{type(self).__name__}.</b> {escape(self.headline)}</p>{shown}{rest}</div>"
 
 
+class OverAxes(Result[Details]):
+    """An answer that is known over axes."""
+
+    @abstractmethod
+    def to_xarray(self) -> xr.Dataset:
+        """The numbers over their axes."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row per place on the axes of `to_xarray`."""
+        return self.to_xarray().to_dataframe().reset_index()
+
+
 class ToldByDetails(Result[Told]):
     """An answer that says what its details say."""
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from lightfield.api.given import AnyPath, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import OverAxes
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.working_range import study as ranging
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Range(Result[ranging.WorkingRange]):
+class Range(OverAxes[ranging.WorkingRange]):
     """How far the lamp can be used, and how wide its spot is."""
 
     @property
@@ -51,10 +51,6 @@ class Range(Result[ranging.WorkingRange]):
     def to_xarray(self) -> xr.Dataset:
         """Over z_m: light, spot and accuracy of a pose, of the render and of the formula."""
         return self.details.dataset
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row per distance."""
-        return self.details.dataset.to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
         """How far, by every rule."""

@@ -8,12 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lightfield.api.given import named
 from lightfield.commands._json import write_json
-from lightfield.commands._options import LARGEST_SEED, add_option, given
+from lightfield.commands._options import add_option, given
 from lightfield.commands._progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
+from lightfield.render.limits import SEED
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -61,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.what, scene)
-    names = [name.strip() for name in (args.with_effects or "").split(",") if name.strip()]
+    names = named(args.with_effects or "")
     if args.fit_json:
         inputs = [file for file in (args.what, args.scene, args.effects_file) if file]
         output_file(args.fit_json, *inputs)
@@ -88,7 +90,7 @@ def _fit(
 
     if "seed" in options:
         # Seed 0 is that of the response which the render is to check.
-        options["seed"] = options["seed"] % LARGEST_SEED + 1
+        options["seed"] = options["seed"] % int(SEED.high) + 1
     source = None
     if not args.no_trace:
         from lightfield.render.diffuse.directed import Keeper

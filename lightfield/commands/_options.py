@@ -6,32 +6,37 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from lightfield.errors import UsageError
+from lightfield.render.limits import PHOTONS, SEED, Allowed
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
     from argparse import Namespace, _ActionsContainer
     from typing import Any
 
-LARGEST_SEED = 2**31 - 1
-
 
 def seed_number(text: str) -> int:
     """Seed of random numbers."""
-    return _whole(text, 0, LARGEST_SEED)
+    return int(_number(text, int, SEED))
+
+
+def photon_count(text: str) -> float:
+    """Photons of a trace."""
+    return _number(text, float, PHOTONS)
 
 
 def thread_count(text: str) -> int:
     """Threads of the processor."""
-    return _whole(text, 1, 1024)
+    return int(_number(text, int, Allowed("1", "1024")))
 
 
-def _whole(text: str, low: int, high: int) -> int:
+def _number(text: str, kind: type[int] | type[float], allowed: Allowed) -> float:
     try:
-        number = int(text)
+        number = kind(text)
     except ValueError:
-        number = low - 1
-    if not low <= number <= high:
-        raise ArgumentTypeError(f"found {text!r}; rule: a whole number, {low} to {high}")
+        number = float("nan")
+    if not allowed.holds(number):
+        what = "a whole number" if kind is int else "a number"
+        raise ArgumentTypeError(f"found {text!r}; rule: {what}, {allowed.rule}")
     return number
 
 
@@ -54,7 +59,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "relative standard error asked of a trace, in 95 %% of its lit cells (default {})",
     },
     "--max-photons": {
-        "type": float, "metavar": "N",
+        "type": photon_count, "metavar": "N",
         "help": "a trace ends there even if the error is not reached (default {})",
     },
     "--seed": {"type": seed_number, "metavar": "N", "help": "same seed, same result (default {})"},

@@ -8,6 +8,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+from lightfield.api.given import named
 from lightfield.commands._json import outputs_of
 from lightfield.commands._options import add_option
 from lightfield.commands._progress import stage_line
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
     names = None
     if args.effects is not None:
-        names = [name.strip() for name in args.effects.split(",") if name.strip()]
+        names = named(args.effects)
         if not names:
             raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
     scene = with_effects(Scene.load(args.scene), args.effects_file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.api.given import named
 from lightfield.commands._follower import PHOTONS, photons_of
 from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_answer, add_option
@@ -70,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
     if args.vary or args.output:
         return _sweep(scenes[next(iter(scenes))], args)
-    beliefs = args.believe.split(",") if args.believe else []
+    beliefs = named(args.believe or "")
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))

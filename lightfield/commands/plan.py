@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lightfield.api.given import named
 from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_option, assignment
 from lightfield.commands._progress import progress_of
@@ -76,7 +77,7 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     """Which of several effects would be certain."""
     from lightfield.diagnosis.together import together
 
-    names = [name.strip() for name in args.effects.split(",") if name.strip()]
+    names = named(args.effects)
     if not names:
         raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
     with progress_of("plan"):

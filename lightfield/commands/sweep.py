@@ -13,10 +13,11 @@ from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
 from lightfield.commands._console import console
-from lightfield.commands._options import LARGEST_SEED, add_option, add_tracing, given
+from lightfield.commands._options import add_option, add_tracing, given
 from lightfield.commands._progress import status_lines
 from lightfield.errors import UsageError
 from lightfield.progress import duration
+from lightfield.render.limits import SEED
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
@@ -139,8 +140,8 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
                 rule=", ".join(f"{n} ({t.__name__})" for n, t in known.items()),
             )
     chosen = {**planned, **given(args), **({"maps": False} if args.no_maps else {})}
-    if not 0 <= chosen.get("seed", 0) <= LARGEST_SEED:
-        raise UsageError("impossible seed", found=chosen["seed"], rule=f"0 to {LARGEST_SEED}")
+    if not SEED.holds(chosen.get("seed", 0)):
+        raise UsageError("impossible seed", found=chosen["seed"], rule=SEED.rule)
     return SweepSettings(**chosen)
 
 

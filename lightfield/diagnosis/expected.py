@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
@@ -11,6 +12,7 @@ from lightfield.diagnosis.verdict.words import join
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
 LIKELY, UNLIKELY = 0.9, 0.1
+Outlook = Literal["certain", "simplest", "perhaps", "no", "not seen"]
 HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")
 ABOUT = (
     "sigma: by how much the others, refitted, are worse without it. gap: what the best set without it costs",
@@ -47,8 +49,8 @@ class Expected:
     rival: tuple[str, ...]
 
     @property
-    def level(self) -> str:
-        """ "certain", "simplest", "perhaps", "no" (other effects do as well) or "not seen"."""
+    def level(self) -> Outlook:
+        """How much; "no": other effects do as well."""
         if self.certain >= LIKELY:
             return "certain"
         if self.named >= LIKELY:
@@ -85,7 +87,7 @@ class Together:
     units: Mapping[str, str]
     assumed: tuple[Assumed, ...]
 
-    def of_level(self, *levels: str) -> list[str]:
+    def of_level(self, *levels: Outlook) -> list[str]:
         """Effects that would be known so well."""
         return [one.effect for one in self.expected if one.level in levels]
 

@@ -11,7 +11,8 @@ from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.explorer.experiment import PERCENT, Experiment
 from lightfield.explorer.fits import Fits, Fitted, Goodness
 from lightfield.explorer.state import State
-from lightfield.fitting.parameter import GAIN, FitParameter
+from lightfield.fitting.effects.registry import effect_name
+from lightfield.fitting.parameter import FitParameter, is_gain
 
 #: A slider of what is found on a logarithmic scale goes to so many times the fitted value, and down alike.
 _AROUND = 4.0
@@ -133,7 +134,7 @@ def _assumed(experiment: Experiment) -> list[str]:
 
 def label_of(path: str) -> str:
     """A parameter's name for people, without its unit."""
-    if path.startswith(GAIN):
+    if is_gain(path):
         return path.replace(".", " ")
     part, _, rest = path.partition(".")
     for ending in _ENDINGS:
@@ -146,7 +147,7 @@ def label_of(path: str) -> str:
 
 def effects_in_words(effects: Iterable[str]) -> str:
     """Effects "effect:form" for people."""
-    return " + ".join(key.partition(":")[0].replace("_", " ") for key in effects)
+    return " + ".join(effect_name(key).replace("_", " ") for key in effects)
 
 
 def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Goodness:

@@ -21,6 +21,7 @@ from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
 from lightfield.explorer.places import SIDE, MapPlaces
 from lightfield.fitting import effects
+from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.formula.field import direct_field
@@ -244,7 +245,7 @@ def candidate_of(experiment: Experiment, key: str) -> Candidate:
         There is none, or it cannot be switched here.
     """
     if key not in experiment.candidates:
-        name = key.partition(":")[0]
+        name = effect_name(key)
         raise FitError(
             "this effect cannot be switched here",
             where=name[:60],

@@ -16,6 +16,7 @@ from lightfield.explorer.evaluation import Evaluation, Evaluator
 from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
 from lightfield.explorer.fits import Fits, Fitted
 from lightfield.explorer.state import History, State
+from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
@@ -199,7 +200,7 @@ class Session:
         self._settle()
         if on == (key in self.now.effects):
             return
-        others = tuple(k for k in self.now.effects if k.partition(":")[0] != name)
+        others = tuple(k for k in self.now.effects if effect_name(k) != name)
         effects = (*others, key) if on else others
         if not self.experiment.has_data:
             # Against the render nothing is fitted: what the scene has is worth what it costs to leave it out.

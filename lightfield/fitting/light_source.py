@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.curves import Curves, Stated
-from lightfield.fitting.parameter import GAIN
+from lightfield.fitting.parameter import is_gain
 from lightfield.formula import field as analytic
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
@@ -209,7 +209,7 @@ class LightSource:
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
         """The scene with these values; gains are not part of a scene."""
-        return self.with_values({k: v for k, v in values.items() if not k.startswith(GAIN)}, validate)
+        return self.with_values({k: v for k, v in values.items() if not is_gain(k)}, validate)
 
     def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
         """The scene with values of its parameters, and of amplitudes of curves."""
@@ -363,7 +363,7 @@ class LightSource:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    return {k: v for k, v in values.items() if not k.startswith(GAIN) and k not in _AFTERWARDS}
+    return {k: v for k, v in values.items() if not is_gain(k) and k not in _AFTERWARDS}
 
 
 def _diffuse(values: Mapping[str, float]) -> dict[str, float]:

@@ -14,6 +14,11 @@ from lightfield.arrays import Array
 GAIN = "gain"
 
 
+def is_gain(path: str) -> bool:
+    """Is it a reading per unit of light, of all channels or of one?"""
+    return path.startswith(GAIN)
+
+
 class Forward(Protocol):
     """Predicts readings from parameter values; paths that are not given keep the scene's values."""
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,6 +59,15 @@ DISC = [
 ]
 
 
+def refuse_pencil(lamp: Lamp) -> None:
+    """Raise `SceneError` for a beam without a width, whose intensity is infinite."""
+    if lamp.profile == "pencil":
+        raise SceneError(
+            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
+            remedy="render it, or give the beam a width",
+        )  # fmt: skip
+
+
 def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     """Relative radiant intensity towards each receiver (eq. 1).
 
@@ -71,11 +80,7 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     in_air : array of bool, optional
         Readings in air see I(theta / n) / n^2 of the beam in water, n = lamp.window_index.
     """
-    if lamp.profile == "pencil":
-        raise SceneError(
-            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="finite intensity",
-            remedy="render it, or give the beam a width",
-        )  # fmt: skip
+    refuse_pencil(lamp)
     theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
     if in_air is None or lamp.window_index == 1.0:
         return relative_intensity(lamp, theta_x, theta_y)
@@ -174,9 +179,9 @@ def _point_source(
     x: Array,
     y: Array,
     z: Array,
-    wavelength_nm: Any,
+    wavelength_nm: ArrayLike | None,
     in_air: Array | None,
-    time_s: Any,
+    time_s: ArrayLike | None,
 ) -> Array:
     ahead = z > 0.0
     if not ahead.all():
@@ -205,9 +210,20 @@ def air_mask(medium: ArrayLike | None) -> Array | None:
     return mask if mask.any() else None
 
 
+class ReadAt(Protocol):
+    """Places of readings, m; `wavelength_nm`, `medium` and `time_s` are asked for where it has them."""
+
+    @property
+    def x_m(self) -> Array: ...
+    @property
+    def y_m(self) -> Array: ...
+    @property
+    def z_m(self) -> Array: ...
+
+
 def predict(
     scene: Scene,
-    readings: Any,
+    readings: ReadAt,
     diffuse: ArrayLike = 0.0,
     gain: ArrayLike = 1.0,
     full: float | None = None,
@@ -219,7 +235,7 @@ def predict(
     scene : Scene
         Everything that is known.
     readings : Readings or similar
-        x_m, y_m, z_m and, where it has them, wavelength_nm, medium, time_s.
+        Where, and with what.
     diffuse : array, 1/m^2
         Scattered and reflected light for unit on-axis intensity.
     gain : array

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+from lightfield.formula.scattered.nodes import in_cell
 
 
 def cell_mean(
@@ -31,10 +30,8 @@ def cell_mean(
     array, shape (..., n_y, n_x), unit of the field
     """
     total: Array = np.zeros(1)
-    for u, wu in zip(_NODES, _WEIGHTS, strict=True):
-        for v, wv in zip(_NODES, _WEIGHTS, strict=True):
-            x, y = np.meshgrid(x_m + 0.5 * u * pitch_x_m, y_m + 0.5 * v * pitch_y_m)
-            total = total + 0.25 * wu * wv * field(x, y)
+    for (u, v), weight in zip(*in_cell(3), strict=True):
+        total = total + weight * field(*np.meshgrid(x_m + u * pitch_x_m, y_m + v * pitch_y_m))
     return total
 
 

@@ -186,7 +186,7 @@ class AtPlaces:
             ]
         if part != "direct":
             found = self.rendering.relative_maps(at, "diffuse")
-            shift = Shift(self.rendering.grid, self.x_m, self.y_m, self.z_m)
+            shift = Shift.on(self.rendering.grid, self.x_m, self.y_m, self.z_m)
             for n, (mean, stderr) in enumerate(zip(*(v.reshape(len(at), -1) for v in found), strict=True)):
                 known = np.isfinite(stderr) & (mean > 0)
                 relative = np.divide(stderr, mean, out=np.zeros_like(stderr), where=known)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 from lightfield.errors import RenderError
+from lightfield.render.limits import PHOTONS, REL_ERROR
 
 OnProgress = Callable[
     [int, float, float], None
@@ -15,7 +16,7 @@ OnProgress = Callable[
 #: Least and most pixels of a side of a camera view, and paths per pixel and colour.
 PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)
 #: Relative error, the least that may be asked for, of a trace that ends with its photons.
-BY_PHOTONS = 1e-5
+BY_PHOTONS = REL_ERROR.low
 
 
 @dataclass(frozen=True)
@@ -45,17 +46,17 @@ class Settings:
     symmetry: bool = False
 
     def __post_init__(self) -> None:
-        for name, what, low, high, remedy in (
-            ("rel_error", "relative error", "1e-5", "1", "try 0.02, which is 2 %"),
-            ("max_photons", "photon budget", "1e3", "1e12", "try 1e8"),
+        for name, what, limit, remedy in (
+            ("rel_error", "relative error", REL_ERROR, "try 0.02, which is 2 %"),
+            ("max_photons", "photon budget", PHOTONS, "try 1e8"),
         ):
             value = getattr(self, name)
             number = isinstance(value, Real) and not isinstance(value, bool)
-            if not number or not float(low) <= value <= float(high):
+            if not number or not limit.holds(value):
                 raise RenderError(
                     f"impossible {what}",
                     where=name,
                     found=value if number else repr(value),
-                    rule=f"{low} to {high}" if number else f"a number, {low} to {high}",
+                    rule=limit.rule if number else f"a number, {limit.rule}",
                     remedy=remedy,
                 )

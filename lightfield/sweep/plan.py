@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.errors import LightfieldError, UsageError
+from lightfield.errors import LightfieldError, UsageError, one_line
 from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
@@ -303,7 +303,7 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
             try:
                 table[where][..., columns] = values_of(scene)
             except (LightfieldError, ValueError, TypeError, OSError) as error:
-                problem = " ".join(str(error).split())
+                problem = one_line(error)
                 for number in numbers[where].ravel():
                     problems.setdefault(int(number), problem)
     return table.reshape(-1, 4), problems
@@ -328,7 +328,7 @@ def why_impossible(cases: Cases, number: int) -> str:
     try:
         cases.build(number)
     except (LightfieldError, ValueError, TypeError) as error:
-        return " ".join(str(error).split())
+        return one_line(error)
     return ""
 
 

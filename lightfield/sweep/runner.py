@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lightfield.errors import LightfieldError, OutputError, RenderError
+from lightfield.errors import LightfieldError, OutputError, RenderError, one_line
 from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
@@ -293,7 +293,7 @@ def _reason(error: BaseException) -> str:
     name = type(error).__name__
     if name == "KilledWorker":
         return "the worker died every time it was tried; out of memory?"
-    text = " ".join(str(error).split())
+    text = one_line(error)
     return (text if isinstance(error, LightfieldError) else f"{name}: {text}")[:240]
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from lightfield.errors import LightfieldError, OutputError
+from lightfield.errors import LightfieldError, OutputError, one_line
 from lightfield.progress import Listener, heard_by
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene
@@ -280,7 +280,7 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
         try:
             scenes.append((i, cases.build(int(block.cases[i]))))
         except (LightfieldError, ValueError, TypeError) as error:
-            failed[int(block.cases[i])] = " ".join(str(error).split())[:240]
+            failed[int(block.cases[i])] = one_line(error)[:240]
     return scenes
 
 

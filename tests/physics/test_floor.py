@@ -33,7 +33,7 @@ def places() -> tuple[np.ndarray, ...]:
 def test_light_of_a_floor_alone_is_a_sum_over_it() -> None:
     """Once reflected: I(theta) cos / r^2 on the floor, albedo / pi of that, cos cos / d^2 at the reading."""
     x, y, z = places()
-    room = ReflectedLight(scene(1e-4, 1.0), x, y, z)
+    room = ReflectedLight.at(scene(1e-4, 1.0), x, y, z)
     # Walls of 1e-4: next to nothing meets two of them, and of the difference they are no part.
     bright, dim = (room.evaluate(scene(1e-4, share), PER_M) for share in (90.0, 40.0))
     found = (bright - dim) / 0.005
@@ -65,7 +65,7 @@ def test_the_traced_floor_is_the_one_of_patches(walls: float, floor: float) -> N
     x = (u[:, None] + np.repeat(part, 6) * grid.pitch_x_m).ravel()
     y = (v[:, None] + np.tile(part, 6) * grid.pitch_y_m).ravel()
     z = np.full(x.size, 3.0)
-    room = ReflectedLight(lit, x, y, z)
+    room = ReflectedLight.at(lit, x, y, z)
     known, plain = (
         room.evaluate(s, PER_M).reshape(u.size, -1).mean(axis=1) for s in (lit, scene(walls, 1.0))
     )

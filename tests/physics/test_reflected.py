@@ -73,7 +73,7 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
     dy, dx = np.meshgrid(steps * grid.pitch_y_m, steps * grid.pitch_x_m, indexing="ij")
     z, y, x = (v.ravel() for v in np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij"))
     points = [np.add.outer(v, d.ravel()).ravel() for v, d in ((x, dx), (y, dy))]
-    light = ReflectedLight(scene, *points, np.repeat(z, 25)).evaluate(scene, 0.1)
+    light = ReflectedLight.at(scene, *points, np.repeat(z, 25)).evaluate(scene, 0.1)
     expected = light.reshape(-1, 25).mean(axis=1)
     z_score = (mean - expected) / np.hypot(stderr, 0.01 * expected)  # 1 %: patches of 0.3 m
     assert np.abs(z_score).max() < 4.5
@@ -102,7 +102,9 @@ def test_what_comes_back_from_the_ends_of_a_long_tank(top: str, behind_m: float)
     z, y, x = (v.ravel() for v in np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij"))
     dy, dx = (v.ravel() for v in np.meshgrid(steps * grid.pitch_y_m, steps * grid.pitch_x_m, indexing="ij"))
     points = np.add.outer(x, dx).ravel(), np.add.outer(y, dy).ravel(), np.repeat(z, 9)
-    expected = ReflectedLight(scene, *points).evaluate(scene, 0.04).reshape(3, 4, 4, 9).mean(axis=(1, 2, 3))
+    expected = (
+        ReflectedLight.at(scene, *points).evaluate(scene, 0.04).reshape(3, 4, 4, 9).mean(axis=(1, 2, 3))
+    )
     # At most four mirror images share their photons.
     error = 2 * np.sqrt((stderr**2).sum(axis=(1, 2))) / 16
     traced = mean.mean(axis=(1, 2))
@@ -118,7 +120,7 @@ def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str
     """
     values = {"tank.wall_albedo": albedo, "tank.length_m": 8.0, "lamp.profile": profile}
     scene = Scene.from_toml(SCENE).with_values(values)
-    light = ReflectedLight(scene, *(np.array([v]) for v in (0.0, 0.0, 6.0)))
+    light = ReflectedLight.at(scene, *(np.array([v]) for v in (0.0, 0.0, 6.0)))
     room, among, _ = exchanged(light, 0.0)
     lit = room.lit(scene.lamp, [0.0], 0.0).reshape(len(room.patches.centre), -1).mean(axis=1)
     irradiance = np.linalg.solve(np.eye(len(lit)) - albedo * among, lit)
@@ -144,7 +146,7 @@ def exchanged(light: ReflectedLight, attenuation: float) -> tuple[Room, np.ndarr
 
     Both sides of the tank, each for itself: nothing here knows that they are mirror images.
     """
-    room = light.room(lid=True)
+    room = light.ways.room(lid=True)
 
     def facing(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
         normal = room.patches.normal[which]
@@ -157,8 +159,8 @@ def exchanged(light: ReflectedLight, attenuation: float) -> tuple[Room, np.ndarr
         return np.maximum(direction[2], 0)
 
     among = transfer(room.patches.centre, facing, room.patches)
-    reading = transfer(light.places, read, room.fine)
-    whole = among, transfer(light.places, back, room.fine)
+    reading = transfer(light.ways.places, read, room.fine)
+    whole = among, transfer(light.ways.places, back, room.fine)
     found = [
         t._replace(factor=t.factor / w.factor.sum(axis=1)[:, None]).through(attenuation)
         for t, w in zip((among, reading), whole, strict=True)
@@ -175,7 +177,7 @@ def solved(light: ReflectedLight, scene: Scene, attenuation: float) -> np.ndarra
     patches = lit.reshape(len(room.patches.centre), -1).mean(axis=1)
     every = albedo * np.linalg.solve(np.eye(len(patches)) - albedo * among, patches)
     again = np.repeat(every - albedo * patches, room.parts**2) + albedo * lit
-    return np.asarray((reading @ again)[light._which])
+    return np.asarray((reading @ again)[light.which])
 
 
 @pytest.mark.parametrize(
@@ -187,7 +189,7 @@ def test_light_of_a_lamp_that_is_not_in_the_middle(
 ) -> None:
     """What is opposite on both sides of the tank counts then; a receiver that looks aside sees it alone."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.5} | aside | receiver)
-    light = ReflectedLight(scene, *np.array([[-0.6, 0.2, 4.5], [0.0, 0.0, 5.5], [0.6, 0.2, 4.5]]).T)
+    light = ReflectedLight.at(scene, *np.array([[-0.6, 0.2, 4.5], [0.0, 0.0, 5.5], [0.6, 0.2, 4.5]]).T)
     found = light.evaluate(scene, 0.1)
     assert abs(found[0] / found[2] - 1) > 0.02
     assert found == pytest.approx(solved(light, scene, 0.1), rel=1e-3)
@@ -199,7 +201,7 @@ def test_a_white_tow_tank_of_clear_water(attenuation: float) -> None:
     followed 2.2 % of it were left out where water takes nothing)."""
     tank = {"width_m": 3.66, "depth_m": 2.44, "length_m": 36.6, "lamp_depth_m": 1.22, "wall_albedo": 0.9}
     scene = Scene.from_dict({"lamp": {"hwhm_deg": 3.81}, "tank": tank})
-    light = ReflectedLight(scene, np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5]))
+    light = ReflectedLight.at(scene, np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5]))
     found = light.evaluate(scene, attenuation)
     assert found == pytest.approx(solved(light, scene, attenuation), rel=3e-3)
 
@@ -210,7 +212,7 @@ def test_light_is_smooth_in_the_attenuation(albedo: float, within: float) -> Non
     attenuation, by all reflections (solved, not summed)."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": albedo})
     places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
-    light = ReflectedLight(scene, *places)
+    light = ReflectedLight.at(scene, *places)
     for attenuation in (0.05, 0.1, 0.15, 0.2, 0.35, 0.7):
         before, after = (light.evaluate(scene, attenuation + by) for by in (-1e-7, 1e-7))
         assert after == pytest.approx(before, rel=1e-5)
@@ -224,7 +226,7 @@ def test_what_is_remembered_is_not_mistaken() -> None:
     of single precision where what is asked often is worked out at once."""
     places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.3})
-    kept = ReflectedLight(scene, *places)
+    kept = ReflectedLight.at(scene, *places)
     narrow, surface = {"lamp.hwhm_deg": 9.0}, {"tank.surface_reflectance": 1.0}
     bright = {"tank.wall_albedo": 0.6}
     rippled = {"tank.surface_reflectance": 0.4}
@@ -238,7 +240,7 @@ def test_what_is_remembered_is_not_mistaken() -> None:
         for attenuation in (0.1, 0.33, 0.1):
             key = frozenset(change.items()), attenuation
             if key not in fresh:
-                fresh[key] = ReflectedLight(scene, *places).evaluate(asked, attenuation)
+                fresh[key] = ReflectedLight.at(scene, *places).evaluate(asked, attenuation)
             assert kept.evaluate(asked, attenuation) == pytest.approx(fresh[key], rel=1e-6), change
 
 
@@ -258,9 +260,9 @@ def test_several_waters_at_once_are_one_after_the_other(change: dict[str, float]
     places = np.array([0.0, 0.6, 0.0]), np.array([0.0, 0.2, 0.3]), np.array([4.5, 6.5, 6.5])
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.05} | change)
     attenuation = np.array([0.9, 0.33, 0.0, 0.335, 1.3, 0.33])
-    at_once = ReflectedLight(scene, *places).evaluate(scene, attenuation)
+    at_once = ReflectedLight.at(scene, *places).evaluate(scene, attenuation)
     assert at_once.shape == (6, 3)
-    light = ReflectedLight(scene, *places)
+    light = ReflectedLight.at(scene, *places)
     np.testing.assert_allclose(at_once, [light.evaluate(scene, c) for c in attenuation], rtol=1e-5)
     shares, errors = light.by_floor(scene, attenuation), light.uncertain(scene, attenuation)
     for k, c in enumerate(attenuation):
@@ -272,7 +274,7 @@ def test_several_waters_at_once_are_one_after_the_other(change: dict[str, float]
 def test_dark_walls_need_few_reflections(albedo: float) -> None:
     """What is not followed there is nothing: beside all reflections, solved at once."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": albedo})
-    light = ReflectedLight(scene, np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5]))
+    light = ReflectedLight.at(scene, np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5]))
     assert reflections_of(albedo) < REFLECTIONS
     assert light.evaluate(scene, 0.1) == pytest.approx(solved(light, scene, 0.1), rel=1e-4)
 
@@ -281,7 +283,7 @@ def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
     """Also of a floor that is no wall, and of a lamp that comes after a water was often asked for."""
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.8, "tank.floor_over_walls": 0.4})
     places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
-    room = ReflectedLight(scene, *places).room(True)
+    room = ReflectedLight.at(scene, *places).ways.room(True)
     followed = room._operator(0.1, 0.0, (1.0, 0.4), 1.0)
     rng = np.random.default_rng(0)
     lit = rng.random((len(room.before), followed.first.shape[1] // len(room.before))).astype(np.float32)
@@ -290,11 +292,11 @@ def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
         followed.at_once(12).apply(lit, whole, 12), followed.apply(lit, whole, 12), rtol=2e-5
     )
 
-    light = ReflectedLight(scene, *places)
+    light = ReflectedLight.at(scene, *places)
     lamps = [scene.with_values({"lamp.hwhm_deg": 15.0 + 0.1 * k}) for k in range(OFTEN + 3)]
     often = [light.evaluate(lamp, 0.1) for lamp in lamps]
-    assert light.room(True)._at_once, "no water was asked for often enough"
-    alone = [ReflectedLight(scene, *places).evaluate(lamp, 0.1) for lamp in lamps[-2:]]
+    assert light.ways.room(True)._at_once, "no water was asked for often enough"
+    alone = [ReflectedLight.at(scene, *places).evaluate(lamp, 0.1) for lamp in lamps[-2:]]
     np.testing.assert_allclose(often[-2:], alone, rtol=2e-5)
 
 
@@ -303,7 +305,7 @@ def test_opaque_water_stays_dark() -> None:
     can be interpolated: never more than the direct light, or than 1e-39."""
     scene = Scene.from_toml("[lamp]\nhwhm_deg = 5.0\n[tank]\nwall_albedo = 0.3\n")
     z = np.array([30.0, 35.9])
-    reflected = ReflectedLight(scene, np.zeros(2), np.zeros(2), z)
+    reflected = ReflectedLight.at(scene, np.zeros(2), np.zeros(2), z)
     for attenuation in np.arange(2.0, 3.0, 0.03):
         light = reflected.evaluate(scene, attenuation)
         assert (light < np.exp(-attenuation * z) / z**2 + 1e-39).all()

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
-from montecarlo import keeps_its_rate
-from scipy import stats
+from scattering_water import scene
 from scipy.special import j0
 
-from lightfield.errors import RenderError
 from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.nodes import (
@@ -26,9 +21,6 @@ from lightfield.formula.scattered.nodes import (
     turns,
 )
 from lightfield.formula.scattered.single import LitPaths, Resolution, single_paths
-from lightfield.render.diffuse import ratio as module
-from lightfield.render.diffuse.ratio import traced_ratio
-from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.water.phase.of_scene import phase_function
@@ -36,15 +28,6 @@ from lightfield.scene.water.phase.spec import FournierForand, HenyeyGreenstein, 
 
 FORWARD = HenyeyGreenstein(g=0.924)
 A, B = 0.1, 0.3
-
-
-def scene(**values: object) -> Scene:
-    """Unbounded water of b = 0.3 per m; keywords name the scene's values with __ for a point."""
-    text = (
-        "[water]\nbase = 'none'\nabsorption_per_m = 0.1\nscattering_per_m = 0.3\n"
-        "[detector]\nquantity = 'irradiance'\n"
-    )
-    return Scene.from_toml(text).with_values({k.replace("__", "."): v for k, v in values.items()})
 
 
 def once_scattered(
@@ -127,7 +110,7 @@ def test_light_that_is_scattered_more_often_keeps_its_power() -> None:
     right angle. Beyond 63 degrees, where 3 % arrive, the light falls with the cube of the tangent.
     """
     lamp, z, b = Lamp(hwhm_deg=3.0), 4.0, 0.3
-    spread = Spread(FORWARD, z, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, z, largest_kz(lamp))
     tangent = np.linspace(0, 2, 20001)
     light = multiple(lamp, spread, tangent, 0.0, b)
     power = 2 * math.pi * z**2 * (np.trapezoid(light * tangent, tangent) + light[-1] * tangent[-1] ** 2)
@@ -143,7 +126,7 @@ def test_few_slants_tell_of_all_angles_and_waters_at_once_of_each(hwhm_deg: floa
     """Beside the sum over every angle of emission, of one water after the other, written out here."""
     lamp, z, tangent = Lamp(hwhm_deg=hwhm_deg), 6.0, np.linspace(0, 0.4, 5)
     a, b = np.array([0.3, 0.05, 0.1, 0.3]), np.array([0.02, 1.5, 0.4, 0.8])
-    spread = Spread(FORWARD, z, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, z, largest_kz(lamp))
     found, single = multiple(lamp, spread, tangent, a, b), paths_of(lamp, z, tangent)
     theta, sent = emission(lamp)
     slant = 1 / np.cos(theta)
@@ -174,8 +157,8 @@ def test_turns_of_one_phase_function_serve_those_near_it(g: float) -> None:
     known, tangent = near(phase), np.linspace(0, 0.3, 7)
     assert known != phase
     shared, own = (
-        Spread(known, 5.0, largest_kz(lamp)).of(phase),
-        Spread(phase, 5.0, largest_kz(lamp)),
+        Spread.on_plane(known, 5.0, largest_kz(lamp)).of(phase),
+        Spread.on_plane(phase, 5.0, largest_kz(lamp)),
     )
     assert multiple(lamp, shared, tangent, A, B) == pytest.approx(
         multiple(lamp, own, tangent, A, B), rel=2e-3
@@ -193,7 +176,7 @@ def test_what_a_field_was_asked_before_does_not_change_its_light() -> None:
 
 def test_clear_water_has_light_in_proportion_to_b_and_more_orders_in_proportion_to_its_square() -> None:
     lamp = Lamp(hwhm_deg=3.81)
-    spread = Spread(FORWARD, 5.0, largest_kz(lamp))
+    spread = Spread.on_plane(FORWARD, 5.0, largest_kz(lamp))
     thin, twice = (multiple(lamp, spread, np.array([0.05]), A, b)[0] for b in (1e-4, 2e-4))
     assert twice / thin == pytest.approx(4.0, rel=2e-3)
     field, here = ScatteredField(np.array([0.3]), np.zeros(1), np.array([5.0])), scene()
@@ -248,139 +231,6 @@ def test_weights_of_scattering_angles_are_shares() -> None:
     assert forward.weight.sum() == pytest.approx(float(phase_function(FORWARD).cdf(0.5 * math.pi)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("values", "within"),
-    [
-        ({}, 0.01),
-        ({"water__scattering_per_m": 0.2, "lamp__apparent_distance_m": 2.5}, 0.01),
-        ({"lamp__hwhm_deg": 5.0, "water__scattering_per_m": 0.7, "water__phase__g": 0.95}, 0.03),
-        ({"lamp__profile": "super-gaussian", "lamp__shape_exponent": 4.0}, 0.03),
-    ],
-)
-def test_traces_differ_by_no_more_than_is_said(values: dict[str, object], within: float) -> None:
-    """Where a trace is sure of it, the ratio to the light without photons is next to one."""
-    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
-    here = scene(**values)
-    ratio = traced_ratio(here, x, 0 * x, z, np.array([525.0]), photons=1e6, seed=5)
-    basis = ratio.basis(here, x, 0 * x, z)
-    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
-    assert np.all(np.abs(basis @ ratio.value[0] - 1) < within + 3.5 * error)
-    assert error.mean() < 0.005
-
-
-def test_traces_of_a_wide_beam_near_the_lamp_differ_by_no_more_than_is_said() -> None:
-    """Off the axis too, where most is scattered once, which is exact: a factor that was fitted to all of the
-    light, on its axis and farther away, made it 4 to 5 % too bright there."""
-    x, z = np.tile(np.linspace(0, 0.8, 5), 3), np.repeat([0.8, 1.2, 1.6], 5)
-    here = scene(lamp__hwhm_deg=25.0)
-    ratio = traced_ratio(here, x, 0 * x, z, np.array([525.0]), photons=1e6, seed=5)
-    basis = ratio.basis(here, x, 0 * x, z)
-    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
-    assert np.all(np.abs(basis @ ratio.value[0] - 1) < 0.01 + 3.5 * error)
-    assert error.mean() < 0.005
-
-
-def far_beside(depth_m: float | None) -> tuple[np.ndarray, np.ndarray, Scene]:
-    """Readings to 48 degrees from the axis of a beam of six, in open water or a tank of some depth."""
-    planes = [0.6, 0.9, 1.2, 1.6, 2.1]
-    x, z = np.tile(np.linspace(-0.675, 0.675, 11), 5), np.repeat(planes, 11)
-    tank = depth_m and {"width_m": 1.5, "depth_m": depth_m, "length_m": 2.5, "behind_lamp_m": 0.25}
-    return x, z, scene(tank=tank or None, lamp__hwhm_deg=6.0, detector__planes_m=planes)
-
-
-@pytest.mark.parametrize("depth_m", [None, 0.6])
-def test_a_ratio_is_known_where_readings_lie_far_beside_the_beam(depth_m: float | None) -> None:
-    """On the axis it is next to one: cells resolve the beam in a shallow tank, or their means do."""
-    x, z, here = far_beside(depth_m)
-    ratio = traced_ratio(here, x, 0 * x, z, np.array([470.0]), photons=1e5, seed=5)
-    basis = ratio.basis(here, x, 0 * x, z)[x == 0]
-    error = np.linalg.norm(basis @ ratio.root[0], axis=1)
-    assert np.all(np.abs(basis @ ratio.value[0] - 1) < 0.01 + 3.5 * error)
-    assert error.max() < 0.05
-
-
-def test_cells_that_do_not_tell_all_terms_tell_fewer() -> None:
-    """In a tank of three centimetres all lit cells lie on a line."""
-    x, z, here = far_beside(0.03)
-    ratio = traced_ratio(here, x, 0 * x, z, np.array([470.0]), photons=3e4, seed=5)
-    assert ratio.value.shape[1] < 9
-    assert np.all(np.isfinite(ratio.value)) and np.all(np.isfinite(ratio.root))
-
-
-@pytest.mark.slow
-def test_walls_and_surface_send_nothing_into_a_ratio() -> None:
-    """The same photons in a black tank and in a bright one with a water surface."""
-    x, z = np.tile(np.linspace(0, 0.6, 4), 3), np.repeat([3.0, 4.5, 6.0], 4)
-    tank = {"width_m": 2.0, "depth_m": 1.5, "length_m": 10.0}
-    dark = scene(tank=tank)
-    black, bright = (
-        traced_ratio(scene(tank={**tank, **more}), x, 0 * x, z, np.array([525.0]), photons=1e5, seed=2)
-        for more in ({"wall_albedo": 0.0, "surface": "none"}, {"wall_albedo": 0.8, "surface": "flat"})
-    )
-    basis, error = black.basis(dark, x, 0 * x, z), black.root[0]
-    away = basis @ (black.value[0] - bright.value[0])
-    assert np.all(np.abs(away) < 4 * np.sqrt(2) * np.linalg.norm(basis @ error, axis=1))
-
-
-def test_beside_a_wall_the_light_from_behind_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells of the trace itself, within 0.15 m of a wall at the far end: they were 1.1 % darker than the
-    polynomials beside walls that reflect nothing."""
-    z, x = (v.ravel() for v in np.meshgrid([3.5, 5.5, 8.5], np.linspace(-0.9, 0.9, 7), indexing="ij"))
-    tank = {"width_m": 2.0, "depth_m": 2.44, "length_m": 11.5}
-    within = scene(lamp__hwhm_deg=13.0, water__scattering_per_m=0.15, tank=tank)
-    seen: list[Any] = []
-
-    def noted(made: Callable[..., Any], *given: Any) -> Any:
-        seen.append((given, made(*given)))
-        return seen[-1][1]
-
-    for name in ("_terms_told", "_polynomials"):
-        monkeypatch.setattr(module, name, partial(noted, getattr(module, name)))
-    traced_ratio(within, x, 0 * x, z, np.array([525.0]), photons=1e7, seed=5)
-    (_, (cell_x, _, cell_z), *_), _ = seen[0]
-    (ratio, basis, _), (value, _) = seen[1]
-    outer = (1.0 - np.abs(cell_x) < 0.15) & (cell_z == cell_z.max())
-    batches = (ratio[0] / (basis @ value[0]) - 1)[:, outer].mean(axis=1)
-    error = batches.std(ddof=1) / np.sqrt(len(batches))
-    assert error < 0.003
-    print(batches.mean(), error)
-    assert abs(batches.mean()) < 0.002 + 3 * error
-
-
-def ratio_of_seed(seed: int, photons: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of the polynomials of one trace, twelve of them, and the root of their covariance."""
-    x, z = np.tile(np.linspace(0, 1, 6), 3), np.repeat([4.5, 6.5, 8.5], 6)
-    ratio = traced_ratio(scene(), x, 0 * x, z, np.array([525.0]), photons=photons, seed=seed)
-    return ratio.value[0], ratio.root[0]
-
-
-def two_seeds_p(seed: int, photons: float) -> float:
-    """Probability of a larger difference between two seeds, by what they state."""
-    (one, root), (two, other) = (ratio_of_seed(2 * seed + k, photons) for k in (0, 1))
-    away, covariance = one - two, root @ root.T + other @ other.T
-    return float(stats.chi2.sf(float(away @ np.linalg.solve(covariance, away)), len(away)))
-
-
-@pytest.mark.slow
-def test_ratios_of_two_seeds_differ_by_what_they_state() -> None:
-    """Chi-square of the difference of all coefficients: p above 1e-3, and as often below as it says."""
-    assert two_seeds_p(300, 5e5) > 1e-3
-    keeps_its_rate(lambda seed: two_seeds_p(seed, 1e5))
-
-
-@pytest.mark.slow
-def test_terms_of_a_ratio_scatter_as_they_state() -> None:
-    """Variance of 80 seeds over what is stated, in the mean of the four terms of each degree in distance: by
-    chi-square within 0.77 and 1.26. Planes share photons: by one factor for all it was 1.75, 0.72, 0.45."""
-    found = [ratio_of_seed(seed, 1e5) for seed in range(80)]
-    values, roots = (np.array(v) for v in zip(*found, strict=True))
-    scatter = values.var(axis=0, ddof=1) / (roots**2).sum(axis=2).mean(axis=0)
-    low, high = stats.chi2.ppf([0.001, 0.999], 4 * 79) / (4 * 79)
-    for degree in scatter.reshape(3, 4).mean(axis=1):
-        assert low < degree < high
-
-
 def test_a_beam_that_is_not_brightest_on_its_axis_has_its_widths() -> None:
     """Half and edge are parts of the brightest, whatever the intensity on the axis and its scale."""
     theta, h = np.linspace(0.0, 30.0, 301), 5.0
@@ -402,11 +252,3 @@ def test_absorption_below_zero_is_none_on_endless_paths() -> None:
     field, (a, b) = ScatteredField(x, 0 * x, z), (np.zeros(1), np.array([0.3]))
     none, less = field.at(scene(), a, b), field.at(scene(), a - 1e-6, b)
     assert np.isfinite(none).all() and less == pytest.approx(none, rel=1e-4)
-
-
-def test_clear_water_has_no_ratio() -> None:
-    """What is asked of a trace in which nothing scatters is said, not where its algebra breaks."""
-    z = np.array([4.0, 5.0, 6.0])
-    clear = scene(water__scattering_per_m=0.0)
-    with pytest.raises(RenderError, match=r"scattering of 0 per m"):
-        traced_ratio(clear, 0 * z, 0 * z, z, np.array([500.0]), photons=1e4, seed=1)

@@ -81,7 +81,7 @@ def of_cells(lit: Scene) -> np.ndarray:
     y = (ROWS[:-1, None] + np.diff(ROWS)[:, None] * part).ravel()
     x = (COLUMNS[:-1, None] + np.diff(COLUMNS)[:, None] * part).ravel()
     gy, gx = np.meshgrid(y, x, indexing="ij")
-    light = ReflectedLight(lit, gx.ravel(), gy.ravel(), np.full(gx.size, PLANE_M)).evaluate(lit, PER_M)
+    light = ReflectedLight.at(lit, gx.ravel(), gy.ravel(), np.full(gx.size, PLANE_M)).evaluate(lit, PER_M)
     return light.reshape(len(ROWS) - 1, 4, len(COLUMNS) - 1, 4).mean(axis=(1, 3))
 
 
@@ -116,7 +116,7 @@ def test_the_walk_of_photons_meets_the_same_facets(slope_deg: float, hwhm_deg: f
     z, y, x = (v.ravel() for v in np.meshgrid(grid.z_m, grid.y_m, grid.x_m, indexing="ij"))
     points = np.add.outer(x, dx).ravel(), np.add.outer(y, dy).ravel(), np.repeat(z, 16)
     known, still = (
-        ReflectedLight(s, *points).evaluate(s, PER_M).reshape(-1, 16).mean(axis=1)
+        ReflectedLight.at(s, *points).evaluate(s, PER_M).reshape(-1, 16).mean(axis=1)
         for s in (lit, scene(0.0, **{"lamp.hwhm_deg": hwhm_deg}))
     )
     lost = 0.0 if slope_deg < 3 else TWO_FACETS

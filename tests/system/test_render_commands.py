@@ -211,7 +211,10 @@ def test_a_water_whose_table_ends_before_red_is_shown_and_said_so():
         (["render", "{scene}", "--wavelengths", "red"], "--wavelengths: not wavelengths"),
         (["render", "{scene}", "--wavelengths", "600,500"], "--wavelengths: impossible wavelengths"),
         (["render", "{scene}", "--rel-error", "0"], "impossible relative error"),
-        (["render", "{scene}", "--max-photons", "1"], "impossible photon budget"),
+        (
+            ["render", "{scene}", "--max-photons", "1"],
+            "--max-photons: found '1'; rule: a number, 1e3",
+        ),
         (["render", "{scene}", "--seed", "-1"], "--seed"),
         (["render", "{scene}", "-o", "{scene}"], "cannot write here"),
         (["compare", "{scene}", "-o", "{scene}/deeper"], "cannot write here"),

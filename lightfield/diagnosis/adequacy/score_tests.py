@@ -31,7 +31,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Family-wise level at which the base model is given up. Chosen: one false alarm in a hundred tables;
-#: tests/unit/diagnosis/test_adequacy.py holds it where nothing is missing.
+#: tests/unit/diagnosis/adequacy/test_adequacy.py holds it where nothing is missing.
 ALPHA = 0.01
 SPANS = ("x", "plane", "time")
 SCANS = ("bump", "ripple", "step", "one plane")

@@ -117,7 +117,7 @@ def _transverse(layout: Layout) -> list[Array]:
 
 def _per_plane(layout: Layout) -> list[Array]:
     """A free level and slow cosines across the beam at every distance and channel."""
-    _, label = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
+    label = layout.plane_and_channel
     count = int(label.max()) + 1
     terms = min(_PER_PLANE_TERMS, max(1, layout.size // (_READINGS_PER_TERM * count) - 1))
     across: list[Array] = []

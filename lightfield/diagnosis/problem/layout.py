@@ -120,6 +120,12 @@ class Layout:
         return bool((self.channel == self.channel[0]).all()) if self.size else True
 
     @cached_property
+    def plane_and_channel(self) -> Labels:
+        """Labels from 0: readings of one channel at one distance share theirs, shape (n,)."""
+        label = self.plane * (1 + self.channel.max(initial=0)) + self.channel
+        return np.unique(label, return_inverse=True)[1]
+
+    @cached_property
     def moment(self) -> Labels:
         """Labels from 0: readings that were taken at once at one place share theirs, shape (n,).
 

@@ -271,7 +271,7 @@ def problem_of(
 
 def _check_size(layout: Layout, source: str) -> None:
     """Refuse what would take hours or all memory."""
-    distances = len(np.unique(layout.plane * 1000 + layout.channel))
+    distances = len(np.unique(layout.plane_and_channel))
     if layout.size > MOST_READINGS or layout.size * distances > MOST_AT_DISTANCES:
         raise FitError(
             "too many readings for one diagnosis",

@@ -49,8 +49,7 @@ class Step:
 
 def bright(problem: Problem) -> Array:
     """Readings that count in the error in per cent: above 5 % of their plane's largest, shape (n,), bool."""
-    layout, value = problem.layout, problem.value
-    _, group = np.unique(layout.plane * 1000 + layout.channel, return_inverse=True)
+    group, value = problem.layout.plane_and_channel, problem.value
     top = np.zeros(int(group.max()) + 1)
     np.maximum.at(top, group, np.where(problem.keep > 0, value, 0.0))
     return np.asarray((value > BRIGHT * top[group]) & (problem.keep > 0))

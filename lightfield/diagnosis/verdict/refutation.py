@@ -27,7 +27,7 @@ from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
 from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import GAIN
+from lightfield.fitting.parameter import GAIN
 from lightfield.scene import Scene
 
 #: Why what no test moved is held as stated.

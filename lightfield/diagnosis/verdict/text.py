@@ -10,7 +10,7 @@ from lightfield.diagnosis.verdict import aside_words, stated, words
 from lightfield.diagnosis.verdict.found import rest
 from lightfield.diagnosis.verdict.found import words as found_words
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Doubt, DoubtReason, NearestRival
-from lightfield.fitting.parameter import GAIN
+from lightfield.fitting.parameter import is_gain
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.verdict.verdict import Verdict
@@ -90,7 +90,7 @@ def as_text(verdict: Verdict) -> str:
         values = ", ".join(
             f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
             for path, e in explanation.parameters.items()
-            if not path.startswith(GAIN) and not path.rpartition(".")[2].isdigit()  # of a curve
+            if not is_gain(path) and not path.rpartition(".")[2].isdigit()  # of a curve
         )
         lines.append(f"{words.join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
     if verdict.next_measurement:

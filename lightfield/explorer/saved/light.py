@@ -16,7 +16,7 @@ from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import has_diffuse_light
-from lightfield.fitting.parameter import GAIN
+from lightfield.fitting.parameter import is_gain
 from lightfield.formula.path import rays
 from lightfield.render.diffuse.portable import LightClass, Portable, portable
 from lightfield.render.diffuse.response import DiffuseResponse
@@ -57,7 +57,7 @@ def ranges_at_stop(values: Mapping[str, float]) -> dict[str, tuple[float, float]
     """Ranges of what moves at a stop, by path."""
     out = {}
     for path, value in values.items():
-        if path.startswith(GAIN):
+        if is_gain(path):
             out[path] = (value / _TIMES, value * _TIMES)
         elif (path in (ABSORPTION, SCATTERING) or path.startswith(AT)) and value >= 0:
             out[path] = (0.0, _TIMES * value + _ROOM_PER_M)

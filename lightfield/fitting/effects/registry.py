@@ -131,6 +131,11 @@ def get(name: str) -> Effect:
     return effects[name]
 
 
+def effect_name(key: str) -> str:
+    """The effect of "effect:form"."""
+    return key.partition(":")[0]
+
+
 def get_form(name: str) -> tuple[Effect, Form]:
     """The effect and form that "effect" (its first form) or "effect:form" names.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -98,6 +97,80 @@ class _Seen(NamedTuple):
     length: Array
 
 
+class _Tables:
+    """Light at the nodes of distance and angle, for fields of different places that share them.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : arrays, shape (n,), m
+        The nodes enclose these places.
+    """
+
+    def __init__(self, x_m: Array, y_m: Array, z_m: Array) -> None:
+        low, high = float(z_m.min()) * (1 - _MORE), float(z_m.max()) * (1 + _MORE)
+        count = _DISTANCES + math.ceil(_PER_E * math.log(high / low))
+        middle, half = 0.5 * math.log(low * high), 0.5 * math.log(high / low)
+        self.log_z = middle - half * np.cos(math.pi * (np.arange(count) + 0.5) / count)
+        # Barycentric weights of Chebyshev's points of the first kind.
+        self.signs = (-1.0) ** np.arange(count) * np.sin(math.pi * (np.arange(count) + 0.5) / count)
+        self.most = 1.2 * float((np.hypot(x_m, y_m) / z_m).max()) + 0.05
+        self.light = lru_cache(_REMEMBERED)(self._light)
+        # What does not change with the water, or with the lamp, in the steps of a fit.
+        self._paths = lru_cache(_PATHS)(self._paths_to)
+        self._sent = lru_cache(_STEPS)(self._sent_along)
+        self._spreads = lru_cache(_SPREADS)(self._spread)
+
+    def _light(
+        self, lamp: Lamp, phase: TracedPhase, most: float, a: tuple[float, ...], b: tuple[float, ...]
+    ) -> Array:
+        """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
+        angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
+        slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
+        known = near(phase)
+        sent = self._sent(lamp, known, most)
+        spreads = [s.of(phase, behind_m) for s in self._spreads(known, _stepped(largest_kz(lamp)))]
+        out = np.empty((len(a), len(self.log_z), len(angles)))
+        absorption, scattering = np.array(a), np.array(b)
+        for j, (z_m, paths, spread) in enumerate(
+            zip(np.exp(self.log_z).tolist(), sent, spreads, strict=True)
+        ):
+            behind, z = z_m + behind_m, np.full(len(angles), z_m)
+            light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
+            light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
+            for rows, some in paths:
+                share = shares_at(phase, known, len(some.share))
+                light[:, rows] += some.light(absorption, scattering, share)
+            depth = np.multiply.outer(absorption + scattering, z_m * slant)
+            out[:, j] = np.log(light * (behind * slant) ** 2) + depth
+        return out
+
+    def _paths_to(
+        self, phase: TracedPhase, width: float, behind_m: float, most: float
+    ) -> list[list[tuple[slice, TabledPaths]]]:
+        """Paths of light that is scattered once, at every distance to the angles of every resolution."""
+        angles, table = _angles(most), EmissionTable.of(width)
+        aside = int(np.searchsorted(angles, seen_narrow(width)))
+        parts = [rows for rows in (slice(aside), slice(aside, len(angles))) if len(angles[rows])]
+
+        def to(z: float, tangent: Array) -> TabledPaths:
+            far, fine = np.full(len(tangent), z), Resolution.for_beam(width, float(tangent[-1]))
+            paths = single_paths(phase, width, tangent * (z + behind_m), far, behind_m, fine)
+            return TabledPaths.of(table, paths)
+
+        return [[(rows, to(z, angles[rows])) for rows in parts] for z in np.exp(self.log_z).tolist()]
+
+    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[list[tuple[slice, LitPaths]]]:
+        """The same paths with the light of a lamp on them."""
+        width, behind_m = _stepped(half_width_rad(lamp)), lamp.apparent_distance_m
+        tabled = self._paths(phase, width, behind_m, most)
+        light = EmissionTable.of(width).intensity(lamp)
+        return [[(rows, some.lit(light)) for rows, some in every] for every in tabled]
+
+    def _spread(self, phase: TracedPhase, top: float) -> list[Spread]:
+        """Where light that was scattered more often arrives, at every distance."""
+        return [Spread.on_plane(phase, z, top) for z in np.exp(self.log_z).tolist()]
+
+
 class ScatteredField:
     """Irradiance of scattered light at n places, for any lamp and water that `describes` allows.
 
@@ -105,30 +178,18 @@ class ScatteredField:
     ----------
     x_m, y_m, z_m : arrays, shape (n,), m
         z > 0.
+    tables : optional
+        Of a field at these places and others: what was worked out for it is known.
     """
 
-    def __init__(self, x_m: Array, y_m: Array, z_m: Array) -> None:
+    def __init__(self, x_m: Array, y_m: Array, z_m: Array, tables: _Tables | None = None) -> None:
         self.x_m, self.y_m, self.z_m = (np.asarray(v, float) for v in (x_m, y_m, z_m))
-        low, high = float(self.z_m.min()) * (1 - _MORE), float(self.z_m.max()) * (1 + _MORE)
-        count = _DISTANCES + math.ceil(_PER_E * math.log(high / low))
-        middle, half = 0.5 * math.log(low * high), 0.5 * math.log(high / low)
-        self._log_z = middle - half * np.cos(math.pi * (np.arange(count) + 0.5) / count)
-        # Barycentric weights of Chebyshev's points of the first kind.
-        self._signs = (-1.0) ** np.arange(count) * np.sin(math.pi * (np.arange(count) + 0.5) / count)
-        self._most = 1.2 * float((np.hypot(self.x_m, self.y_m) / self.z_m).max()) + 0.05
-        self._made = lru_cache(_REMEMBERED)(self._table)
+        self._tables = tables or _Tables(self.x_m, self.y_m, self.z_m)
         self._seen = lru_cache(_STEPS)(self._seen_from)
-        # What does not change with the water, or with the lamp, in the steps of a fit.
-        self._paths = lru_cache(_PATHS)(self._paths_to)
-        self._sent = lru_cache(_STEPS)(self._sent_along)
-        self._spreads = lru_cache(_SPREADS)(self._spread)
 
     def some(self, rows: NDArray[np.bool_]) -> ScatteredField:
-        """At some of the places, from the same nodes: what was worked out for all is known there."""
-        out = copy(self)
-        out.x_m, out.y_m, out.z_m = self.x_m[rows], self.y_m[rows], self.z_m[rows]
-        out._seen = lru_cache(_STEPS)(out._seen_from)
-        return out
+        """At some of the places, from the same nodes."""
+        return ScatteredField(self.x_m[rows], self.y_m[rows], self.z_m[rows], self._tables)
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered light for unit intensity on the axis, shape (n_wavelengths, n), m^-2.
@@ -162,7 +223,7 @@ class ScatteredField:
         )
         scatters = np.maximum(b, _CLEAREST_PER_M)
         phase = with_molecules(water.phase, molecular_share(scene))
-        table = self._made(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
+        table = self._tables.light(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
         power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
         light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
         light *= (b / scatters)[:, None]
@@ -182,62 +243,12 @@ class ScatteredField:
             turned = dz / along
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         tangent = np.sqrt(np.maximum(length**2 - along**2, 0.0)) / along
-        most = max(self._most, 1.02 * float(tangent.max()))
-        near = np.log(np.maximum(along - behind_m, _NEAREST_M))[:, None] - self._log_z
-        by_z = self._signs / np.where(near == 0, _AT_NODE, near)
+        most = max(self._tables.most, 1.02 * float(tangent.max()))
+        near = np.log(np.maximum(along - behind_m, _NEAREST_M))[:, None] - self._tables.log_z
+        by_z = self._tables.signs / np.where(near == 0, _AT_NODE, near)
         by_z /= by_z.sum(axis=1, keepdims=True)
         table_path = (along - behind_m) * np.sqrt(1 + tangent**2)
         return _Seen(most, by_z, _spline(_angles(most))(tangent), table_path, turned / length**2, length)
-
-    def _table(
-        self, lamp: Lamp, phase: TracedPhase, most: float, a: tuple[float, ...], b: tuple[float, ...]
-    ) -> Array:
-        """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
-        angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
-        slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
-        known = near(phase)
-        sent = self._sent(lamp, known, most)
-        spreads = [s.of(phase, behind_m) for s in self._spreads(known, _stepped(largest_kz(lamp)))]
-        out = np.empty((len(a), len(self._log_z), len(angles)))
-        absorption, scattering = np.array(a), np.array(b)
-        for j, (z_m, paths, spread) in enumerate(
-            zip(np.exp(self._log_z).tolist(), sent, spreads, strict=True)
-        ):
-            behind, z = z_m + behind_m, np.full(len(angles), z_m)
-            light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
-            light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
-            for rows, some in paths:
-                share = shares_at(phase, known, len(some.share))
-                light[:, rows] += some.light(absorption, scattering, share)
-            depth = np.multiply.outer(absorption + scattering, z_m * slant)
-            out[:, j] = np.log(light * (behind * slant) ** 2) + depth
-        return out
-
-    def _paths_to(
-        self, phase: TracedPhase, width: float, behind_m: float, most: float
-    ) -> list[list[tuple[slice, TabledPaths]]]:
-        """Paths of light that is scattered once, at every distance to the angles of every resolution."""
-        angles, table = _angles(most), EmissionTable.of(width)
-        aside = int(np.searchsorted(angles, seen_narrow(width)))
-        parts = [rows for rows in (slice(aside), slice(aside, len(angles))) if len(angles[rows])]
-
-        def to(z: float, tangent: Array) -> TabledPaths:
-            far, fine = np.full(len(tangent), z), Resolution.for_beam(width, float(tangent[-1]))
-            paths = single_paths(phase, width, tangent * (z + behind_m), far, behind_m, fine)
-            return TabledPaths.of(table, paths)
-
-        return [[(rows, to(z, angles[rows])) for rows in parts] for z in np.exp(self._log_z).tolist()]
-
-    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[list[tuple[slice, LitPaths]]]:
-        """The same paths with the light of a lamp on them."""
-        width, behind_m = _stepped(half_width_rad(lamp)), lamp.apparent_distance_m
-        tabled = self._paths(phase, width, behind_m, most)
-        light = EmissionTable.of(width).intensity(lamp)
-        return [[(rows, some.lit(light)) for rows, some in every] for every in tabled]
-
-    def _spread(self, phase: TracedPhase, top: float) -> list[Spread]:
-        """Where light that was scattered more often arrives, at every distance."""
-        return [Spread(phase, z, top) for z in np.exp(self._log_z).tolist()]
 
 
 def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ The term of first order, left out here, is known exactly (see `single`).
 from __future__ import annotations
 
 import math
-from copy import copy
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -37,46 +37,56 @@ _REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 40, 0.05, 16, 14
 _SLANTS, _MISSED, _AT_NODE = (8, 12, 16, 24, 32, 48), 1e-11, 1e-15
 
 
+@dataclass(frozen=True, eq=False)
 class Spread:
     """Transform of where scattered light arrives on a plane: Q(k) for any water.
 
     Parameters
     ----------
-    phase : TracedPhase
-    z_m : float, m
+    z_m, behind_m : float, m
+        Of the plane, from the window and from where light seems to start.
     reach : float
         Largest k times z + z_0, see `largest_kz`.
+    turned : TracedPhase
+        Whose turns are the nodes.
+    share, longer : arrays, shape (n_turns,)
+        Part of the light that turns so, and secant of the turn less one.
+    kept : array, shape (n_k, n_along * n_turns)
+        J_0 of k times the displacement.
     """
 
-    def __init__(self, phase: TracedPhase, z_m: float, reach: float) -> None:
-        self.z_m, self.behind_m = z_m, z_m
-        self._s, self._along = interval(_ALONG)
-        self._s, self._along = self._s * z_m, self._along * z_m
-        self.reach = reach
-        self._nodes_of = phase
-        turn, self._share = turns(phase, _TURNS, HALF_PI)
-        self._longer = 1 / np.cos(turn) - 1
-        moved = np.outer(self._s / z_m, np.tan(turn))
-        self._kept = j0(_coarse(reach)[:, None] * moved.ravel())
+    z_m: float
+    behind_m: float
+    reach: float
+    turned: TracedPhase
+    share: Array
+    longer: Array
+    kept: Array
+
+    @classmethod
+    def on_plane(cls, phase: TracedPhase, z_m: float, reach: float) -> Spread:
+        """Of a phase function, with nodes of its own."""
+        turn, share = turns(phase, _TURNS, HALF_PI)
+        kept = j0(_coarse(reach)[:, None] * np.outer(interval(_ALONG).at, np.tan(turn)).ravel())
+        return cls(z_m, z_m, reach, phase, share, 1 / np.cos(turn) - 1, kept)
 
     def of(self, phase: TracedPhase, apparent_distance_m: float = 0.0) -> Spread:
         """Of a phase function near this one, see `nodes.near`: the same turns with its shares.
 
         And of light that seems to start so far behind the window: Q is the same, its k are smaller.
         """
-        out = copy(self)
-        out.behind_m = self.z_m + apparent_distance_m
-        out._share = shares_at(phase, self._nodes_of, _TURNS, HALF_PI)
-        return out
+        share = shares_at(phase, self.turned, _TURNS, HALF_PI)
+        return replace(self, behind_m=self.z_m + apparent_distance_m, share=share)
 
     def q(self, a: Array) -> Array:
         """Q at the nodes of the transform in waters of these absorptions, shape (n_k, n_waters), m."""
         # Paths at 90 degrees are endless: an absorption below zero, as a fit may ask for, would make light of
         # every size there.
-        lost = np.exp(np.multiply.outer(self._s[:, None] * self._longer, -np.maximum(a, 0.0)))
-        lost *= (self._share * self._along[:, None])[..., None]
+        s, along = (self.z_m * v[:, None] for v in interval(_ALONG))
+        lost = np.exp(np.multiply.outer(s * self.longer, -np.maximum(a, 0.0)))
+        lost *= (self.share * along)[..., None]
         return np.asarray(
-            _between(self.reach, self.z_m / self.behind_m) @ (self._kept @ lost.reshape(-1, len(a)))
+            _between(self.reach, self.z_m / self.behind_m) @ (self.kept @ lost.reshape(-1, len(a)))
         )
 
 

@@ -1,4 +1,4 @@
-"""Nodes to integrate over: angles of scattering, angles of emission, and plain intervals."""
+"""Nodes to integrate over: angles of scattering, angles of emission, plain intervals, and cells."""
 
 from __future__ import annotations
 
@@ -43,6 +43,13 @@ def interval(n: int, stretched: bool = False) -> Nodes:
     x, w = np.polynomial.legendre.leggauss(n)
     s, ws = 0.5 * (x + 1), 0.5 * w
     return Nodes(s * s * (3 - 2 * s), 6 * ws * s * (1 - s)) if stretched else Nodes(s, ws)
+
+
+@lru_cache(maxsize=16)
+def in_cell(n: int) -> Nodes:
+    """n x n Gauss-Legendre nodes of a square of side one about zero, shape (n^2, 2), with their shares."""
+    x, w = np.polynomial.legendre.leggauss(n)
+    return Nodes(0.5 * np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2), 0.25 * np.outer(w, w).ravel())
 
 
 @lru_cache(maxsize=32)

@@ -167,7 +167,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
         response.straight_m,
         np.exp(-depth) * np.ones(len(response.straight_m)),
         light.between_g.smoother,
-        shift.parts(),
+        shift.parts,
         _reflections(response, scene, most_per_m, most_albedo),
     )
 

@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import legvander
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.formula.scattered.field import ScatteredField
-from lightfield.formula.scattered.nodes import half_width_rad
+from lightfield.formula.scattered.nodes import half_width_rad, in_cell
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference
@@ -264,15 +264,14 @@ def _in_cells(scene: Scene, grid: Grid, x: Array, y: Array, z: Array, a: Array, 
     out = np.empty((len(a), len(z)))
     for count in np.unique(counts):
         here = np.flatnonzero(counts == count)
-        nodes, weights = np.polynomial.legendre.leggauss(count)
-        at_x, at_y = (v.ravel()[:, None] for v in np.meshgrid(nodes, nodes))
+        nodes, weight = in_cell(int(count))
         field = ScatteredField(
-            (x[here] + 0.5 * grid.pitch_x_m * at_x).ravel(),
-            (y[here] + 0.5 * grid.pitch_y_m * at_y).ravel(),
-            np.tile(z[here], count**2),
+            (x[here] + grid.pitch_x_m * nodes[:, :1]).ravel(),
+            (y[here] + grid.pitch_y_m * nodes[:, 1:]).ravel(),
+            np.tile(z[here], len(nodes)),
         )
-        each = field.at(scene, a, b).reshape(len(a), count**2, -1)
-        out[:, here] = np.einsum("wnc,n->wc", each, 0.25 * np.outer(weights, weights).ravel())
+        each = field.at(scene, a, b).reshape(len(a), len(nodes), -1)
+        out[:, here] = np.einsum("wnc,n->wc", each, weight)
     return out
 
 

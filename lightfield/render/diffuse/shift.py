@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from copy import copy
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,23 @@ class ShiftParts(NamedTuple):
     terms: sparse.csr_array
     which: NDArray[np.int_]
 
+    def shares(self, offset_x_m: float, offset_y_m: float) -> sparse.csr_array:
+        """See `Shift`; of light whose source stands at the offset."""
+        dx, dy, one = self.dx_m - offset_x_m, self.dy_m - offset_y_m, np.ones_like(self.dx_m)
+        curved = 0.5 * (dx * dx - self.variance_x), dx * dy, 0.5 * (dy * dy - self.variance_y)
+        together = sparse.hstack([sparse.diags_array(f) for f in (one, dx, dy, *curved)], format="csr")
+        return sparse.csr_array(together @ self.terms)[self.which]
 
+    def some(self, rows: np.ndarray) -> ShiftParts:
+        """Of those places alone that some of the readings are at."""
+        used, which = np.unique(self.which[rows], return_inverse=True)
+        terms = self.terms[(np.arange(6)[:, None] * len(self.cell) + used).ravel()]
+        return self._replace(
+            cell=self.cell[used], dx_m=self.dx_m[used], dy_m=self.dy_m[used], terms=terms, which=which.ravel()
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Shift:
     """Local quadratic expansion of the logarithm of a field over its cells (exact for a Gaussian beam).
 
@@ -54,52 +70,53 @@ class Shift:
 
     Parameters
     ----------
-    grid : Grid
-        With occupied cells, `surrounded` by those that tell how the light bends.
-    x_m, y_m, z_m : arrays, shape (n,), m
-        Positions of the readings, each near an occupied cell.
+    cell : array of int, shape (n,)
+        Cell of each reading.
+    cell_y_m, cell_z_m : arrays, shape (n_cells,), m
+    asked : int
+        Number of readings, of which these may be `some`.
+    parts : ShiftParts
+        What it works with; readings of several colours at one place are moved alike.
+    shares : sparse array, shape (n, n_cells)
+        Relative errors of the readings from those of the cells.
     """
 
-    def __init__(self, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
+    cell: NDArray[np.int_]
+    cell_y_m: np.ndarray
+    cell_z_m: np.ndarray
+    asked: int
+    parts: ShiftParts
+    shares: sparse.csr_array
+
+    @classmethod
+    def on(cls, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> Shift:
+        """From the cells of a grid, `surrounded` by those that tell how the light bends, to readings."""
         cells = TalliedCells(grid)
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
-        self.cell = number[cell_of(grid, x_m, y_m, z_m)]
-        self.cell_y_m, self.cell_z_m = cells.y, cells.z
-        #: Number of readings, of which there may be `some`.
-        self.asked = len(self.cell)
-        # Readings of several colours at one place are moved alike.
+        cell = number[cell_of(grid, x_m, y_m, z_m)]
         places = np.stack([x_m, y_m, z_m], axis=1)
         _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        self._which = which.ravel()
-        self._cell = self.cell[one_each]
-        self.dx, self.dy = x_m[one_each] - cells.x[self._cell], y_m[one_each] - cells.y[self._cell]
-        # Variances of a place within its cell.
-        self._vx, self._vy = grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12
+        at = cell[one_each]
         # From the few cells around each place.
-        of_cell = {i: cells.quadratic(i) for i in np.unique(self._cell).tolist()}
-        quadratics = [of_cell[i] for i in self._cell.tolist()]
+        of_cell = {i: cells.quadratic(i) for i in np.unique(at).tolist()}
+        quadratics = [of_cell[i] for i in at.tolist()]
         near = np.concatenate([q.near for q in quadratics])
         row = np.repeat(np.arange(len(quadratics)), [len(q.near) for q in quadratics])
-        terms = np.concatenate([q.weights for q in quadratics], axis=1)
+        weights = np.concatenate([q.weights for q in quadratics], axis=1)
         shape = len(quadratics), cells.size
-        self._terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in terms], format="csr")
-        #: Relative errors of the readings from those of the cells, shape (n, n_cells).
-        self.shares = self._shares(0.0, 0.0)
+        terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in weights], format="csr")
+        parts = ShiftParts(
+            at, x_m[one_each] - cells.x[at], y_m[one_each] - cells.y[at],
+            grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12, terms, which.ravel(),
+        )  # fmt: skip
+        return cls(cell, cells.y, cells.z, len(cell), parts, parts.shares(0.0, 0.0))
 
     def seen_from(self, offset_x_m: float, offset_y_m: float) -> Shift:
         """The same with `shares` of light whose source stands at the offset: slopes have more noise."""
         if not (offset_x_m or offset_y_m):
             return self
-        out = copy(self)
-        out.shares = self._shares(offset_x_m, offset_y_m)
-        return out
-
-    def _shares(self, offset_x_m: float, offset_y_m: float) -> sparse.csr_array:
-        dx, dy, one = self.dx - offset_x_m, self.dy - offset_y_m, np.ones_like(self.dx)
-        of_terms = one, dx, dy, 0.5 * (dx * dx - self._vx), dx * dy, 0.5 * (dy * dy - self._vy)
-        together = sparse.hstack([sparse.diags_array(factor) for factor in of_terms], format="csr")
-        return sparse.csr_array(together @ self._terms)[self._which]
+        return replace(self, shares=self.parts.shares(offset_x_m, offset_y_m))
 
     def apply(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the readings when their source stands at the offset, (..., n_cells) to (..., n).
@@ -110,37 +127,22 @@ class Shift:
         """
         top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
-        terms = (self._terms @ log.reshape(-1, log.shape[-1]).T).T
+        at, dx, dy, vx, vy, of_cells, which = self.parts
+        terms = (of_cells @ log.reshape(-1, log.shape[-1]).T).T
         value, gx, gy, gxx, gxy, gyy = np.moveaxis(terms.reshape(*log.shape[:-1], 6, -1), -2, 0)
-        ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((self._vx, gxx), (self._vy, gyy)))
-        middle = -0.5 * (np.log(ux * uy) + self._vx * gx * gx / ux + self._vy * gy * gy / uy)
-        dx, dy = self.dx - offset_x_m, self.dy - offset_y_m
+        ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((vx, gxx), (vy, gyy)))
+        middle = -0.5 * (np.log(ux * uy) + vx * gx * gx / ux + vy * gy * gy / uy)
+        dx, dy = dx - offset_x_m, dy - offset_y_m
         change = (gx * dx + 0.5 * gxx * dx * dx) / ux + (gy * dy + 0.5 * gyy * dy * dy) / uy
         change += gxy * dx * dy / (ux * uy)
-        here = field[..., self._cell]
+        here = field[..., at]
         lit = np.where(here > 1e-6 * top, np.exp(value), here)
         bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
-        return np.asarray((lit * bent)[..., self._which])
+        return np.asarray((lit * bent)[..., which])
 
     def some(self, rows: np.ndarray) -> Shift:
         """To some of the readings."""
-        out = copy(self)
-        out.cell, out.shares = self.cell[rows], self.shares[rows]
-        kept = self._kept(self._which[rows])
-        out._cell, out.dx, out.dy, out._terms, out._which = kept
-        return out
-
-    def _kept(
-        self, which: NDArray[np.int_]
-    ) -> tuple[NDArray[np.int_], np.ndarray, np.ndarray, sparse.csr_array, NDArray[np.int_]]:
-        """Cells, steps and terms of those places that readings are at, and the place of each reading."""
-        used, now = np.unique(which, return_inverse=True)
-        terms = self._terms[(np.arange(6)[:, None] * len(self._cell) + used).ravel()]
-        return self._cell[used], self.dx[used], self.dy[used], terms, now.ravel()
-
-    def parts(self) -> ShiftParts:
-        """Its arrays, for whoever applies it elsewhere."""
-        return ShiftParts(self._cell, self.dx, self.dy, self._vx, self._vy, self._terms, self._which)
+        return replace(self, cell=self.cell[rows], shares=self.shares[rows], parts=self.parts.some(rows))
 
     def pick(self, field: np.ndarray) -> np.ndarray:
         """Field of the cell of each reading, unshifted; shape (n,)."""

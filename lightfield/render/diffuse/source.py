@@ -112,7 +112,7 @@ def response_for(
     shape = SHAPES.get(scene.water.phase.type)
     nodes = () if shape is None else shape.nodes if g_nodes is None else tuple(sorted(g_nodes))
     open_top = scene.surface_reflects
-    reflected = ReflectedLight(scene, *places) if applies(scene) else None
+    reflected = ReflectedLight.at(scene, *places) if applies(scene) else None
     known = NEVER_SCATTERED if reflected is not None else ()
     needed = [kind for kind in range(CLASSES) if kind not in known]
     middle = nodes[len(nodes) // 2 : len(nodes) // 2 + 1]
@@ -140,7 +140,7 @@ def response_for(
         few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True)
         under_surface = one(surface, middle, needed[1:], few)
     water = TracedWater(own_top, under_surface)
-    return DiffuseResponse(Shift(grid, *places), straight_path(traced, grid), walls, water, reflected)
+    return DiffuseResponse(Shift.on(grid, *places), straight_path(traced, grid), walls, water, reflected)
 
 
 def cells_for(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> int:

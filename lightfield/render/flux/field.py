@@ -32,6 +32,7 @@ from lightfield.render.response import store
 from lightfield.render.response.grid import COMPONENTS, Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.symmetry import symmetric
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
@@ -97,8 +98,9 @@ def traced_field(
     Raises
     ------
     RenderError
-        A region that is not all in the water in front of the lamp.
+        A region that is not all in the water in front of the lamp, or photons that no trace can have.
     """
+    Settings(max_photons=photons)  # refuses what no trace can have
     grid = region.grid()
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference

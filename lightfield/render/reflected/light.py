@@ -16,7 +16,7 @@ response.
 
 from __future__ import annotations
 
-from copy import copy
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
@@ -32,79 +32,15 @@ from lightfield.scene import Lamp, Scene, Tank, receiver
 TWO_FACETS = 0.035
 
 
-class ReflectedLight:
-    """Reflected, unscattered light at n readings in the tank of a scene.
+class _Ways:
+    """How light comes by walls and by the surface to places in the tank of a scene, (n_places, 3) m."""
 
-    Parameters
-    ----------
-    scene : Scene
-        With a tank, and an irradiance detector.
-    x_m, y_m, z_m : arrays, shape (n,), m
-    """
-
-    def __init__(self, scene: Scene, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> None:
-        self.scene = scene
-        # Readings of several colours at one place share their light's way.
-        every = np.stack([x_m, y_m, z_m], axis=1).astype(float)
-        self.places, which = np.unique(every, axis=0, return_inverse=True)
-        self._which = which.ravel()
+    def __init__(self, scene: Scene, places: np.ndarray) -> None:
+        self.scene, self.places = scene, places
         #: The walls, with a lid or with an open top.
-        self.room = cache(lambda lid: Room(scene, self.places, lid))
-        self._smeared = lru_cache(1)(self._smeared_of)
-        self._mirrored = lru_cache(KEPT_LAMPS)(self._mirrored_of)
-
-    def some(self, rows: np.ndarray) -> ReflectedLight:
-        """At some of the readings, from what is worked out for all of them."""
-        out = copy(self)
-        out._which = self._which[rows]
-        return out
-
-    def evaluate(self, scene: Scene, attenuation_per_m: ArrayLike) -> np.ndarray:
-        """Light for unit on-axis intensity, m^-2, shape (n,), or (n_waters, n) in several waters at once.
-
-        Parameters
-        ----------
-        scene : Scene
-            Its lamp, albedos and surface reflectance count; the tank is that of the constructor.
-        attenuation_per_m : float or array, shape (n_waters,), m^-1
-        """
-        tank, rates = scene.tank, np.atleast_1d(np.asarray(attenuation_per_m, float))
-        assert tank is not None
-        light = np.zeros((len(rates), len(self.places)))
-        if tank.surface_reflectance > 0:
-            light += tank.surface_reflectance * self._image(scene.lamp, rates, tank)
-        if tank.wall_albedo > 0:
-            room = self.room(tank.surface_reflectance == 0)
-            light += room.light(scene.lamp, rates, tank)
-        return np.asarray(light[:, self._which].reshape(*np.shape(attenuation_per_m), -1))
-
-    def uncertain(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
-        """Error of the light of waves, which knows nothing that met two facets in a row; (n_waters, n)."""
-        tank = scene.tank
-        if tank is None or tank.slope == 0:
-            return np.zeros((len(attenuation_per_m), len(self._which)))
-        image = self._image(scene.lamp, attenuation_per_m, tank)
-        return np.asarray(TWO_FACETS * tank.surface_reflectance * image[:, self._which])
-
-    def by_floor(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
-        """Light from walls and floor over that of a floor like the walls, shape (n_waters, n)."""
-        tank = scene.tank
-        if tank is None or tank.floor_share == 1 or not tank.wall_albedo:
-            return np.ones((len(attenuation_per_m), len(self._which)))
-        room = self.room(tank.surface_reflectance == 0)
-        like_walls = tank.model_copy(update={"floor_over_walls": 1.0})
-        light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
-        ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
-        return np.asarray(ratio[:, self._which])
-
-    def _image(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
-        """Light mirrored by the water surface alone, for unit reflectance multiplier; (n_waters, n)."""
-        if tank.slope > 0:
-            light, in_water = self._smeared(lamp, tank.surface_slope_deg)
-            # One water at a time: there are thousands of facets for each place.
-            return np.stack([(light * np.exp(-c * in_water)).sum(axis=1) for c in attenuation_per_m])
-        light, in_water = self._mirrored(lamp, tank.lamp_depth_m)
-        return np.asarray(light * np.exp(-attenuation_per_m[:, None] * in_water))
+        self.room = cache(lambda lid: Room(scene, places, lid))
+        self.smeared = lru_cache(1)(self._smeared_of)
+        self.mirrored = lru_cache(KEPT_LAMPS)(self._mirrored_of)
 
     def _mirrored_of(self, lamp: Lamp, top_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Light by way of a flat surface without attenuation, and its way in water; (n,)."""
@@ -121,6 +57,80 @@ class ReflectedLight:
             found.append((some.light * response, some.in_water))
         light, in_water = (np.concatenate(column) for column in zip(*found, strict=True))
         return light, in_water
+
+
+@dataclass(frozen=True, eq=False)
+class ReflectedLight:
+    """Reflected, unscattered light at n readings in the tank of a scene.
+
+    Parameters
+    ----------
+    ways : _Ways
+        Worked out once for all places; readings of several colours at one place share theirs.
+    which : array of int, shape (n,)
+        Place of each reading.
+    """
+
+    ways: _Ways
+    which: np.ndarray
+
+    @classmethod
+    def at(cls, scene: Scene, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> ReflectedLight:
+        """At readings, arrays of shape (n,), of a scene with a tank and an irradiance detector."""
+        every = np.stack([x_m, y_m, z_m], axis=1).astype(float)
+        places, which = np.unique(every, axis=0, return_inverse=True)
+        return cls(_Ways(scene, places), which.ravel())
+
+    def some(self, rows: np.ndarray) -> ReflectedLight:
+        """At some of the readings, from what is worked out for all of them."""
+        return replace(self, which=self.which[rows])
+
+    def evaluate(self, scene: Scene, attenuation_per_m: ArrayLike) -> np.ndarray:
+        """Light for unit on-axis intensity, m^-2, shape (n,), or (n_waters, n) in several waters at once.
+
+        Parameters
+        ----------
+        scene : Scene
+            Its lamp, albedos and surface reflectance count; the tank is that of the constructor.
+        attenuation_per_m : float or array, shape (n_waters,), m^-1
+        """
+        tank, rates = scene.tank, np.atleast_1d(np.asarray(attenuation_per_m, float))
+        assert tank is not None
+        light = np.zeros((len(rates), len(self.ways.places)))
+        if tank.surface_reflectance > 0:
+            light += tank.surface_reflectance * self._image(scene.lamp, rates, tank)
+        if tank.wall_albedo > 0:
+            room = self.ways.room(tank.surface_reflectance == 0)
+            light += room.light(scene.lamp, rates, tank)
+        return np.asarray(light[:, self.which].reshape(*np.shape(attenuation_per_m), -1))
+
+    def uncertain(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
+        """Error of the light of waves, which knows nothing that met two facets in a row; (n_waters, n)."""
+        tank = scene.tank
+        if tank is None or tank.slope == 0:
+            return np.zeros((len(attenuation_per_m), len(self.which)))
+        image = self._image(scene.lamp, attenuation_per_m, tank)
+        return np.asarray(TWO_FACETS * tank.surface_reflectance * image[:, self.which])
+
+    def by_floor(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
+        """Light from walls and floor over that of a floor like the walls, shape (n_waters, n)."""
+        tank = scene.tank
+        if tank is None or tank.floor_share == 1 or not tank.wall_albedo:
+            return np.ones((len(attenuation_per_m), len(self.which)))
+        room = self.ways.room(tank.surface_reflectance == 0)
+        like_walls = tank.model_copy(update={"floor_over_walls": 1.0})
+        light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
+        ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
+        return np.asarray(ratio[:, self.which])
+
+    def _image(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
+        """Light mirrored by the water surface alone, for unit reflectance multiplier; (n_waters, n)."""
+        if tank.slope > 0:
+            light, in_water = self.ways.smeared(lamp, tank.surface_slope_deg)
+            # One water at a time: there are thousands of facets for each place.
+            return np.stack([(light * np.exp(-c * in_water)).sum(axis=1) for c in attenuation_per_m])
+        light, in_water = self.ways.mirrored(lamp, tank.lamp_depth_m)
+        return np.asarray(light * np.exp(-attenuation_per_m[:, None] * in_water))
 
 
 def applies(scene: Scene) -> bool:

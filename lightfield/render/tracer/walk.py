@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -59,6 +59,16 @@ class TransportProblem:
     planes: Planes
     histories: Histories
     water: ReferenceWater
+
+
+class _Start(NamedTuple):
+    """What a launch begins with."""
+
+    tally: mi.Float  # of every history in every cell
+    number: mi.UInt32  # of each lane's first photon
+    stride: mi.UInt32  # to the number of its next
+    rng: mi.PCG32
+    points: ScrambledSobol
 
 
 def first_or_free_flight(
@@ -149,19 +159,7 @@ def trace(
     surfaces, turn, emission = problem.surfaces, problem.turn, problem.emission
     planes, histories, water = problem.planes, problem.histories, problem.water
     each, lanes = _launch(photons)
-    tally = dr.zeros(mi.Float, histories.size * planes.cells)
-    # A literal would be written out anew for every launch, and copied to be read.
-    dr.make_opaque(tally)
-    lane = dr.arange(mi.UInt32, lanes)
-    # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
-    number = lane + dr.opaque(mi.UInt32, first)
-    stride = dr.opaque(mi.UInt32, lanes)
-    # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
-    low, high = mi.sample_tea_32(
-        dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
-    )
-    rng = mi.PCG32(size=lanes, initstate=(mi.UInt64(high) << 32) + mi.UInt64(low), initseq=mi.UInt64(number))
-    points = ScrambledSobol(seed)
+    tally, number, stride, rng, points = _start(histories.size * planes.cells, lanes, seed, first)
     absorption, b0 = Absorption(water), dr.opaque(mi.Float, water.scattering_per_m)
 
     # -------------------------------------------------------------- loop state
@@ -290,6 +288,22 @@ def _launch(photons: int) -> tuple[int, int]:
     """Photons of each lane, and lanes."""
     each = min(PHOTONS_PER_LANE, photons)
     return each, -(-photons // each)
+
+
+def _start(size: int, lanes: int, seed: int, first: int) -> _Start:
+    """The tally, all photons' numbers and all random numbers of a launch."""
+    tally = dr.zeros(mi.Float, size)
+    # A literal would be written out anew for every launch, and copied to be read.
+    dr.make_opaque(tally)
+    # What differs from batch to batch or from layout to layout is a variable: one kernel serves them all.
+    number = dr.arange(mi.UInt32, lanes) + dr.opaque(mi.UInt32, first)
+    stride = dr.opaque(mi.UInt32, lanes)
+    # Hashed, because neighbouring streams of this generator are not independent in their first numbers.
+    low, high = mi.sample_tea_32(
+        dr.opaque(mi.UInt32, int(np.random.SeedSequence(seed).generate_state(1)[0])), number
+    )
+    rng = mi.PCG32(size=lanes, initstate=(mi.UInt64(high) << 32) + mi.UInt64(low), initseq=mi.UInt64(number))
+    return _Start(tally, number, stride, rng, ScrambledSobol(seed))
 
 
 def counted(photons: int, mirror_x: bool = False) -> int:

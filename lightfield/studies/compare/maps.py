@@ -33,7 +33,7 @@ from lightfield.studies.compare.rings import (
     known_error,
     on_axis,
     radial_profile,
-    told,
+    standing,
 )
 
 # (scene, x, y, z, spectrum) -> mean over the spectrum in the unit of the maps, shape of x
@@ -132,16 +132,16 @@ class PlaneComparison:
         return render, np.sqrt(narrow) / weight, formula
 
     def told_on_axis(self, level: float) -> int:
-        """How the error at x = y = 0, averaged over neighbouring cells, compares with a level: see `told`."""
+        """How the error at x = y = 0, averaged over neighbouring cells, compares with a level: see `standing`."""
         at = np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))
         render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
-        return int(told(render, stderr, formula, level)[0])
+        return int(standing(render, stderr, formula, level)[0])
 
     def within(self, level: float) -> Within:
         """Up to where every ring is within a relative error."""
         if not self.is_lit:
             return Within(float("nan"), False)
-        rings = self.profile.told(level)
+        rings = self.profile.standing(level)
         others = np.flatnonzero(rings != WITHIN)
         if others.size == 0:
             return Within(float("inf"), True)

@@ -26,13 +26,13 @@ class Profile:
     stderr: Array
     formula: Array
 
-    def told(self, level: float) -> Array:
-        """How every ring's error compares with a level, see `told`.
+    def standing(self, level: float) -> Array:
+        """How every ring's error compares with a level, see `standing`.
 
         A ring that is not known by itself, as the few cells on the axis are not, is joined to the next ones
         until they are known together, each with the weight of its error.
         """
-        states = told(self.render, self.stderr, self.formula, level)
+        states = standing(self.render, self.stderr, self.formula, level)
         with np.errstate(divide="ignore", invalid="ignore"):
             off, weight = self.formula / self.render - 1, (self.render / self.stderr) ** 2
         joined: list[int] = []
@@ -46,7 +46,7 @@ class Profile:
                 continue
             total = weight[some].sum()
             mean = np.array([1 + off[some] @ weight[some] / total])
-            together = told(np.ones(1), np.array([total**-0.5]), mean, level)[0]
+            together = standing(np.ones(1), np.array([total**-0.5]), mean, level)[0]
             if together != OPEN:
                 states[joined], joined = together, []
         return states
@@ -63,7 +63,7 @@ def excess(render: Array, stderr: Array, formula: Array) -> Array:
     return np.where(render > 0, relative, np.where(np.isnan(render), np.nan, 0.0))
 
 
-def told(render: Array, stderr: Array, formula: Array, level: float) -> Array:
+def standing(render: Array, stderr: Array, formula: Array, level: float) -> Array:
     """`BEYOND` a relative error, `WITHIN` it, or `OPEN`: with what the render is uncertain by, either may be.
 
     Where no light was rendered nothing is beyond; what a render is not known to half of the level is open.

@@ -14,7 +14,8 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.errors import LightfieldError
+from lightfield.errors import LightfieldError, one_line
+from lightfield.render.limits import PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
@@ -90,7 +91,7 @@ def run_follow_sweep(
     """
     array_of(scene)
     scene = with_belief(scene, "")
-    settings = SweepSettings(max_photons=max(photons, 1e3), seed=seed, maps=False)
+    settings = SweepSettings(max_photons=max(photons, PHOTONS.low), seed=seed, maps=False)
     plan = plan_of_single_cases(scene, axes, settings, MOST_CASES)
     densest, contents = 0.0, set()
     for number in range(plan.cases.count):
@@ -124,7 +125,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
                 densest=target.densest,
             )  # fmt: skip
         except LightfieldError as error:
-            failed[number] = " ".join(str(error).split())[:240]
+            failed[number] = one_line(error)[:240]
             continue
         for name, values in found.cases[0].runs.items():
             one = OverRuns.of(values)

@@ -23,8 +23,8 @@ from scipy.optimize import brentq
 from scipy.special import erfc, erfcinv
 
 from lightfield.arrays import Array
-from lightfield.errors import RenderError, UsageError
-from lightfield.formula.field import direct_field
+from lightfield.errors import UsageError
+from lightfield.formula.field import direct_field, refuse_pencil
 from lightfield.progress import step
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
@@ -197,16 +197,13 @@ def link(
     ------
     UsageError
         Numbers that make no sense.
-    RenderError
+    SceneError
         A lamp that is no beam.
     """
     receiver = receiver or Receiver()
     if not 0 < from_m < to_m < np.inf:
         raise UsageError("impossible distances", found=f"{from_m:g} to {to_m:g} m", rule="rising, above 0")
-    if scene.lamp.profile == "pencil":
-        raise RenderError(
-            "a pencil beam has no irradiance at a point", where="lamp.profile", rule="a beam of finite width"
-        )
+    refuse_pencil(scene.lamp)
     at = np.array([np.mean(scene.detector.bands_nm[0])])
     own = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     every = {"scene": own, **(WATERS if waters is None else waters)}
@@ -307,7 +304,7 @@ def _late_light(
     rendering = render_scene(
         water, grid=grid, reference=reference, symmetry=True, path_nodes=PATH_NODES, **tracing
     )
-    response, shift = rendering.response, Shift(grid, x, y, nodes)
+    response, shift = rendering.response, Shift.on(grid, x, y, nodes)
     mean, stderr = (v.ravel() for v in response.evaluate(a, b, part="diffuse"))
     diffuse = shift.apply(mean)
     relative = np.sqrt(

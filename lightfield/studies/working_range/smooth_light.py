@@ -19,6 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
+from lightfield.formula.scattered.nodes import in_cell
 from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.field import Region, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
@@ -202,8 +203,8 @@ class SmoothLight:
         doubt = response.uncertain(response.tally.mean(axis=0)[None], a, b, walls, top, slice(None))
         change = a + b - before.absorption_per_m - before.scattering_per_m
         doubt = doubt.reshape(straight.shape) * np.exp(-change * straight) * harder
-        aside = self.cells.pitch_m / np.sqrt(12) * np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)])
-        direct = np.mean([direct_flux(scene, place + step)[:, 2] for step in aside], axis=0)
+        steps = np.pad(self.cells.pitch_m * in_cell(2).at, ((0, 0), (0, 1)))  # all nodes count the same
+        direct = np.mean([direct_flux(scene, place + step)[:, 2] for step in steps], axis=0)
         return InCells(diffuse, doubt, np.maximum(direct, _DARK))
 
     @cached_property

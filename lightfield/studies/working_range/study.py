@@ -22,6 +22,7 @@ from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
+from lightfield.render.settings import Settings
 from lightfield.scene import DetectorArray, Scene
 from lightfield.studies.light_at import LightAt, light_at
 from lightfield.studies.working_range.field import RADII, SmoothField
@@ -128,14 +129,13 @@ def working_range(
 
     Raises
     ------
-    UsageError
+    UsageError, RenderError
         Numbers that make no sense.
     SceneError
         No room in the tank.
     """
-    _check(
-        share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9), photons=(photons, 1e3, 1e12)
-    )
+    _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
+    Settings(max_photons=photons)  # refuses what no trace can have
     first, last = _ends(scene, to_m)
     nodes = np.linspace(first, last, _DISTANCES)
     z = np.unique(np.concatenate([np.linspace(first, last, _SHOWN), _planes(scene, last)]))

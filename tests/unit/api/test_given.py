@@ -34,7 +34,7 @@ def test_a_number_that_is_none_is_said_to_be_none(given: dict[str, object]) -> N
 
 POOL = lf.Scene.from_dict({"name": "a pool"})
 WRONG = {
-    "a seed below 0": (lambda: lf.hide(POOL, seed=-1), "seed.*0 or above"),
+    "a seed below 0": (lambda: lf.hide(POOL, seed=-1), "seed.*0 to 2147483647"),
     "an effect that is a number": (lambda: lf.hide(POOL, effect=3), "effect.*a name"),  # type: ignore[arg-type]
     "a scene that is a dict": (lambda: lf.hide({"name": "x"}), "scene.*a Scene"),  # type: ignore[arg-type]
     "noise in words": (lambda: lf.hide(POOL, noise="1 %"), "noise.*a number"),  # type: ignore[arg-type]
@@ -43,7 +43,12 @@ WRONG = {
     "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*between 0 and 1"),
     "half a water": (lambda: lf.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),  # type: ignore[dict-item]
     "waters in a list": (lambda: lf.link(POOL, water=[(1, 2)]), "water.*names"),  # type: ignore[arg-type]
-    "no photons": (lambda: lf.follow(POOL, max_photons=-1), "max_photons.*1 or above"),
+    "no photons": (lambda: lf.follow(POOL, max_photons=-1), "max_photons.*1e3 to 1e12"),
+    "a seed that no command takes": (lambda: lf.hide(POOL, seed=2**31), "seed.*0 to 2147483647"),
+    "five photons": (lambda: lf.array.show(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
+    "five photons for a study": (lambda: lf.link(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
+    "five photons for a map": (lambda: lf.render(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
+    "five photons for distances": (lambda: lf.range(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "one scene for a list": (lambda: lf.follow(POOL, with_="a.toml"), "with_.*a list"),
     "a band that is no pair": (lambda: lf.import_("i.csv", band=(500, 550)), "band.*pairs"),  # type: ignore[arg-type]
     "another medium": (lambda: lf.array.show(POOL, medium="oil"), "medium.*'water' or 'air'"),  # type: ignore[arg-type]

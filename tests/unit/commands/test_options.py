@@ -9,8 +9,9 @@ import pytest
 
 from lightfield.commands import link
 from lightfield.commands._line import COMMANDS, _module
-from lightfield.commands._options import LARGEST_SEED, OPTIONS, seed_number
+from lightfield.commands._options import OPTIONS, photon_count, seed_number
 from lightfield.errors import LightfieldError, UsageError
+from lightfield.render.limits import PHOTONS, SEED
 from lightfield.render.settings import Settings
 from lightfield.sweep.plan import SweepSettings
 
@@ -36,10 +37,17 @@ def test_a_trace_of_a_sweep_may_be_what_any_trace_may_be(made: type[Settings | S
 
 
 def test_seeds_are_whole_numbers_up_to_the_largest() -> None:
-    assert seed_number(str(LARGEST_SEED)) == LARGEST_SEED
-    for wrong in (str(LARGEST_SEED + 1), "-1", "1.5", "seed"):
-        with pytest.raises(argparse.ArgumentTypeError, match=str(LARGEST_SEED)):
+    assert seed_number("2147483647") == SEED.high
+    for wrong in ("2147483648", "-1", "1.5", "seed"):
+        with pytest.raises(argparse.ArgumentTypeError, match=SEED.rule):
             seed_number(wrong)
+
+
+def test_photons_are_told_in_numbers_that_a_trace_may_have() -> None:
+    assert (photon_count("1e3"), photon_count("1e12")) == (PHOTONS.low, PHOTONS.high)
+    for wrong in ("999", "2e12", "nan", "many"):
+        with pytest.raises(argparse.ArgumentTypeError, match=PHOTONS.rule):
+            photon_count(wrong)
 
 
 def test_two_waters_of_one_name_are_refused() -> None:

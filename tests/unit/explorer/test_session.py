@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import json
-from collections.abc import Sequence
-from copy import copy
 from pathlib import Path
 
 import analytic_readings
 import numpy as np
 import pytest
+from dropped import dropped_file
 
 from lightfield.arrays import jsonable
 from lightfield.diagnosis.diagnose import diagnose
@@ -22,7 +20,6 @@ from lightfield.explorer.experiment import explored
 from lightfield.explorer.fits import Fits
 from lightfield.explorer.jobs import climbed, verdict_data
 from lightfield.explorer.session import Session
-from lightfield.explorer.state import History
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
@@ -31,39 +28,11 @@ from lightfield.render.diffuse.dense_water import REACH
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
 
-#: A constant of a fiftieth of the brightest reading is in the readings, and not in the scene.
-HIDDEN = {"detector.background": 0.02}
 BACKGROUND = "background:constant"
-
-
-def dropped_file(name: str, content: str | bytes) -> protocol.File:
-    """As the page sends it."""
-    data = content.encode() if isinstance(content, str) else content
-    return protocol.File(name=name, content=base64.b64encode(data).decode())
 
 
 def ask(session: Session, do: str, **more: object) -> None:
     session.act(protocol.read_request(json.dumps({"id": 1, "do": do, **more})))
-
-
-@pytest.fixture(scope="module")
-def given() -> tuple[object, Scene]:
-    return analytic_readings.readings(HIDDEN, seed=3)
-
-
-@pytest.fixture(scope="module")
-def begun(given) -> Session:
-    session = Session(given[1], given[0], diffuse=None)
-    session.begin()
-    return session
-
-
-@pytest.fixture
-def session(begun: Session) -> Session:
-    """As it begins; fits that were made are remembered."""
-    session = copy(begun)
-    session.history, session.survey = History([begun.history.states[0]]), {}
-    return session
 
 
 def error(session: Session) -> float:
@@ -277,16 +246,6 @@ def test_the_effects_of_a_scene_are_on_at_first_and_can_be_switched_off() -> Non
     assert explored(scene, readings, None).switched_on == ()
 
 
-def test_an_index_reads_what_was_dropped_with_it_and_nothing_else(session: Session, tmp_path: Path) -> None:
-    secret = tmp_path / "secret.txt"
-    secret.write_text("1 2 3", encoding="utf-8")
-    spectrum = dropped_file("a.txt", "no spectrum")
-    for name in (str(secret), f"../{tmp_path.name}/secret.txt", "b.txt"):
-        index = dropped_file("index.csv", f"file,z_m\na.txt,4.5\n{name},5.5\n")
-        with pytest.raises(LightfieldError, match="were not dropped"):
-            session.drop([index, spectrum], "counts")
-
-
 def test_each_wavelength_has_maps_with_its_own_gain() -> None:
     """Readings at two wavelengths, one read three times as bright."""
     one, scene = analytic_readings.readings(seed=6)
@@ -311,46 +270,6 @@ def test_water_that_the_trace_cannot_answer_for_asks_for_one_more_trace(given) -
     wanted = missing_trace(SceneForward(scene, readings), murky)
     assert wanted is not None and wanted >= 1.2 / REACH
     assert missing_trace(SceneForward(scene, readings, dense_per_m=wanted), murky) is None
-
-
-def spectra(names: Sequence[str], level: float) -> dict[str, bytes]:
-    """Files of SpectraSuite, in its own encoding: counts in 0.1 s, at one level over all wavelengths."""
-    at = np.arange(500.0, 560.0, 1.0)
-    head = "SpectraSuite Data File\nSpectrometers: Müller\nIntegration Time (usec): 100000 (X)\n"
-    files = {}
-    for k, name in enumerate(names):
-        rows = "".join(f"{w:.2f}\t{level / (k + 1):.3f}\n" for w in at)
-        text = f"{head}>>>>>Begin Processed Spectral Data<<<<<\n{rows}>>>>>End Processed Spectral Data<<<<<\n"
-        files[name] = text.encode("latin-1")
-    return files
-
-
-def test_spectrometer_files_become_the_readings_that_are_explored(given) -> None:
-    """An index and nine files, of 8000/1, /2, ... counts per second less a dark of 200."""
-    session = Session(given[1].with_values({"detector.bands_nm": ((510.0, 550.0),)}), diffuse=None)
-    session.begin()
-    names = [f"m{k}.txt" for k in range(9)]
-    files = spectra(names, 820.0) | spectra(["dark.txt"], 20.0)
-    places = [(x, z) for z in (4.5, 5.5, 6.5) for x in (-0.2, 0.0, 0.2)]
-    rows = "".join(f"{name},{x},{z},signal\n" for name, (x, z) in zip(names, places, strict=True))
-    files["index.csv"] = f"file,x_m,z_m,role\n{rows}dark.txt,,,dark\n".encode()
-    session.drop([dropped_file(name, content) for name, content in files.items()], "counts")
-    e = session.experiment
-    assert e.has_data and session.readings is not None
-    assert e.readings.value == pytest.approx([(820 / (k + 1) - 20) / 0.1 for k in range(9)], rel=1e-4)
-    assert e.readings.units == "counts/s" and np.isfinite(error(session))
-
-
-def test_a_spectrometer_file_that_is_no_text_is_read_as_it_is(given) -> None:
-    """A ProcSpec file is an archive: bytes must survive the way from the page."""
-    from instrument_files import procspec
-
-    session = Session(given[1].with_values({"detector.bands_nm": ((405.0, 425.0),)}), diffuse=None)
-    session.begin()
-    index = "file,z_m\n" + "".join(f"s{k}.procspec,{4.5 + k}\n" for k in range(6))
-    files = {f"s{k}.procspec": procspec() for k in range(6)} | {"index.csv": index.encode()}
-    session.drop([dropped_file(name, content) for name, content in files.items()], "counts")
-    assert len(session.experiment.readings) == 6
 
 
 def test_a_fit_says_how_far_it_is_and_can_be_ended(session: Session) -> None:

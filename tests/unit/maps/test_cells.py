@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from lightfield.formula.scattered.nodes import in_cell
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 
 
@@ -19,6 +21,14 @@ def test_mean_over_a_cell() -> None:
     np.testing.assert_allclose(mean, of_x(4) * y_squared[:, None] + of_x(1) + 3, rtol=1e-13)
     planes = cell_mean(lambda u, v: np.array([1.0, 2.0])[:, None, None] * u, x, y, hx, hy)
     np.testing.assert_allclose(planes, np.broadcast_to([[[1.0]], [[2.0]]] * x, (2, 2, 3)), atol=1e-15)
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+def test_nodes_of_a_cell(n: int) -> None:
+    """Exact up to the power 2 n - 1 each way: of x^(2 n - 2) y^2 over a cell of side one, by hand."""
+    nodes, weight = in_cell(n)
+    x, y = nodes.T
+    assert weight @ (x ** (2 * n - 2) * y**2) == pytest.approx(0.25 ** (n - 1) / (2 * n - 1) / 12, rel=1e-12)
 
 
 def test_cells_on_the_axis() -> None:

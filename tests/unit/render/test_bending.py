@@ -48,7 +48,7 @@ def test_the_light_at_a_place_is_known_to_the_stated_error(
     """From noiseless means over cells, within twice the standard error stated beside that of Monte Carlo."""
     x, y, z = spread_out(places, planes)
     grid = surrounded(positions_grid(x, y, z, CELL_M, hwhm_deg))
-    found = Shift(grid, x, y, z).apply(means(grid, hwhm_deg))
+    found = Shift.on(grid, x, y, z).apply(means(grid, hwhm_deg))
     np.testing.assert_allclose(found, glow(x, y, z, hwhm_deg), rtol=2 * SCATTERED_ERROR)
 
 
@@ -67,7 +67,7 @@ def test_no_cell_is_cut_by_a_wall(places: list[tuple[float, float]], width_m: fl
         (grid.y_m, grid.pitch_y_m, high - depth_m, high),
     ):
         assert low - 1e-5 <= centre[0] - pitch / 2 and centre[-1] + pitch / 2 <= top + 1e-5
-    found = Shift(grid, x, y, z).apply(means(grid, 15.0))
+    found = Shift.on(grid, x, y, z).apply(means(grid, 15.0))
     np.testing.assert_allclose(found, glow(x, y, z, 15.0), rtol=2 * SCATTERED_ERROR)
 
 

@@ -112,7 +112,7 @@ def test_cells_coarser_than_dense_readings() -> None:
     parts = [(0.5, 0.3), (0.3, 0.5), (0.2, 1.0)]
     means = sum(w / s**2 * mean(cx, s, grid.pitch_x_m) * mean(cy, s, grid.pitch_y_m) for w, s in parts)
     field = sum(w / s**2 * np.exp(-0.5 * (x**2 + y**2) / s**2) for w, s in parts)
-    found = Shift(grid, x, y, z).apply(np.asarray(means))
+    found = Shift.on(grid, x, y, z).apply(np.asarray(means))
     assert np.abs(found / field - 1).max() < 0.005
 
 

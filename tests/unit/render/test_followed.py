@@ -100,6 +100,6 @@ def test_some_places_have_the_light_of_all_and_share_what_was_worked_out() -> No
     every = ScatteredField(x, y, z)
     light, some = every.light(SCENE, [None]), every.some(rows)
     np.testing.assert_array_equal(some.light(SCENE, [None]), light[:, rows])
-    assert every._made.cache_info().misses == 1
+    assert every._tables.light.cache_info().misses == 1
     own = ScatteredField(x[rows], y[rows], z[rows])
     np.testing.assert_allclose(own.light(SCENE, [None]), light[:, rows], rtol=2e-3)

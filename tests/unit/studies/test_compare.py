@@ -9,7 +9,7 @@ import pytest
 from lightfield.maps.dataset import to_dataset
 from lightfield.report.compare.page import comparison_page, write_comparison
 from lightfield.studies.compare.maps import as_text, compare, compare_plane
-from lightfield.studies.compare.rings import BEYOND, OPEN, WITHIN, Profile, excess, radial_profile, told
+from lightfield.studies.compare.rings import BEYOND, OPEN, WITHIN, Profile, excess, radial_profile, standing
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_few_photons_tell_nothing(make, formula):
 def test_an_error_is_within_a_level_beyond_it_or_open():
     render, formula = np.ones(6), np.array([1.04, 1.04, 1.06, 1.06, 1.2, 1.2])
     stderr = np.array([0.02, 0.03, 0.01, 1e-3, 0.04, 0.2])
-    found = told(render, stderr, formula, 0.05)
+    found = standing(render, stderr, formula, 0.05)
     np.testing.assert_array_equal(found, [WITHIN, OPEN, OPEN, BEYOND, BEYOND, OPEN])
 
 
@@ -144,6 +144,6 @@ def test_a_ring_of_few_cells_is_joined_to_the_next():
     """One cell on the axis is known to 8 %, the ring about it to 2 %: together within 5 %."""
     r, ones = np.arange(3) * 0.1, np.ones(3)
     near = Profile(r, ones, np.array([0.08, 0.02, 0.001]), np.array([1.07, 1.0, 1.2]))
-    np.testing.assert_array_equal(near.told(0.05), [WITHIN, WITHIN, BEYOND])
+    np.testing.assert_array_equal(near.standing(0.05), [WITHIN, WITHIN, BEYOND])
     alone = Profile(r, ones, np.array([0.08, 0.001, 0.001]), np.array([1.0, 1.2, 1.0]))
-    np.testing.assert_array_equal(alone.told(0.05), [OPEN, BEYOND, WITHIN])
+    np.testing.assert_array_equal(alone.standing(0.05), [OPEN, BEYOND, WITHIN])

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import erfc
 
-from lightfield.errors import RenderError, UsageError
+from lightfield.errors import SceneError, UsageError
 from lightfield.report.link import link_page
 from lightfield.scene import Scene
 from lightfield.studies.link.study import ELECTRON_C, Link, Receiver, link
@@ -166,7 +166,7 @@ def test_distances_waters_and_lamps_that_make_no_sense() -> None:
         link(scene(), to_m=3.0)
     with pytest.raises(UsageError, match="impossible water"):
         link(scene(), waters={"ice": (-1.0, 0.1)})
-    with pytest.raises(RenderError, match="pencil beam"):
+    with pytest.raises(SceneError, match=r"pencil beam.*remedy"):
         link(scene(profile="pencil"))
 
 

@@ -10,7 +10,7 @@ import pytest
 from montecarlo import least_p
 from scipy.optimize import brentq
 
-from lightfield.errors import MeasurementError, SceneError, UsageError
+from lightfield.errors import LightfieldError, MeasurementError, SceneError
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.field import Region, traced_field
@@ -212,7 +212,7 @@ def test_it_ends_before_the_tank_does() -> None:
     "wrong", [{"share": 0.0}, {"share": 1.5}, {"noise": np.nan}, {"snr": -1.0}, {"photons": 1.0}]
 )
 def test_numbers_that_make_no_sense(wrong) -> None:
-    with pytest.raises(UsageError, match="impossible"):
+    with pytest.raises(LightfieldError, match="impossible"):
         working_range(scene(), None, **wrong)
 
 

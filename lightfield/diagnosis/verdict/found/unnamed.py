@@ -17,7 +17,7 @@ from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
-from lightfield.fitting.parameter import GAIN
+from lightfield.fitting.parameter import is_gain
 
 #: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
 #: any. Chosen: a warning in three of ten such verdicts, and only where it also changes something.
@@ -52,7 +52,7 @@ def _hardly_told(also: WithScattering, finding: Finding, units: dict[str, str]) 
     best = finding.best
     assert best is not None and best.adequacy is not None
     own, values = best.fit.stderr(best.adequacy.phi), also.fit.values
-    wide = {path for path in own if best.errors[path] > CHANGED * own[path] and not path.startswith(GAIN)}
+    wide = {path for path in own if best.errors[path] > CHANGED * own[path] and not is_gain(path)}
     with_it = {
         path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))
         for path in also.fit.paths
@@ -112,5 +112,5 @@ def _changed(node: Node, other: Node, phi: float, units: dict[str, str]) -> dict
             unit=units.get(path, "reading"),
         )
         for path in node.fit.paths
-        if not path.startswith(GAIN) and abs(after[path] - before[path]) > CHANGED * stated[path]
+        if not is_gain(path) and abs(after[path] - before[path]) > CHANGED * stated[path]
     }

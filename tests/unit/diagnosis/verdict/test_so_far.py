@@ -14,7 +14,7 @@ from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 
-STORY = Path(__file__).parents[3] / "scenes" / "hidden_effect"
+STORY = Path(__file__).parents[4] / "scenes" / "hidden_effect"
 
 
 def test_the_best_set_is_told_with_its_error() -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from analytic_readings import many_lines
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import source_of
+from lightfield.diagnosis.verdict.ladder import bright
 from lightfield.errors import FitError
 from lightfield.scene import Scene
 
@@ -31,6 +36,20 @@ def test_too_many_readings_are_refused_with_a_word(n: int, distances: int) -> No
     with pytest.raises(FitError, match="too many readings") as refused:
         diagnose(readings, believed, diffuse=None)
     assert str(n) in str(refused.value) and f"at {distances} distances" in str(refused.value)
+
+
+def test_many_channels_of_one_distance_are_not_those_of_the_next() -> None:
+    """Every reading is the only one of its channel at its distance, and so the brightest there."""
+    z, wavelength = (v.ravel() for v in np.meshgrid([4.0, 5.0], np.linspace(400, 700, 1500), indexing="ij"))
+    n = len(z)
+    layout = layout_of(
+        SimpleNamespace(
+            x_m=np.zeros(n), y_m=np.zeros(n), z_m=z, time_s=np.full(n, np.nan), wavelength_nm=wavelength,
+            medium=np.full(n, "water"), visit=np.full(n, np.nan),
+        )
+    )  # fmt: skip
+    value = np.where(z < 4.5, 1.0, 0.01)
+    assert bright(SimpleNamespace(layout=layout, value=value, keep=np.ones(n))).all()
 
 
 def test_light_is_not_traced_in_too_many_cells() -> None:
