@@ -132,7 +132,7 @@ class PlaneComparison:
         return render, np.sqrt(narrow) / weight, formula
 
     def told_on_axis(self, level: float) -> int:
-        """How the error at x = y = 0, averaged over neighbouring cells, compares with a level: see `standing`."""
+        """How the error at x = y = 0, averaged over neighbouring cells, stands to a level: see `standing`."""
         at = np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))
         render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
         return int(standing(render, stderr, formula, level)[0])
