@@ -52,15 +52,22 @@ def test_the_light_at_a_place_is_known_to_the_stated_error(
     np.testing.assert_allclose(found, glow(x, y, z, hwhm_deg), rtol=2 * SCATTERED_ERROR)
 
 
-@given(PLACES, st.integers(5, 40).map(lambda n: n / 10), st.integers(5, 40).map(lambda n: n / 10))
-@example([(0.0, 0.0)], 0.5, 0.5)
-@example([(0.24, 0.0), (0.0, -0.249)], 0.5, 0.5)
+SHARE = st.integers(0, 100).map(lambda n: n / 100)
+
+
+@given(
+    st.lists(st.tuples(SHARE, SHARE), min_size=1, max_size=6, unique=True),
+    st.integers(5, 40).map(lambda n: n / 10), st.integers(5, 40).map(lambda n: n / 10),
+)  # fmt: skip
+@example([(0.5, 0.6)], 0.5, 0.5)
+@example([(0.98, 0.6), (0.5, 0.002)], 0.5, 0.5)
+@example([(0.98, 0.98)], 3.2, 2.5)
 def test_no_cell_is_cut_by_a_wall(places: list[tuple[float, float]], width_m: float, depth_m: float) -> None:
-    """Tanks of 0.5 to 4 m, places up to the walls: light of a smooth field is known there too."""
+    """Tanks of 0.5 to 4 m, places up to walls and corners: light of a smooth field is known there too."""
     tank = Tank(width_m=width_m, depth_m=depth_m, lamp_depth_m=0.4 * depth_m)
     high = tank.lamp_depth_m
     x, y, z = spread_out(places, [4.5])
-    x, y = np.clip(x, -width_m / 2, width_m / 2), np.clip(y, high - depth_m, high)
+    x, y = (x - 0.5) * width_m, high - (1 - y) * depth_m
     grid = surrounded(positions_grid(x, y, z, CELL_M, tank=tank), tank)
     for centre, pitch, low, top in (
         (grid.x_m, grid.pitch_x_m, -width_m / 2, width_m / 2),

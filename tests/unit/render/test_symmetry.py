@@ -51,7 +51,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
 
 def images_alike(scene: Scene) -> tuple[bool, bool]:
     """Is the light the same at -x, and at -y?"""
-    reflected = ReflectedLight(scene, *AT).evaluate(scene, 0.1)
+    reflected = ReflectedLight.at(scene, *AT).evaluate(scene, 0.1)
     here = np.array([direct_field(scene, *AT), reflected])
     return (
         np.allclose(here[:, 0], here[:, 1], rtol=ALIKE, atol=0),
