@@ -19,6 +19,8 @@ FEWEST_PLANES = 4
 
 def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     """What in this layout will hide effects or let them be mistaken for each other."""
+    if not len(readings):
+        return ()
     water = readings.medium == "water"
     if not water.any():
         water = np.ones(len(readings), dtype=bool)
