@@ -126,8 +126,12 @@ def test_what_a_sweep_does_not_write_is_refused_before_anything_opens_it(
         monkeypatch.setattr(module, name, opened)
     declare(store, CHANGES[what])
     sign(store)
-    verify(store)  # nothing but the declaration is wrong
-    for words in (["show", str(store)], ["export", str(store), "--exr", str(tmp_path / "exr")]):
+    assert not journal.damaged_files(store, journal.journal_entries(store)[0])  # only the declaration is wrong
+    for words in (
+        ["show", str(store)],
+        ["export", str(store), "--exr", str(tmp_path / "exr")],
+        ["sweep", "--verify", str(store)],
+    ):
         assert main(words) == 2
         errors = capsys.readouterr().err
         assert errors.count("\n") == 1
