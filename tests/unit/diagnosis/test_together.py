@@ -92,7 +92,9 @@ def test_a_wrong_question_is_refused(layout: Readings) -> None:
 
 @pytest.mark.parametrize("size", [float("nan"), float("inf"), -1e10])
 def test_a_size_that_no_scene_may_have_is_refused_as_where_an_effect_is_hidden(layout, size) -> None:
-    with pytest.raises(SceneError, match=r"detector.background: wrong value.*-1e\+09 and <= 1e\+09") as planned:
+    with pytest.raises(
+        SceneError, match=r"detector.background: wrong value.*-1e\+09 and <= 1e\+09"
+    ) as planned:
         together(layout, SCENE, ["background"], {"detector.background": size})
     with pytest.raises(SceneError) as hidden:
         hide(SCENE, Secret(["background"], None, {"detector.background": size}), 0, Instrument(0.01))
@@ -104,7 +106,7 @@ def test_a_size_that_drowns_all_light_is_refused(tmp_path) -> None:
     rows = "".join(f"{x},{z}\n" for z in (3.0, 4.0, 5.0, 6.0, 7.0) for x in np.linspace(-0.5, 0.5, 21))
     (tmp_path / "layout.csv").write_text(f"x_m,z_m\n{rows}")
     without_errors = read_table(tmp_path / "layout.csv", SCENE, LAYOUT)
-    with pytest.raises(UsageError, match="nothing can be told apart at this size.*smaller size"):
+    with pytest.raises(UsageError, match=r"nothing can be told apart at this size.*smaller size"):
         together(without_errors, SCENE, ["background"], {"detector.background": 1e9})
 
 

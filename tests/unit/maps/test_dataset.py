@@ -129,7 +129,9 @@ def test_single_positions_keep_their_coordinates(make, tmp_path):
 def test_a_data_set_that_was_cut_short_is_said_to_be(dataset, tmp_path, left) -> None:
     file = write_netcdf(dataset, tmp_path / "maps.nc")
     file.write_bytes(file.read_bytes()[: int(left * file.stat().st_size)])
-    with pytest.raises(OutputError, match=r"maps\.nc: this data set is damaged or cut short; .*again") as error:
+    with pytest.raises(
+        OutputError, match=r"maps\.nc: this data set is damaged or cut short; .*again"
+    ) as error:
         read_netcdf(file)
     assert "rrno" not in str(error.value) and "HDF" not in str(error.value)
 

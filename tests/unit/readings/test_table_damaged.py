@@ -74,5 +74,7 @@ def test_a_table_of_too_many_rows_is_refused_before_its_cells_are_read(tmp_path,
     (tmp_path / "most.csv").write_text(head + "".join(f"0,{z},1\n" for z in (3, 4, 5)))
     assert len(read_table(tmp_path / "most.csv")) == 3
     (tmp_path / "more.csv").write_text(head + "no number,3,1\n" * 4)
-    with pytest.raises(MeasurementError, match=r"more\.csv: too many readings; found '4 rows'; rule: at most 3"):
+    with pytest.raises(
+        MeasurementError, match=r"more\.csv: too many readings; found '4 rows'; rule: at most 3"
+    ):
         read_table(tmp_path / "more.csv")
