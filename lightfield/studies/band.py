@@ -26,7 +26,7 @@ from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.spectral.response import SILICON, response_at
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.tables import read_columns
-from lightfield.studies.light_at import refuse_dark_light
+from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
@@ -179,8 +179,10 @@ def best_band(
         A water, lamp or detector that is not known at these wavelengths.
     """
     z = np.unique(np.asarray(distances_m or (scene.detector.planes_m[0], scene.detector.planes_m[-1]), float))
-    if not ((z > 0).all() and np.isfinite(z).all()):
-        raise UsageError("impossible distances", found=z.tolist(), rule="above 0 m")
+    if not ((z > 0) & (z <= FARTHEST_M)).all():
+        raise UsageError(
+            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
+        )
     if not (0 < low_nm < high_nm < np.inf and STEP_NM <= width_nm <= high_nm - low_nm):
         raise UsageError(
             "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
@@ -191,6 +193,7 @@ def best_band(
     brightest = np.max([direct_field(scene, x, y, z, np.full(len(z), w)) for w in at], axis=0)
     refuse_dark_light(z, brightest, where="distances", remedy="ask for nearer distances")
     light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
+    refuse_dark_light(z, light.max(axis=1), where="distances", remedy="ask for nearer distances")
     source = axial_intensity(scene.lamp, at) * _responsivity(response, scene.detector, at)
     per_nm = source * light  # [distances, wavelengths]
     if not (source > 0).any():
