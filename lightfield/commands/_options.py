@@ -62,7 +62,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "type": photon_count, "metavar": "N",
         "help": "a trace ends there even if the error is not reached (default {})",
     },
-    "--seed": {"type": seed_number, "metavar": "N", "help": "same seed, same result (default {})"},
+    "--seed": {
+        "type": seed_number, "metavar": "N",
+        "help": "same seed, same result: to the last bit on one thread, to single precision on several "
+        "(default {})",
+    },
     "--vary": {
         "action": "append", "metavar": "PATH=RANGE", "help": "one dimension; may be repeated",
     },

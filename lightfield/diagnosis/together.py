@@ -76,10 +76,23 @@ def together(
     Raises
     ------
     UsageError
-        An effect that is unknown, cannot act here or beside the others, or a size that is none of theirs.
+        An effect that is unknown, cannot act here or beside the others, or a size that is none of theirs or
+        drowns all light.
+    SceneError
+        A size that no scene may have.
     """
+    scene.with_values(sizes or {})  # refuses what no scene may have, as where an effect is hidden
     with threadpool_limits(1, "blas"):  # many small matrices, as in a diagnosis
-        return _together(readings, scene, names, sizes or {}, diffuse)
+        try:
+            return _together(readings, scene, names, sizes or {}, diffuse)
+        except np.linalg.LinAlgError as error:
+            if not sizes:
+                raise
+            raise UsageError(
+                "nothing can be told apart at this size", where="size", found=dict(sizes),
+                rule="the light of the scene is still to be seen in the readings beside it",
+                remedy="a smaller size",
+            ) from error  # fmt: skip
 
 
 def _together(

@@ -23,6 +23,8 @@ from lightfield.scene import Scene
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
 
+#: First bytes of HDF5, and so of NetCDF-4.
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
 PARTS = ("direct", "diffuse")
 QUANTITIES = {
@@ -186,14 +188,20 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     OutputError
-        Not a NetCDF file, or not one of ours.
+        Not a NetCDF file, a damaged one, or not one of ours.
     """
     check_regular(path, MAPS)
     try:
         dataset = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:
+        if _begins_as_netcdf(path):
+            raise OutputError(
+                "this data set is damaged or cut short", where=str(path),
+                rule="a whole NetCDF file, as `lightfield render` writes it",
+                remedy="copy it again from where it was written, or render again",
+            ) from error  # fmt: skip
         raise OutputError(
-            "cannot read this as a data set", where=str(path), found=str(error),
+            "cannot read this as a data set", where=str(path),
             rule="NetCDF, as `lightfield render` writes it", remedy="check the path, or render again",
         ) from error  # fmt: skip
     quantity = dataset.attrs.get("quantity")
@@ -203,6 +211,12 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
             remedy="give a file written by `lightfield render`",
         )  # fmt: skip
     return dataset
+
+
+def _begins_as_netcdf(path: str | os.PathLike[str]) -> bool:
+    """Has a file the first bytes of NetCDF-4, whatever follows?"""
+    with open(path, "rb") as file:
+        return file.read(len(_HDF5)) == _HDF5
 
 
 def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = None) -> SpectralImage:

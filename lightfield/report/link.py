@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page, write_study
 from lightfield.report.style import BAD, INK, SERIES, label, legend_below, panels
-from lightfield.studies.link.study import DOCKING_TO_M, Link
+from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
     ASKED,
     HEAD,
@@ -49,7 +49,7 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
             reach, y = found.reaches[name], len(names) - k
             for at, formula, most, above, words in (
                 (reach.data_m, reach.data_formula_m, far, 0.18, "data"),
-                (reach.docking.z_m, reach.docking.formula_m, DOCKING_TO_M, -0.18, "docking"),
+                (reach.docking.z_m, reach.docking.formula_m, found.docking_to_m, -0.18, "docking"),
             ):
                 length = most if np.isinf(at) else 0.0 if np.isnan(at) else at
                 right.barh(y + above, length, height=0.32, color=SERIES[k % len(SERIES)], alpha=0.45)

@@ -43,6 +43,7 @@ READINGS = FileKind("reading table", 50 * MEGABYTE, MeasurementError)
 INDEX = FileKind("index", 10 * MEGABYTE, MeasurementError)
 SPECTRUM = FileKind("spectrometer file", 10 * MEGABYTE, MeasurementError)
 CALIBRATION = FileKind("instrument calibration", MEGABYTE, MeasurementError)
+MOST_ROWS = 500_000  # of a reading table: short rows are read for longer than long ones
 MAPS = FileKind("rendering", 1 << 40, OutputError)  # read piece by piece: the memory is the limit
 
 

@@ -26,6 +26,7 @@ from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.spectral.response import SILICON, response_at
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.tables import read_columns
+from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
@@ -40,6 +41,8 @@ STEP_NM = 5.0
 _SLOPE = 0.1
 #: Clearest water's attenuation times this is "flat".
 FLAT = 1.25
+#: What a detector counts of its brightest band in one reading, and spreads of gains.
+ELECTRONS, MISMATCH = (1.0, 1e18), (0.0, 10.0)
 #: Attenuation of the water taken wrong by this part, for what that does to a distance.
 WRONG = 0.10
 
@@ -124,11 +127,14 @@ class CountNoise:
     mismatch: float = 0.008
 
     def __post_init__(self) -> None:
-        known = np.array([self.electrons, self.read_noise, self.mismatch])
-        if not (np.isfinite(known).all() and known.min() >= 0 and self.electrons > 0):
-            raise UsageError(
-                "impossible noise", rule="electrons above 0, read noise and mismatch not below 0"
-            )
+        for name, (low, high), unit in (
+            ("electrons", ELECTRONS, " electrons"), ("read_noise", (0.0, ELECTRONS[1]), " electrons"),
+            ("mismatch", MISMATCH, ""),
+        ):  # fmt: skip
+            if not low <= getattr(self, name) <= high:
+                raise UsageError(
+                    f"impossible noise: {name}", found=getattr(self, name), rule=f"{low:g} to {high:g}{unit}"
+                )
 
     def signal_to_noise(self, count: Array) -> Array:
         """Of so many electrons."""
@@ -173,15 +179,21 @@ def best_band(
         A water, lamp or detector that is not known at these wavelengths.
     """
     z = np.unique(np.asarray(distances_m or (scene.detector.planes_m[0], scene.detector.planes_m[-1]), float))
-    if not ((z > 0).all() and np.isfinite(z).all()):
-        raise UsageError("impossible distances", found=z.tolist(), rule="above 0 m")
+    if not ((z > 0) & (z <= FARTHEST_M)).all():
+        raise UsageError(
+            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
+        )
     if not (0 < low_nm < high_nm < np.inf and STEP_NM <= width_nm <= high_nm - low_nm):
         raise UsageError(
             "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
             rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
         )  # fmt: skip
     at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
+    x, y = (np.full(len(z), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
+    brightest = np.max([direct_field(scene, x, y, z, np.full(len(z), w)) for w in at], axis=0)
+    refuse_dark_light(z, brightest, where="distances", remedy="ask for nearer distances")
     light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
+    refuse_dark_light(z, light.max(axis=1), where="distances", remedy="ask for nearer distances")
     source = axial_intensity(scene.lamp, at) * _responsivity(response, scene.detector, at)
     per_nm = source * light  # [distances, wavelengths]
     if not (source > 0).any():

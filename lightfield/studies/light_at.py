@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.errors import UsageError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.formula.field import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
@@ -16,6 +18,10 @@ from lightfield.scene.bands import over_band
 from lightfield.scene.water.coefficients import scattering_per_m
 
 Places = tuple[Array, Array, Array]
+#: Farthest distance that is asked about, m: in the clearest water e^-20 of the light is left there.
+FARTHEST_M = 1000.0
+#: Of the lamp's light: less cannot be squared, and is told from nothing by no detector.
+LEAST_LEFT = 1e-100
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +95,34 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
     middle = np.full(len(z_m), len(colours) // 2)
     noise, smooth = response.errors(scene, colours, middle)
     return LightAt(direct, diffuse, np.column_stack([noise, smooth]))
+
+
+def refuse_dark(scene: Scene, z_m: Sequence[float], *, where: str | None = None, remedy: str) -> None:
+    """Refuse distances so far that nothing is left of the light; to be called before anything is traced.
+
+    Parameters
+    ----------
+    scene : Scene
+        Direct light on its axis is asked about, mean over its first band.
+    z_m : sequence of float, m
+    where, remedy : str, optional
+        Of the error.
+
+    Raises
+    ------
+    UsageError
+        Less than `LEAST_LEFT` is left there.
+    """
+    z = np.asarray(z_m, float)
+    x, y = (np.full(len(z), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
+    refuse_dark_light(z, light_at(scene, x, y, z, None).direct, where=where, remedy=remedy)
+
+
+def refuse_dark_light(z_m: Array, direct: Array, *, where: str | None, remedy: str) -> None:
+    """As `refuse_dark`, by the direct light at the distances for unit intensity, shape (n,)."""
+    if dark := [f"{z:g}" for z, there in zip(z_m, direct * z_m**2, strict=True) if not there > LEAST_LEFT]:
+        raise UsageError(
+            "no light is left so far from the lamp", where=where, found=f"{', '.join(dark)} m",
+            rule=f"direct light times squared distance more than {LEAST_LEFT:g} of the lamp's intensity",
+            remedy=remedy,
+        )  # fmt: skip

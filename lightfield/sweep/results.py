@@ -44,12 +44,15 @@ class Soundness:
 
 
 def verify(path: str | Path) -> Soundness:
-    """Hold every file of a store against the digests in its journal; reads all of it, and opens nothing.
+    """Hold every file of a store against the digests in its journal; reads all of it, and decodes nothing.
+
+    Digests tell of damage, not of malice: the metadata must declare what a sweep writes, too.
 
     Raises
     ------
     OutputError
         Not a store of a sweep, or a damaged one, with all files that are.
+        Metadata that ask for what a sweep does not write.
     """
     store = Path(path)
     if not (store / CONSOLIDATED).is_file() and not (store / journal.NAME).is_file():
@@ -72,6 +75,7 @@ def verify(path: str | Path) -> Soundness:
         ):
             problems.insert(0, journal.NAME)
         if not problems:
+            refuse_foreign_metadata(store)
             files = {name for entry in entries for name in entry.get("files", {})}
             return Soundness(len(files), len(blocks), bool(expected))
     raise OutputError(
@@ -98,7 +102,6 @@ def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
         Not a store of a sweep, a damaged one, or one that declares what no sweep writes.
     """
     verify(path)
-    refuse_foreign_metadata(Path(path))
     try:
         data = xr.open_zarr(path, consolidated=True)
         for axis, values in json.loads(data.attrs["sweep_axes"]).items():

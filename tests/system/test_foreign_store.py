@@ -29,7 +29,7 @@ from lightfield.scene import Scene
 from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.plan import SweepSettings, make_plan
-from lightfield.sweep.results import open_store, verify
+from lightfield.sweep.results import open_store
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.zarrfile import Variable, metadata_files, refuse_foreign_metadata
 
@@ -126,8 +126,14 @@ def test_what_a_sweep_does_not_write_is_refused_before_anything_opens_it(
         monkeypatch.setattr(module, name, opened)
     declare(store, CHANGES[what])
     sign(store)
-    verify(store)  # nothing but the declaration is wrong
-    for words in (["show", str(store)], ["export", str(store), "--exr", str(tmp_path / "exr")]):
+    assert not journal.damaged_files(
+        store, journal.journal_entries(store)[0]
+    )  # only the declaration is wrong
+    for words in (
+        ["show", str(store)],
+        ["export", str(store), "--exr", str(tmp_path / "exr")],
+        ["sweep", "--verify", str(store)],
+    ):
         assert main(words) == 2
         errors = capsys.readouterr().err
         assert errors.count("\n") == 1

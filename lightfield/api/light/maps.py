@@ -161,7 +161,7 @@ def render(
     max_photons : float
         A trace ends there even if the error is not reached.
     seed : int
-        Same seed, same result.
+        Same seed, same result: to the last bit on one thread, to single precision on several.
     cache : bool
         Look for the response on disk, and leave it there.
 

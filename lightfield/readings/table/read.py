@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lightfield.errors import MeasurementError
 from lightfield.readings import text
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
@@ -29,7 +30,7 @@ from lightfield.readings.problems import Problems
 from lightfield.readings.readings import Readings
 from lightfield.readings.sheet import Sheet, look_alike, read_sheet
 from lightfield.storage import toml
-from lightfield.storage.inputs import READINGS
+from lightfield.storage.inputs import MOST_ROWS, READINGS
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
@@ -54,11 +55,13 @@ def read_table(
     Raises
     ------
     MeasurementError
-        All problems of the file, each with its line.
+        All problems of the file, each with its line; or more rows than are read within seconds.
     """
     where = fspath(path)
     problems = Problems(where)
-    sheet = read_sheet(text.read_text(where, READINGS), problems, COLUMNS, required, NUMBER_COLUMNS)
+    content = text.read_text(where, READINGS)
+    _refuse_too_long(content, where)
+    sheet = read_sheet(content, problems, COLUMNS, required, NUMBER_COLUMNS)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -84,6 +87,15 @@ def read_table(
             readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
         )
     return replace(readings, warnings=(*_file_warnings(sheet, head), *load_warnings(readings)))
+
+
+def _refuse_too_long(content: text.Text, where: str) -> None:
+    rows = sum(1 for line in content.lines if line and not line.startswith("#")) - 1
+    if rows > MOST_ROWS:
+        raise MeasurementError(
+            "too many readings", where=where, found=f"{rows} rows", rule=f"at most {MOST_ROWS}",
+            remedy="is this the right file? if so, average what was read at one place, or split it",
+        )  # fmt: skip
 
 
 def _in_every_band(places: Readings, scene: Scene) -> Readings:

@@ -45,6 +45,8 @@ def bandwidth_of(direct: Array, by_path: Array, excess_m: Array) -> tuple[Array,
     excess_m : array, shape (n_steps,), m
         Rising; the path in excess of the straight line.
     """
+    if not len(excess_m):  # nothing that was scattered arrived
+        return np.full(len(direct), np.inf), np.full(len(direct), np.nan)
     whole = by_path.mean(axis=0)
     found = _three_db(direct, whole, excess_m)
     count = len(by_path)

@@ -38,6 +38,7 @@ from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.attenuation.excess import grey
+from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.bandwidth import (
     GROUP_INDEX,
     LIGHT_M_PER_S,
@@ -55,6 +56,16 @@ WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
 DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
 SEEN_SNR, SEEN_HZ = 10.0, 10.0
+#: What receivers there are, and room beside them: least, largest and unit.
+RANGES = {
+    "area_mm2": (1e-6, 1e8, "mm²"),
+    "responsivity_a_per_w": (1e-6, 1e9, "A/W"),
+    "noise_a_per_sqrt_hz": (1e-30, 1.0, "A/√Hz"),
+    "background_a": (0.0, 1e3, "A"),
+    "bit_rate_per_s": (1e-3, 1e12, "bit/s"),
+}
+#: Nearest distance, m, unless told otherwise.
+FROM_M = 4.0
 #: Width of the cells on the axis, m: their bending is known from those beside them.
 _CELL_M = 0.3
 #: Distances asked at, and on which ranges are looked for.
@@ -87,12 +98,10 @@ class Receiver:
     ber: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name in ("area_mm2", "responsivity_a_per_w", "noise_a_per_sqrt_hz", "bit_rate_per_s"):
+        for name, (low, high, unit) in RANGES.items():
             value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise UsageError(f"impossible {name}", found=value, rule="above 0")
-        if not 0 <= self.background_a < np.inf:
-            raise UsageError("impossible background_a", found=self.background_a, rule="0 or more")
+            if not low <= value <= high:
+                raise UsageError(f"impossible {name}", found=value, rule=f"{low:g} to {high:g} {unit}")
         if not 0 < self.ber < 0.5:
             raise UsageError("impossible ber", found=self.ber, rule="above 0, below 0.5")
 
@@ -169,13 +178,18 @@ class Link:
     receiver: Receiver
     scene: Scene
 
+    @property
+    def docking_to_m(self) -> float:
+        """Farthest distance at which docking was asked about, m."""
+        return docking_to_m(*(float(self.dataset.z_m[k]) for k in (0, -1)))
+
 
 def link(
     scene: Scene,
     receiver: Receiver | None = None,
     *,
     waters: Mapping[str, tuple[float, float]] | None = None,
-    from_m: float = 4.0,
+    from_m: float = FROM_M,
     to_m: float = 60.0,
     **tracing: Any,
 ) -> Link:
@@ -196,13 +210,18 @@ def link(
     Raises
     ------
     UsageError
-        Numbers that make no sense.
+        Numbers that make no sense; no light is left at the farthest distance.
     SceneError
         A lamp that is no beam.
     """
     receiver = receiver or Receiver()
-    if not 0 < from_m < to_m < np.inf:
-        raise UsageError("impossible distances", found=f"{from_m:g} to {to_m:g} m", rule="rising, above 0")
+    if not 0 < from_m < to_m <= FARTHEST_M:
+        begins = f"{from_m:g} m{' (the default of from_m)' if from_m == FROM_M else ''}"
+        raise UsageError(
+            "impossible distances", found=f"from {begins} to {to_m:g} m",
+            rule=f"from above 0 m to farther than that, at most {FARTHEST_M:g} m",
+            remedy=f"let the farthest distance lie between {from_m:g} and {FARTHEST_M:g} m",
+        )  # fmt: skip
     refuse_pencil(scene.lamp)
     at = np.array([np.mean(scene.detector.bands_nm[0])])
     own = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
@@ -210,6 +229,11 @@ def link(
     for name, pair in every.items():
         if not all(0 <= v < np.inf for v in pair):
             raise UsageError("impossible water", where=name, found=pair, rule="a and b of 0 or more, 1/m")
+    for name, (a, b) in every.items():
+        water = _water(scene, a, b, own=(a, b) == own)
+        refuse_dark(
+            water, (from_m, to_m), where=f"water {name}", remedy="a nearer distance, or clearer water"
+        )
     nodes, fine = np.geomspace(from_m, to_m, _DISTANCES), np.linspace(from_m, to_m, _SCAN)
     parts, reaches = [], {}
     for k, (name, (a, b)) in enumerate(every.items()):
@@ -218,7 +242,7 @@ def link(
             parts.append(_along(water, receiver, a, b, nodes, fine, tracing))
         with step(2 * k + 1, 2 * len(every), f"docking, {name}"):
             docking = docking_reach(
-                water, from_m, max(DOCKING_TO_M, 1.5 * from_m),
+                water, from_m, docking_to_m(from_m, to_m),
                 photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
             )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)
@@ -228,6 +252,11 @@ def link(
     )
     dataset = xr.concat(parts, xr.DataArray(list(every), dims="water", name="water")).merge(waters_read)
     return Link(dataset, reaches, receiver, scene)
+
+
+def docking_to_m(from_m: float, to_m: float) -> float:
+    """Farthest distance at which the accuracy of poses is asked about, m: no farther than all else."""
+    return min(max(DOCKING_TO_M, 1.5 * from_m), to_m)
 
 
 def _water(scene: Scene, a: float, b: float, own: bool) -> Scene:

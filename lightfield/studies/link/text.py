@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.arrays import jsonable
 from lightfield.studies.link.reported import REPORTED
-from lightfield.studies.link.study import DOCKING_TO_M, SEEN_HZ, SEEN_SNR, Link
+from lightfield.studies.link.study import SEEN_HZ, SEEN_SNR, Link
 from lightfield.studies.working_range.text import POSE_WORDS
 
 
@@ -41,6 +41,8 @@ ASKED = (
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."
 )
+#: Distances at which the bandwidth is told, m, as far as they were asked about.
+_BANDWIDTH_AT_M = (10.0, 20.0, 40.0)
 REPORTED_HEAD = ("reported", "water", "source")
 
 
@@ -50,7 +52,7 @@ def rows(found: Link) -> list[list[str]]:
     far = float(found.dataset.z_m[-1])
     for k, (name, r) in enumerate(found.reaches.items()):
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
-        docking, near = r.docking, DOCKING_TO_M
+        docking, near = r.docking, found.docking_to_m
         table.append([
             name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far),
             reached(r.data_with_echoes_m, most=far), reached(r.data_formula_m, most=far),
@@ -66,14 +68,14 @@ def bandwidth_sentence(found: Link) -> str:
     data = found.dataset.isel(water=0)
     z = data.z_m.values
     parts = []
-    for far in (10.0, 20.0, 40.0):
-        if z[0] <= far <= z[-1]:
-            at, error = (
-                float(np.interp(far, z, data[name].values)) / 1e6
-                for name in ("bandwidth_hz", "bandwidth_stderr_hz")
-            )
-            shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
-            parts.append(f"{shown} at {far:g} m")
+    told = [far for far in _BANDWIDTH_AT_M if z[0] <= far <= z[-1]]
+    for far in told or [float(z[-1])]:  # nearer than all of them: at the farthest that was asked
+        at, error = (
+            float(np.interp(far, z, data[name].values)) / 1e6
+            for name in ("bandwidth_hz", "bandwidth_stderr_hz")
+        )
+        shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
+        parts.append(f"{shown} at {far:g} m")
     return (
         "Bandwidth by the lengths of the traced paths (3 dB, electrical), in the scene's water: "
         + ", ".join(parts)

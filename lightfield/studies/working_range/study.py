@@ -24,7 +24,8 @@ from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.render.settings import Settings
 from lightfield.scene import DetectorArray, Scene
-from lightfield.studies.light_at import LightAt, light_at
+from lightfield.scene.parameters import told
+from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
 from lightfield.studies.working_range.field import RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
 from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, pose_sigmas
@@ -35,6 +36,8 @@ PAPER_SHARE = 0.20
 PHOTONS = 2e6
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
+#: So many times the nearest distance is far: steps are then equal ratios.
+_FAR = 10.0
 #: Readings so close to the axis, as a part of the distance, are on it.
 _ON_AXIS = 0.005
 #: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
@@ -131,20 +134,21 @@ def working_range(
     ------
     UsageError, RenderError
         Numbers that make no sense.
+        No light is left at the farthest distance.
     SceneError
         No room in the tank.
     """
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
     Settings(max_photons=photons)  # refuses what no trace can have
     first, last = _ends(scene, to_m)
-    nodes = np.linspace(first, last, _DISTANCES)
-    z = np.unique(np.concatenate([np.linspace(first, last, _SHOWN), _planes(scene, last)]))
+    nodes = _steps(first, last, _DISTANCES)
+    z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _planes(scene, last)]))
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
     plain, _ = _field(scene, None, nodes)
-    fine = np.linspace(first, last, _SCAN)
+    fine = _steps(first, last, _SCAN)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
-    at = np.linspace(first, last, _POSES)
+    at = _steps(first, last, _POSES)
     with step(1, 2, "poses"):
         known = known_poses(scene, at, photons=0.0 if trace is None else photons)
     modes = light.relative_modes[:: len(RADII)]
@@ -271,17 +275,30 @@ def _half_radius_read(r: Readings, z_m: float) -> float:
 
 def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
     """Nearest and farthest distance, m."""
-    first = scene.detector.planes_m[0]
+    first, end = scene.detector.planes_m[0], "as asked for"
     last = _BEYOND * scene.detector.planes_m[-1] if to_m is None else to_m
-    if scene.tank is not None:
-        last = min(last, scene.tank.box_m[2][1] - _BEFORE_WALL_M)
-    if not (np.isfinite(last) and last > 1.1 * first):
+    if to_m is None:
+        end = f"{_BEYOND:g} times the last plane"
+    if scene.tank is not None and last > (wall := scene.tank.box_m[2][1] - _BEFORE_WALL_M):
+        last, end = wall, f"{_BEFORE_WALL_M:g} m before the end of the tank"
+    if not (np.isfinite(last) and 1.1 * first < last <= FARTHEST_M):
+        planes = told(scene.detector, "planes_m")
         raise SceneError(
-            "no distances to compare", found=f"{first:g} to {last:g} m",
-            rule="farther than the first plane by a tenth at least",
-            remedy="move the first plane nearer, or ask for a farther distance",
+            "no distances to compare",
+            found=f"from {first:g} m, the first of detector.{planes}, to {last:g} m, {end}",
+            rule=f"farther than the first plane by a tenth at least, at most {FARTHEST_M:g} m",
+            remedy="give detector.planes_m with a first plane that is nearer, or ask for a farther distance"
+            if not last > FARTHEST_M
+            else "ask for a nearer distance, or give nearer detector.planes_m",
         )  # fmt: skip
+    remedy = "ask for a nearer distance, or give nearer detector.planes_m"
+    refuse_dark(scene, (first, last), remedy=remedy)
     return first, last
+
+
+def _steps(first: float, last: float, count: int) -> Array:
+    """Distances in equal steps, or in equal ratios where equal steps would leave out all that is near."""
+    return (np.geomspace if last > _FAR * first else np.linspace)(first, last, count)
 
 
 def _planes(scene: Scene, last: float) -> Array:

@@ -55,3 +55,11 @@ def test_two_waters_of_one_name_are_refused() -> None:
     assert link._waters(["clear=0.05,0", "murky=0.2,0.1"]) == {"clear": (0.05, 0), "murky": (0.2, 0.1)}
     with pytest.raises(UsageError, match="two waters of one name"):
         link._waters(["clear=0.05,0", "clear=0.2,0.1"])
+
+
+@pytest.mark.parametrize("command", ["render", "sweep"])
+def test_the_help_of_a_seed_says_what_threads_leave_equal(command: str) -> None:
+    parser = argparse.ArgumentParser()
+    importlib.import_module(_module(command)).add_arguments(parser)
+    (seed,) = (action for action in parser._actions if "--seed" in action.option_strings)
+    assert "last bit on one thread" in seed.help and "single precision on several" in seed.help

@@ -13,11 +13,13 @@ from lightfield import cli
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.expected import Together
 from lightfield.diagnosis.together import together
-from lightfield.errors import UsageError
+from lightfield.errors import SceneError, UsageError
+from lightfield.experiments.hide import Secret, hide
+from lightfield.experiments.measure import Instrument
 from lightfield.fitting.forward import SceneForward
 from lightfield.progress import heard_by
-from lightfield.readings import Readings
-from lightfield.readings.columns import ErrorBudget
+from lightfield.readings import Readings, read_table
+from lightfield.readings.columns import LAYOUT, ErrorBudget
 from lightfield.scene import Scene
 
 HWHM, ABSORPTION, ERROR = 4.0, 0.1, 0.005
@@ -86,6 +88,26 @@ def test_a_wrong_question_is_refused(layout: Readings) -> None:
     ):
         with pytest.raises(UsageError, match=what):
             together(layout, SCENE, names, sizes)
+
+
+@pytest.mark.parametrize("size", [float("nan"), float("inf"), -1e10])
+def test_a_size_that_no_scene_may_have_is_refused_as_where_an_effect_is_hidden(layout, size) -> None:
+    with pytest.raises(
+        SceneError, match=r"detector.background: wrong value.*-1e\+09 and <= 1e\+09"
+    ) as planned:
+        together(layout, SCENE, ["background"], {"detector.background": size})
+    with pytest.raises(SceneError) as hidden:
+        hide(SCENE, Secret(["background"], None, {"detector.background": size}), 0, Instrument(0.01))
+    assert str(planned.value) == str(hidden.value)
+
+
+def test_a_size_that_drowns_all_light_is_refused(tmp_path) -> None:
+    """Beside a billion times the light, its rounding leaves no covariance that has an inverse."""
+    rows = "".join(f"{x},{z}\n" for z in (3.0, 4.0, 5.0, 6.0, 7.0) for x in np.linspace(-0.5, 0.5, 21))
+    (tmp_path / "layout.csv").write_text(f"x_m,z_m\n{rows}")
+    without_errors = read_table(tmp_path / "layout.csv", SCENE, LAYOUT)
+    with pytest.raises(UsageError, match=r"nothing can be told apart at this size.*smaller size"):
+        together(without_errors, SCENE, ["background"], {"detector.background": 1e9})
 
 
 def test_it_says_what_it_does(layout: Readings) -> None:

@@ -123,3 +123,23 @@ def test_single_positions_keep_their_coordinates(make, tmp_path):
         np.testing.assert_array_equal(dataset[name], getattr(AtPlaces, name))
     assert dataset.irradiance[0, 1] > dataset.irradiance[0, 0]
     xr.testing.assert_identical(read_netcdf(write_netcdf(dataset, tmp_path / "maps.nc")), dataset)
+
+
+@pytest.mark.parametrize("left", [0.02, 0.3, 0.7, 0.99])
+def test_a_data_set_that_was_cut_short_is_said_to_be(dataset, tmp_path, left) -> None:
+    file = write_netcdf(dataset, tmp_path / "maps.nc")
+    file.write_bytes(file.read_bytes()[: int(left * file.stat().st_size)])
+    with pytest.raises(
+        OutputError, match=r"maps\.nc: this data set is damaged or cut short; .*again"
+    ) as error:
+        read_netcdf(file)
+    assert "rrno" not in str(error.value) and "HDF" not in str(error.value)
+
+
+def test_a_data_set_that_is_damaged_inside_is_said_to_be(dataset, tmp_path) -> None:
+    file = write_netcdf(dataset, tmp_path / "maps.nc")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 4 : 3 * len(content) // 4] = bytes(len(content) // 2)
+    file.write_bytes(content)
+    with pytest.raises(OutputError, match="damaged or cut short"):
+        read_netcdf(file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -65,3 +66,15 @@ def test_damaged_tables(edits, tmp_path_factory):
     for start, length, insert in edits:
         data[start : start + length] = insert
     check_fuzzed(bytes(data), tmp_path_factory.getbasetemp())
+
+
+def test_a_table_of_too_many_rows_is_refused_before_its_cells_are_read(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("lightfield.readings.table.read.MOST_ROWS", 3)
+    head = '# quantity = "irradiance"\nx_m,z_m,value\n# a remark\n\n'
+    (tmp_path / "most.csv").write_text(head + "".join(f"0,{z},1\n" for z in (3, 4, 5)))
+    assert len(read_table(tmp_path / "most.csv")) == 3
+    (tmp_path / "more.csv").write_text(head + "no number,3,1\n" * 4)
+    with pytest.raises(
+        MeasurementError, match=r"more\.csv: too many readings; found '4 rows'; rule: at most 3"
+    ):
+        read_table(tmp_path / "more.csv")

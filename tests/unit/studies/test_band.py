@@ -91,14 +91,21 @@ def test_a_detector_of_its_own(tmp_path) -> None:
         ({"width_nm": 1.0}, "impossible bands"),
         ({"low_nm": 600.0, "high_nm": 500.0}, "impossible bands"),
         ({"distances_m": [0.0]}, "impossible distances"),
+        ({"distances_m": [4.5, 1e8]}, r"impossible distances.*at most 1000 m"),
     ],
 )
 def test_numbers_that_make_no_sense(wrong, words) -> None:
     with pytest.raises(UsageError, match=words):
         best_band(scene(), False, **wrong)
-    for noise in ({"electrons": -1.0}, {"read_noise": -1.0}, {"mismatch": np.inf}):
-        with pytest.raises(UsageError, match="impossible noise"):
+    for noise in ({"electrons": -1.0}, {"electrons": 1e-300}, {"read_noise": -1.0}, {"mismatch": np.inf}):
+        with pytest.raises(UsageError, match=rf"impossible noise: {next(iter(noise))}.* to "):
             CountNoise(**noise)
+
+
+def test_distances_without_light_are_refused_before_any_trace(monkeypatch) -> None:
+    monkeypatch.setattr("lightfield.studies.band.render_positions", None)
+    with pytest.raises(UsageError, match=r"no light is left so far.*found '900 m'.*nearer"):
+        best_band(scene(absorption_per_m=0.4), distances_m=[4.5, 900.0])
 
 
 @pytest.mark.slow

@@ -154,20 +154,37 @@ def test_a_lamp_is_seen_farther_than_it_talks(clear) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"ber": 0.6}, {"area_mm2": 0.0}, {"background_a": -1.0}, {"bit_rate_per_s": np.nan}]
-)
+    "wrong",
+    [
+        {"ber": 0.6}, {"area_mm2": 0.0}, {"background_a": -1.0}, {"bit_rate_per_s": np.nan},
+        {"area_mm2": 1e-300}, {"bit_rate_per_s": 1e30}, {"background_a": 1e300},
+    ],
+)  # fmt: skip
 def test_receivers_that_make_no_sense(wrong) -> None:
-    with pytest.raises(UsageError, match="impossible"):
+    with pytest.raises(UsageError, match=f"impossible {next(iter(wrong))}"):
         Receiver(**wrong)
 
 
 def test_distances_waters_and_lamps_that_make_no_sense() -> None:
-    with pytest.raises(UsageError, match="impossible distances"):
+    with pytest.raises(
+        UsageError, match=r"impossible distances; found 'from 4 m \(the default of from_m\) to 3 m'"
+    ):
         link(scene(), to_m=3.0)
+    with pytest.raises(UsageError, match="at most 1000 m"):
+        link(scene(), to_m=1e9)
+    with pytest.raises(UsageError, match=r"water turbid: no light is left so far.*nearer distance"):
+        link(scene(0.05, 0.05), to_m=1000.0)
     with pytest.raises(UsageError, match="impossible water"):
         link(scene(), waters={"ice": (-1.0, 0.1)})
     with pytest.raises(SceneError, match=r"pencil beam.*remedy"):
         link(scene(profile="pencil"))
+
+
+def test_what_lies_beyond_the_farthest_distance_was_not_asked() -> None:
+    near = link(scene(0.06, 0.0), waters={}, to_m=5.0)
+    assert as_data(near)["reaches"]["scene"]["docking"]["z_m"] is None
+    assert as_text(near).count("> 5 m") > 6 and "9." not in as_text(near).splitlines()[3]
+    assert "in the scene's water: no limit at 5 m." in as_text(near)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -156,3 +156,8 @@ def test_the_error_of_a_bandwidth_is_what_seeds_scatter() -> None:
     spread, error = np.std(found, axis=0, ddof=1), np.mean(stated, axis=0)
     assert np.all(spread < 2 * error)
     assert np.all(error < 5 * spread + 0.03 * np.mean(found, axis=0))
+
+
+def test_where_nothing_scattered_arrives_there_is_no_limit() -> None:
+    found, error = bandwidth_of(np.ones(2), np.zeros((3, 0, 2)), np.zeros(0))
+    assert np.isinf(found).all() and np.isnan(error).all()

@@ -209,6 +209,34 @@ def test_it_ends_before_the_tank_does() -> None:
 
 
 @pytest.mark.parametrize(
+    ("a", "to_m", "words"), [(0.5, 900.0, "no light is left"), (0.06, 1e9, "at most 1000 m")]
+)
+def test_a_distance_without_light_is_refused_before_any_trace(a, to_m, words) -> None:
+    def traced(*_, **__):
+        raise AssertionError("traced")
+
+    with pytest.raises(LightfieldError, match=rf"{words}.*remedy: ask for a nearer distance"):
+        working_range(scene(a), traced, to_m=to_m)
+
+
+def test_how_far_is_asked_does_not_change_how_far_it_reaches() -> None:
+    near, far = (working_range(scene(), None, to_m=to_m) for to_m in (30.0, 400.0))
+    for name in ("light", "signal", "pose_across", "pose_along", "pose"):
+        assert reach(far, name) == pytest.approx(reach(near, name), rel=0.01)
+
+
+def test_planes_that_nobody_stated_are_called_the_default() -> None:
+    detector = {"positions_m": [[0.0, 0.0, 1.0]]}
+    short = scene(detector=detector, tank={"width_m": 2.0, "depth_m": 2.0, "length_m": 5.0})
+    with pytest.raises(
+        SceneError,
+        match=r"from 4.5 m, the first of detector.planes_m = .*\(its default\), to .*"
+        r"before the end of the tank.*remedy: give detector.planes_m",
+    ):
+        working_range(short, None)
+
+
+@pytest.mark.parametrize(
     "wrong", [{"share": 0.0}, {"share": 1.5}, {"noise": np.nan}, {"snr": -1.0}, {"photons": 1.0}]
 )
 def test_numbers_that_make_no_sense(wrong) -> None:
