@@ -38,6 +38,7 @@ from lightfield.studies.follower.light import (
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.search import find_minima
 from lightfield.studies.follower.survey import array_of
+from lightfield.studies.light_at import refuse_dark
 
 #: Ways to calibrate the formula, in words.
 EXACT, FITTED, CLEAR, RELATIVE = (
@@ -275,6 +276,8 @@ def bias_study(
     ------
     SceneError
         No array; water whose scattering comes from its constituents.
+    UsageError
+        No light is left at the far end of the space.
     """
     elements = elements_of(array_of(scene))
     if scene.water.base != "none":
@@ -284,6 +287,12 @@ def bias_study(
         )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
     most = max(*scattering_per_m, scene.water.scattering_per_m)
+    densest = scene.with_values({"water.scattering_per_m": most})
+    refuse_dark(
+        densest, (space.near_m, space.far_m),
+        where="the formation space, from the first to the last of detector.planes_m",
+        remedy="nearer detector.planes_m, or clearer water",
+    )  # fmt: skip
     widest = scene.with_values({"water.scattering_per_m": 0.5 * most} if photons else {})
     light = light_of(widest, space, elements, photons=photons, seed=seed)
     names, noise = pose_names(scene), SensorNoise.of_scene(scene)

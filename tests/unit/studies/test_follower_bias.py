@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import (
     CALIBRATIONS,
@@ -117,3 +117,11 @@ def test_water_that_is_more_than_a_number_is_refused() -> None:
     pure = SCENE.with_values({"water.base": "pure", "water.absorption_per_m": 0.0})
     with pytest.raises(SceneError, match=r"water\.base"):
         bias_study(pure, SPACE, photons=0)
+
+
+def test_a_space_that_no_light_reaches_is_refused_before_any_trace(monkeypatch) -> None:
+    monkeypatch.setattr("lightfield.studies.follower.bias.light_of", None)
+    with pytest.raises(
+        UsageError, match=r"no light is left so far.*found '9000 m'.*nearer detector\.planes_m"
+    ):
+        bias_study(SCENE, Space(near_m=3.0, far_m=9000.0, half_width_m=0.4))
