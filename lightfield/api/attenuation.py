@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, diffuse_source, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.readings import Readings
@@ -61,6 +61,7 @@ class Attenuation(Result[attenuating.Attenuation]):
 
 
 @told_in_notebook("attenuation")
+@checked
 def attenuation(
     readings: Readings | AnyPath | Sequence[Readings | AnyPath],
     scene: Scene | AnyPath | Sequence[Scene | AnyPath],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
 from lightfield.scene import Scene
@@ -65,6 +65,7 @@ class Band(OverAxes[bands.Bands]):
 
 
 @told_in_notebook("band")
+@checked
 def band(
     scene: Scene | AnyPath,
     *,

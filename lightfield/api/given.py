@@ -17,7 +17,7 @@ from lightfield.errors import UsageError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
 from lightfield.readings.columns import LAYOUT, REQUIRED
 from lightfield.readings.importing.importer import import_index
-from lightfield.render.limits import PHOTONS, SEED
+from lightfield.render.limits import PHOTONS, REL_ERROR, SEED
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 
@@ -32,6 +32,7 @@ _R = TypeVar("_R")
 _RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "seed": (SEED.rule, SEED.holds),
     "max_photons": (PHOTONS.rule, PHOTONS.holds),
+    "rel_error": (REL_ERROR.rule, REL_ERROR.holds),
     "alpha": ("between 0 and 1", lambda value: 0 < value < 1),
     "half_width": ("above 0 m", lambda value: value > 0),
     "box": ("above 0 m", lambda value: value > 0),
@@ -81,9 +82,9 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
     (kind,) = kinds
     origin, inside = get_origin(kind), get_args(kind)
     if kind in (float, int):
-        if not _is_number(value, Integral if kind is int else Real):
-            return "a whole number" if kind is int else "a number"
         words, holds = _RANGES.get(name, ("", lambda value: True))
+        if not _is_number(value, Integral if kind is int else Real):
+            return ", ".join(filter(None, ("a whole number" if kind is int else "a number", words)))
         return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen
     if origin is Literal:
         return None if value in inside else " or ".join(map(repr, inside))
@@ -105,7 +106,8 @@ def _broken_list(inside: object, value: object) -> str | None:
 
 def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
     """Of a file, or of what is in it."""
-    if isinstance(value, (str, PathLike)):
+    several = Readings in kinds and Scene in kinds  # which of them it is, the function says
+    if several or isinstance(value, (str, PathLike)):
         return None
     for kind, rule in (
         (Readings, "readings as `load` gives them, or the path of a file"),

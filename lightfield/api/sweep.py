@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -102,6 +102,7 @@ class Sweep(Result[xr.Dataset]):
         return write_result(self, path, "Sweep", wide, narrow=narrow)
 
 
+@checked
 def sweep(
     scene: Scene | AnyPath,
     vary: Mapping[str, str | Sequence[Any]],

@@ -44,7 +44,7 @@ class Soundness:
 
 
 def verify(path: str | Path) -> Soundness:
-    """Hold every file of a store against the digests in its journal; reads all of it, and decodes nothing.
+    """Hold every file of a store against the digests in its journal; reads all of it, and decodes no chunk.
 
     Digests tell of damage, not of malice: the metadata must declare what a sweep writes, too.
 

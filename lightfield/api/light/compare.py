@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, diffuse_source, named, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, named, readings_of, scene_of
 from lightfield.api.light.maps import Maps, nearest_index, render
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
@@ -141,6 +141,7 @@ def compare(
     cache: bool = True,
 ) -> Fit: ...  # fmt: skip
 @told_in_notebook("compare")
+@checked
 def compare(
     what: Scene | Maps | Readings | AnyPath,
     scene: Scene | AnyPath | None = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
@@ -140,6 +140,7 @@ def nearest_index(values: np.ndarray, wanted: float) -> int:
 
 
 @told_in_notebook("render")
+@checked
 def render(
     scene: Scene | AnyPath,
     *,

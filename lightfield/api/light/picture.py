@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from lightfield.api.given import AnyPath, scene_of
+from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.result import Result
 from lightfield.errors import OutputError
 from lightfield.render import picture as camera
@@ -107,6 +107,7 @@ class Picture(Result[camera.Picture]):
         return write_picture(self.details, target)[0]
 
 
+@checked
 def picture(
     scene: Scene | AnyPath,
     *,

@@ -82,7 +82,9 @@ def as_text(verdict: Verdict) -> str:
             numbers += f"{_short(rung.held_out_percent):>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
-                about = f"{rung.rendered_error_percent:>9.2f} +- {rung.rendered_stderr_percent or 0:.2f}"
+                about = (
+                    f"{_short(rung.rendered_error_percent):>9} +- {_short(rung.rendered_stderr_percent or 0)}"
+                )
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += found_words.found_lines(verdict.found)

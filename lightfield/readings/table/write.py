@@ -57,6 +57,8 @@ def dumps(readings: Readings) -> str:
 
 def _worth_writing(readings: Readings, name: str) -> bool:
     column = getattr(readings, name)
+    if name == "wavelength_nm" and readings.of_band:
+        return False
     if name in ("medium", "x_m", "y_m", *REQUIRED):
         return True
     if name in DEFAULTS:

@@ -194,7 +194,7 @@ def surrounded(grid: Grid, tank: Tank | None = None) -> Grid:
     tank : Tank, optional
         Only cells that are all in it are left: one that is cut by a wall is dim.
     """
-    wide = grid.padded(2 if tank is None else 3, tank)  # of which walls may leave three on one side
+    wide = grid.padded(2, tank)
     occupied = np.asarray(wide.occupied)
     asked = np.argwhere(occupied)
     # Blocks of three by three, moved off the walls.

@@ -230,11 +230,7 @@ def positions_grid(
         even = all(_is_even(v, shortest_m) for v in (x_m, y_m))
         largest = fine * cell_m * (1.0 if even else UNEVEN)
         (x, pitch_x), (y, pitch_y) = (_axis(v, largest, shortest_m) for v in (x_m, y_m))
-        (x, moved_x), (y, moved_y) = (
-            _off_the_walls(x, pitch_x, walls[0]),
-            _off_the_walls(y, pitch_y, walls[1]),
-        )
-        even &= not (moved_x or moved_y)
+        x, y = _off_the_walls(x, pitch_x, walls[0]), _off_the_walls(y, pitch_y, walls[1])
         grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
         occupied = np.zeros(grid.shape, bool)
         occupied[cell_of(grid, x_m, y_m, z_m)] = True
@@ -280,15 +276,13 @@ def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndar
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
 
 
-def _off_the_walls(centres: np.ndarray, pitch: float, walls: tuple[float, float]) -> tuple[np.ndarray, bool]:
-    """A single row of cells, which a wall would cut, moved to lie along it; and whether it was.
+def _off_the_walls(centres: np.ndarray, pitch: float, walls: tuple[float, float]) -> np.ndarray:
+    """A single row of cells, which a wall would cut, moved to lie along it; several rows as they are.
 
-    Of a place near a wall, or in a corner, the light is then known from a cell that it lies in.
+    Of a lone place near a wall, or in a corner, the light is then known from a cell that it lies in.
     """
     low, high = walls[0] + 0.5 * pitch, walls[1] - 0.5 * pitch
-    if len(centres) > 1 or low > high or low <= centres[0] <= high:
-        return centres, False
-    return np.clip(centres, low, high), True
+    return centres if len(centres) > 1 or low > high else np.clip(centres, low, high)
 
 
 def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:

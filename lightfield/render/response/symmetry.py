@@ -23,7 +23,7 @@ def symmetric(scene: Scene) -> tuple[bool, bool]:
     y = beam_y and lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
     if tank is not None:
         # A lid reflects as walls do, a water surface does not, and nor does a floor of another albedo.
-        y = y and tank.surface_reflectance == 0 and tank.floor_share == 1
+        y = y and tank.surface_reflectance == 0 and (tank.floor_share == 1 or tank.wall_albedo == 0)
         y = y and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
     return x, y
 

@@ -229,8 +229,8 @@ def three_digits(value: float) -> str:
 
 
 def _radius(plane: PlaneComparison, level: float) -> str:
-    radius, is_left = plane.within(level)
-    if math.isnan(radius) or (not is_left and not radius):
+    radius, _, is_left = plane.within(level)
+    if math.isnan(radius):
         return "–"
     if math.isinf(radius):
         return f"> {plane.profile.r_m[-1]:.2f}"

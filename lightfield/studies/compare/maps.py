@@ -40,18 +40,26 @@ from lightfield.studies.compare.rings import (
 Formula = Callable[[Scene, Array, Array, Array, BandLight], Array]
 
 
+#: Rings between the last that is known to be within a level and the first that is known not to be, as many as
+#: even a good render leaves.
+_BETWEEN = 2
+
+
 class Within(NamedTuple):
-    """Up to where the formula is within a relative error.
+    """Up to where the formula is within a relative error, and from where on it is not.
 
     Parameters
     ----------
     radius_m : float, m
-        Every ring up to there is known to be; infinite where all are, NaN where no light was rendered.
+        Every ring up to there is known to be; infinite where all are; NaN where nothing is known, or lit.
+    beyond_m : float, m
+        The first ring that is known not to be; NaN where none is.
     is_left : bool
-        Farther out it is known not to be; else too few photons tell.
+        Hardly a ring lies between: what is not within is beyond.
     """
 
     radius_m: float
+    beyond_m: float
     is_left: bool
 
 
@@ -139,15 +147,19 @@ class PlaneComparison:
 
     def within(self, level: float) -> Within:
         """Up to where every ring is within a relative error."""
+        nan = float("nan")
         if not self.is_lit:
-            return Within(float("nan"), False)
-        rings = self.profile.standing(level)
-        others = np.flatnonzero(rings != WITHIN)
-        if others.size == 0:
-            return Within(float("inf"), True)
-        first = int(others[0])
-        radius = 0.5 * (self.profile.r_m[first - 1] + self.profile.r_m[first]) if first else 0.0
-        return Within(float(radius), bool((rings[first:] == BEYOND).any()))
+            return Within(nan, nan, False)
+        rings, r = self.profile.standing(level), self.profile.r_m
+        first = int(np.argmax(rings != WITHIN))
+        if rings[first] == WITHIN:
+            return Within(float("inf"), nan, False)
+        radius = float(0.5 * (r[first - 1] + r[first])) if first else 0.0
+        off = np.flatnonzero(rings == BEYOND)
+        off = off[off >= first]
+        beyond = float(r[off[0]]) if off.size else nan
+        is_left = bool(off.size) and int(off[0]) - first <= _BETWEEN
+        return Within(radius if first or is_left else nan, beyond, is_left)
 
     def as_data(self) -> dict[str, Any]:
         """Plain numbers for JSON and tables; what is unknown is None."""
@@ -313,8 +325,8 @@ def as_text(comparison: Comparison) -> str:
     if last is not first:
         verb = "" if verbs[0] == verbs[1] else f"{verbs[1]} "
         lost += f" and {verb}{_percent(abs(last.lost))} at {last.z_m:g} m"
-    on_axis = _told_on_axis(lit, "every lit plane" if dark else "every plane")
-    return f"{lost}; {on_axis}; {_told_off_axis(last)}.{unknown}"
+    there = _told_on_axis(lit, "every lit plane" if dark else "every plane")
+    return f"{lost}; {there}; {_told_off_axis(last)}.{unknown}"
 
 
 def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
@@ -339,16 +351,18 @@ def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
 
 def _told_off_axis(last: PlaneComparison) -> str:
     """Up to where it can be trusted on the farthest plane."""
-    radius, is_left = last.within(LEVELS[1])
+    radius, beyond, is_left = last.within(LEVELS[1])
     if np.isinf(radius):
         return f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
-    if not is_left and radius == 0:
-        return f"off the axis too few photons tell at {last.z_m:g} m"
-    if not is_left:
-        return f"at {last.z_m:g} m it is within 10 % to {radius:.2f} m; beyond too few photons tell"
-    if radius == 0:
+    if is_left and radius == 0:
         return f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
-    return f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
+    if is_left:
+        return f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
+    known = [] if np.isnan(radius) else [f"within 10 % to {radius:.2f} m"]
+    known += [] if np.isnan(beyond) else [f"more than 10 % off at {beyond:.2f} m"]
+    if not known:
+        return f"off the axis too few photons tell at {last.z_m:g} m"
+    return f"at {last.z_m:g} m it is {' and '.join(known)} from the axis; elsewhere too few photons tell"
 
 
 def _percent(part: float) -> str:

@@ -27,29 +27,24 @@ class Profile:
     formula: Array
 
     def standing(self, level: float) -> Array:
-        """How every ring's error compares with a level, see `standing`.
+        """How every ring's error stands to a level, see `standing`, together with the rings beside it.
 
-        A ring that is not known by itself, as the few cells on the axis are not, is joined to the next ones
-        until they are known together, each with the weight of its error.
+        Each counts by its error: the few cells on the axis, and those of one ring, may not be known alone.
         """
-        states = standing(self.render, self.stderr, self.formula, level)
         with np.errstate(divide="ignore", invalid="ignore"):
             off, weight = self.formula / self.render - 1, (self.render / self.stderr) ** 2
-        joined: list[int] = []
-        for ring, state in enumerate(states):
-            if state == BEYOND or (state == WITHIN and not joined):
-                joined = []
-                continue
-            joined.append(ring)
-            some = [k for k in joined if weight[k] > 0]
-            if not some:
-                continue
-            total = weight[some].sum()
-            mean = np.array([1 + off[some] @ weight[some] / total])
-            together = standing(np.ones(1), np.array([total**-0.5]), mean, level)[0]
-            if together != OPEN:
-                states[joined], joined = together, []
-        return states
+        known = np.isfinite(weight) & np.isfinite(off) & (weight > 0)
+        off, weight = np.where(known, off, 0.0), np.where(known, weight, 0.0)
+
+        def around(values: Array) -> Array:
+            return np.convolve(values, np.ones(3), mode="full")[1:-1]
+
+        total = around(weight)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean, error = around(weight * off) / total, total**-0.5
+        together = standing(np.ones_like(error), error, 1 + mean, level)
+        alone = standing(self.render, self.stderr, self.formula, level)
+        return np.where(alone == BEYOND, BEYOND, np.where(total > 0, together, OPEN))
 
 
 def excess(render: Array, stderr: Array, formula: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -85,3 +85,10 @@ def test_a_type_under_another_name_is_checked_too() -> None:
         sung("middle")  # type: ignore[arg-type]
     with pytest.raises(lf.LightfieldError, match=r"at.*a list of numbers"):
         sung(at=["a"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("function", [lf.render, lf.compare, lf.band, lf.picture])
+@pytest.mark.parametrize("seed", [-1, 1.5, float("nan"), 2**31, True])
+def test_a_seed_is_held_to_one_range_everywhere(function: Any, seed: object) -> None:
+    with pytest.raises(lf.LightfieldError, match=r"seed: not what this argument takes"):
+        function(lf.Scene(), seed=seed)

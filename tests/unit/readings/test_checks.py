@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lightfield.errors import MeasurementError
-from lightfield.readings import Readings, read_table
-from lightfield.scene import Tank
+from lightfield.readings import Readings, read_table, write_table
+from lightfield.readings.columns import LAYOUT
+from lightfield.scene import Scene, Tank
 
 TANK = Tank(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
 
@@ -255,3 +257,23 @@ def test_independent_readings_load_and_fit_their_scenes(reference):
         last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
         for name in ("x_m", "z_m", "value", "stderr", "time_s"):
             assert getattr(table, name)[-1] == float(last[name])
+
+
+def test_readings_of_a_band_are_written_as_such(tmp_path: Path) -> None:
+    """The middle of the band, where they are put, is none of their wavelengths."""
+    first, again = tmp_path / "first.csv", tmp_path / "again.csv"
+    head = '# quantity = "irradiance"\n# scale = "absolute"\n# units = "W m^-2 nm^-1"\n'
+    first.write_text(head + "z_m,value\n5,1\n6,0.7\n", encoding="utf-8")
+    readings = read_table(first, Scene())
+    assert readings.of_band and np.isfinite(readings.wavelength_nm).all()
+    write_table(readings, again)
+    assert "wavelength_nm" not in again.read_text(encoding="utf-8")
+    assert read_table(again, Scene()).of_band
+
+
+def test_a_layout_without_a_place_is_refused(tmp_path: Path) -> None:
+    """In a scene, too, in whose every band its places would be read."""
+    path = tmp_path / "layout.csv"
+    path.write_text("z_m,x_m\n", encoding="utf-8")
+    with pytest.raises(MeasurementError, match="no reading"):
+        read_table(path, Scene(), LAYOUT)

@@ -198,14 +198,6 @@ def test_empty_files(load, content):
         load(content)
 
 
-def test_a_layout_without_a_place_is_refused(tmp_path: Path) -> None:
-    """In a scene, too, in whose every band its places would be read."""
-    path = tmp_path / "layout.csv"
-    path.write_text("z_m,x_m\n", encoding="utf-8")
-    with pytest.raises(MeasurementError, match="no reading"):
-        read_table(path, Scene(), LAYOUT)
-
-
 @pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n\x00\x00", b"z_m,value\n1,\x002\n"])
 def test_what_is_not_text(load, content):
     with pytest.raises(MeasurementError, match="not a text file"):

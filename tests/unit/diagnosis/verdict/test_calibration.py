@@ -18,6 +18,7 @@ from lightfield.readings import read_table, write_table
 from lightfield.readings.columns import ErrorBudget
 from lightfield.readings.readings import Readings
 from lightfield.scene import Scene
+from lightfield.scene.bands import over_bands
 from lightfield.studies.compare.readings import fit_readings
 
 UNIT = "uW/cm^2/nm"
@@ -156,6 +157,12 @@ def test_readings_of_a_band_are_means_over_it_and_not_of_its_middle() -> None:
     mean, top = (SceneForward(scene, t.check_against(scene)).predict({}) for t in (without, peak))
     share = math.sqrt(math.pi / math.log(2)) / 2 * 5 / 50
     assert mean / top == pytest.approx(np.full(len(table), share), rel=1e-3)
+
+    described["detector"] |= {"response": {"peak_nm": 527.0, "fwhm_nm": 8.0}}
+    behind = Scene.from_dict(described)
+    filtered = SceneForward(behind, without.check_against(behind)).predict({})
+    own = over_bands(behind).intensity.mean() / over_bands(scene).intensity.mean()
+    assert filtered / mean == pytest.approx(np.full(len(table), own), rel=1e-6), "as the maps of that band"
 
     read = replace(without, value=mean, stderr=0.004 * mean + 1e-6 * mean.max())
     assert diagnose(read, scene, diffuse=None, advise=False).verdict.verdict == "none"
