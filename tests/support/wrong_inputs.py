@@ -273,7 +273,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("range no.toml", ["no.toml", "No such file"]),
     ("range open.toml --no-trace --share 2", ["impossible share", "found 2.0"]),
     ("range open.toml --no-trace --array 1", ["impossible array"]),
-    ("range open.toml --no-trace --to 3", ["no distances to compare", "4.5 to 3 m"]),
+    ("range open.toml --no-trace --to 3", ["no distances to compare", "from 4.5 m, the first of"]),
     ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
     # link
     ("field export no.toml -o f.nc", ["no.toml", "No such file"]),
@@ -286,7 +286,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("link open.toml --ber 2", ["impossible ber", "found 2.0"]),
     ("link open.toml --area 0", ["impossible area_mm2"]),
     ("link open.toml --water ice", ["--water", "'ice'", "NAME=A,B"]),
-    ("link open.toml --to 1", ["impossible distances", "4 to 1 m"]),
+    ("link open.toml --to 1", ["impossible distances", "from 4 m (the default of from_m) to 1 m"]),
     ("link open.toml --json open.toml", ["open.toml"]),
     # band
     ("band no.toml", ["no.toml", "No such file"]),

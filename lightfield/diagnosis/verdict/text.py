@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Explanations, and readings set aside, that a terminal is shown.
 _SHOWN, _LISTED = 8, 20
+#: No column of the ladder has the room for a longer number with its decimals.
+_LONG = 1e5
 
 
 def words_of(verdict: Verdict) -> words.Said:
@@ -125,4 +127,4 @@ def _short(number: float | None) -> str:
     """Two decimals; of what no column has the room for, its size."""
     if number is None:
         return "-"
-    return f"{number:.2f}" if abs(number) < 1e5 else f"{number:.1e}"
+    return f"{number:.2f}" if abs(number) < _LONG else f"{number:.1e}"
