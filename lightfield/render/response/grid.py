@@ -230,7 +230,8 @@ def positions_grid(
         even = all(_is_even(v, shortest_m) for v in (x_m, y_m))
         largest = fine * cell_m * (1.0 if even else UNEVEN)
         (x, pitch_x), (y, pitch_y) = (_axis(v, largest, shortest_m) for v in (x_m, y_m))
-        x, y = _off_the_walls(x, pitch_x, walls[0]), _off_the_walls(y, pitch_y, walls[1])
+        x, pitch_x = _off_the_walls(x, pitch_x, x_m, walls[0])
+        y, pitch_y = _off_the_walls(y, pitch_y, y_m, walls[1])
         grid = Grid(planes, x, y, pitch_x, pitch_y, fineness=fine, even=even)
         occupied = np.zeros(grid.shape, bool)
         occupied[cell_of(grid, x_m, y_m, z_m)] = True
@@ -276,13 +277,28 @@ def _axis(values: np.ndarray, cell_m: float, shortest_m: float) -> tuple[np.ndar
     return 0.5 * (places[0] + places[-1]) + (np.arange(count) - 0.5 * (count - 1)) * pitch, pitch
 
 
-def _off_the_walls(centres: np.ndarray, pitch: float, walls: tuple[float, float]) -> np.ndarray:
-    """A single row of cells, which a wall would cut, moved to lie along it; several rows as they are.
+def _off_the_walls(
+    centres: np.ndarray, pitch: float, places: np.ndarray, walls: tuple[float, float]
+) -> tuple[np.ndarray, float]:
+    """Rows of cells for one or two places, of which a wall would cut an outer one, moved to lie along it.
+
+    Rows for more places stay as they are: those beside an outer one tell of the light there.
 
     Of a lone place near a wall, or in a corner, the light is then known from a cell that it lies in.
+
+    Returns
+    -------
+    centres : array, m
+    pitch : float, m
     """
     low, high = walls[0] + 0.5 * pitch, walls[1] - 0.5 * pitch
-    return centres if len(centres) > 1 or low > high else np.clip(centres, low, high)
+    if len(np.unique(np.round(places, 4))) > 2 or low > high:
+        return centres, pitch
+    if centres[0] < low and centres[-1] > high:
+        width = walls[1] - walls[0]
+        pitch = width / ceil(width / pitch - 1e-6)
+        return np.arange(walls[0] + 0.5 * pitch, walls[1], pitch), pitch
+    return centres + max(low - centres[0], 0.0) + min(high - centres[-1], 0.0), pitch
 
 
 def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[int, int]:

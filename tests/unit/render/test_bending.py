@@ -57,25 +57,29 @@ SHARE = st.integers(0, 100).map(lambda n: n / 100)
 
 @given(
     st.lists(st.tuples(SHARE, SHARE), min_size=1, max_size=6, unique=True),
-    st.integers(5, 40).map(lambda n: n / 10), st.integers(5, 40).map(lambda n: n / 10),
+    st.integers(5, 40).map(lambda n: n / 10), st.integers(5, 40).map(lambda n: n / 10), st.just(15.0),
 )  # fmt: skip
-@example([(0.5, 0.6)], 0.5, 0.5)
-@example([(0.98, 0.6), (0.5, 0.002)], 0.5, 0.5)
-@example([(0.98, 0.98)], 3.2, 2.5)
-def test_no_cell_is_cut_by_a_wall(places: list[tuple[float, float]], width_m: float, depth_m: float) -> None:
+@example([(0.5, 0.6)], 0.5, 0.5, 15.0)
+@example([(0.98, 0.6), (0.5, 0.002)], 0.5, 0.5, 15.0)
+@example([(0.98, 0.98)], 3.2, 2.5, 15.0)
+@example([(0.02, 0.02), (0.98, 0.98)], 2.0, 1.0, 6.0)
+@example([(0.02, 0.97), (0.3, 0.99)], 2.0, 1.0, 6.0)
+def test_no_cell_is_cut_by_a_wall(
+    places: list[tuple[float, float]], width_m: float, depth_m: float, hwhm_deg: float
+) -> None:
     """Tanks of 0.5 to 4 m, places up to walls and corners: light of a smooth field is known there too."""
     tank = Tank(width_m=width_m, depth_m=depth_m, lamp_depth_m=0.4 * depth_m)
     high = tank.lamp_depth_m
     x, y, z = spread_out(places, [4.5])
     x, y = (x - 0.5) * width_m, high - (1 - y) * depth_m
-    grid = surrounded(positions_grid(x, y, z, CELL_M, tank=tank), tank)
+    grid = surrounded(positions_grid(x, y, z, CELL_M, hwhm_deg, tank), tank)
     for centre, pitch, low, top in (
         (grid.x_m, grid.pitch_x_m, -width_m / 2, width_m / 2),
         (grid.y_m, grid.pitch_y_m, high - depth_m, high),
     ):
         assert low - 1e-5 <= centre[0] - pitch / 2 and centre[-1] + pitch / 2 <= top + 1e-5
-    found = Shift.on(grid, x, y, z).apply(means(grid, 15.0))
-    np.testing.assert_allclose(found, glow(x, y, z, 15.0), rtol=2 * SCATTERED_ERROR)
+    found = Shift.on(grid, x, y, z).apply(means(grid, hwhm_deg))
+    np.testing.assert_allclose(found, glow(x, y, z, hwhm_deg), rtol=2 * SCATTERED_ERROR)
 
 
 def test_even_layouts_that_tell_of_themselves_need_no_more_cells() -> None:
