@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from numbers import Real
+
+from lightfield.errors import RenderError
+
 
 class Allowed:
     """Least and most, as they are said."""
@@ -15,3 +19,25 @@ class Allowed:
 
 
 REL_ERROR, PHOTONS, SEED = Allowed("1e-5", "1"), Allowed("1e3", "1e12"), Allowed("0", "2147483647")
+
+
+def check_rel_error(value: object) -> None:
+    """Refuse a relative error that no trace can have, with a `RenderError`."""
+    _check("rel_error", "relative error", value, REL_ERROR, "try 0.02, which is 2 %")
+
+
+def check_photons(value: object) -> None:
+    """Refuse a number of photons that no trace can have, with a `RenderError`."""
+    _check("max_photons", "photon budget", value, PHOTONS, "try 1e8")
+
+
+def _check(name: str, what: str, value: object, limit: Allowed, remedy: str) -> None:
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (isinstance(value, Real) and number and limit.holds(float(value))):
+        raise RenderError(
+            f"impossible {what}",
+            where=name,
+            found=value if number else repr(value),
+            rule=limit.rule if number else f"a number, {limit.rule}",
+            remedy=remedy,
+        )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Real
 
-from lightfield.errors import RenderError
-from lightfield.render.limits import PHOTONS, REL_ERROR
+from lightfield.render.limits import REL_ERROR, check_photons, check_rel_error
 
 OnProgress = Callable[
     [int, float, float], None
@@ -46,17 +44,5 @@ class Settings:
     symmetry: bool = False
 
     def __post_init__(self) -> None:
-        for name, what, limit, remedy in (
-            ("rel_error", "relative error", REL_ERROR, "try 0.02, which is 2 %"),
-            ("max_photons", "photon budget", PHOTONS, "try 1e8"),
-        ):
-            value = getattr(self, name)
-            number = isinstance(value, Real) and not isinstance(value, bool)
-            if not number or not limit.holds(value):
-                raise RenderError(
-                    f"impossible {what}",
-                    where=name,
-                    found=value if number else repr(value),
-                    rule=limit.rule if number else f"a number, {limit.rule}",
-                    remedy=remedy,
-                )
+        check_rel_error(self.rel_error)
+        check_photons(self.max_photons)

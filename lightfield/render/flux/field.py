@@ -27,12 +27,12 @@ from lightfield.formula.path import rays
 from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.backend import use_backend
 from lightfield.render.flux.spline import Splines
+from lightfield.render.limits import check_photons
 from lightfield.render.maps import transport_key
 from lightfield.render.response import store
 from lightfield.render.response.grid import COMPONENTS, Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.symmetry import symmetric
-from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
@@ -100,7 +100,7 @@ def traced_field(
     RenderError
         A region that is not all in the water in front of the lamp, or photons that no trace can have.
     """
-    Settings(max_photons=photons)  # refuses what no trace can have
+    check_photons(photons)
     grid = region.grid()
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference

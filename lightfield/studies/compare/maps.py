@@ -150,7 +150,7 @@ class PlaneComparison:
         nan = float("nan")
         if not self.is_lit:
             return Within(nan, nan, False)
-        rings, r = self.profile.standing(level), self.profile.r_m
+        rings, r = self.profile.standings(level), self.profile.r_m
         first = int(np.argmax(rings != WITHIN))
         if rings[first] == WITHIN:
             return Within(float("inf"), nan, False)

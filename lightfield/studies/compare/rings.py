@@ -26,7 +26,7 @@ class Profile:
     stderr: Array
     formula: Array
 
-    def standing(self, level: float) -> Array:
+    def standings(self, level: float) -> Array:
         """How every ring's error stands to a level, see `standing`, together with the rings beside it.
 
         Each counts by its error: the few cells on the axis, and those of one ring, may not be known alone.

@@ -22,7 +22,7 @@ from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.light_source import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
-from lightfield.render.settings import Settings
+from lightfield.render.limits import check_photons
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.parameters import told
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
@@ -139,7 +139,7 @@ def working_range(
         No room in the tank.
     """
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
-    Settings(max_photons=photons)  # refuses what no trace can have
+    check_photons(photons)
     first, last = _ends(scene, to_m)
     nodes = _steps(first, last, _DISTANCES)
     z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _planes(scene, last)]))

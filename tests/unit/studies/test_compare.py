@@ -144,9 +144,9 @@ def test_a_ring_counts_together_with_those_beside_it():
     """One cell on the axis is known to 8 %, the ring about it to 2 %: together within 5 %."""
     r, ones = np.arange(4) * 0.1, np.ones(4)
     near = Profile(r, ones, np.array([0.08, 0.02, 0.01, 0.001]), np.array([1.07, 1.0, 1.0, 1.2]))
-    np.testing.assert_array_equal(near.standing(0.05), [WITHIN, WITHIN, BEYOND, BEYOND])
+    np.testing.assert_array_equal(near.standings(0.05), [WITHIN, WITHIN, BEYOND, BEYOND])
     dark = Profile(r, np.zeros(4), np.full(4, np.inf), np.full(4, 1e-9))
-    np.testing.assert_array_equal(dark.standing(0.05), [OPEN] * 4)
+    np.testing.assert_array_equal(dark.standings(0.05), [OPEN] * 4)
 
 
 def test_what_falls_from_too_bright_to_too_dark_is_not_within(make):
@@ -156,12 +156,12 @@ def test_what_falls_from_too_bright_to_too_dark_is_not_within(make):
     for _ in range(200):
         render = 1 + stderr * rng.standard_normal(14)
         rings = Profile(np.arange(14) * 0.05, render, stderr, truth)
-        assert (rings.standing(0.10)[[0, 1, 12, 13]] != WITHIN).sum() >= 2
-        assert not ((rings.standing(0.05) == WITHIN) & (rings.standing(0.10) != WITHIN)).any()
+        assert (rings.standings(0.10)[[0, 1, 12, 13]] != WITHIN).sum() >= 2
+        assert not ((rings.standings(0.05) == WITHIN) & (rings.standings(0.10) != WITHIN)).any()
 
 
 def plane_of(states: list[int], monkeypatch, plane):
-    monkeypatch.setattr(Profile, "standing", lambda self, level: np.array(states))
+    monkeypatch.setattr(Profile, "standings", lambda self, level: np.array(states))
     return plane.within(0.10)
 
 
