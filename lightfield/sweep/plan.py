@@ -17,17 +17,18 @@ from lightfield.render.response.response import Reference
 from lightfield.render.response.store import digest_of
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene
-from lightfield.scene.acts import ATTENUATION, TRACED, Acts
-from lightfield.scene.all_parameters import acts_on, only, without
+from lightfield.scene.acts import TRACED, Acts
+from lightfield.scene.all_parameters import acts_on, only
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.sharing import served_together
+from lightfield.sweep.sharing import Trace, common_reference, served_together
 
 BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
+_SEEDS = 4_000_000  # more than there can be traces; the tracer's seed * 1009 + batch stays below 2**32
 
 Told = tuple[tuple[str, Any], ...]  # values by path
 
@@ -54,43 +55,6 @@ class SweepSettings:
 
     def __post_init__(self) -> None:
         Settings(self.rel_error, self.max_photons)  # refuses what no trace can have
-
-
-@dataclass(frozen=True)
-class Trace:
-    """One trace: which scene, its reference water, and the seed.
-
-    Parameters
-    ----------
-    number : int
-    first : int
-        Number of the first case that is evaluated from it; all of them have its beam and geometry.
-    reference : Reference
-    seed : int
-    cases : int
-        How many cases are evaluated from it.
-    """
-
-    number: int
-    first: int
-    reference: Reference
-    seed: int
-    cases: int
-
-    def scene(self, cases: Cases) -> Scene:
-        """What is traced: beam and geometry of its cases in the reference water."""
-        scene = without(cases.build(self.first, validate=False), ATTENUATION)
-        plain: dict[str, Any] = {
-            "water.absorption_per_m": self.reference.absorption_per_m,
-            "water.scattering_per_m": self.reference.scattering_per_m,
-        }
-        if scene.tank is not None:
-            plain |= {
-                "tank.wall_albedo": self.reference.wall_albedo,
-                "tank.surface_reflectance": self.reference.surface_reflectance,
-                "tank.surface": "flat" if self.reference.surface_reflectance > 0 else "none",
-            }
-        return scene.with_values(plain, validate=False)
 
 
 @dataclass(frozen=True)
@@ -348,6 +312,7 @@ def _traces(
     starts = np.flatnonzero(np.diff(alike[ordered], prepend=-1))
     trace_of_case = np.full(cases.count, -1)
     traces: list[Trace] = []
+    taken: set[int] = set()
     as_it_is = _key(cases.scene)
     steps_of = np.array(np.unravel_index(ordered[starts], cases.shape)).T.tolist()
     for steps, left in zip(steps_of, np.split(ordered, starts[1:]), strict=False):
@@ -356,7 +321,9 @@ def _traces(
             members, left = served_together(left, waters, far_m)
             trace_of_case[members] = len(traces)
             molecules = cases.molecular_share(int(members[waters[members, 1].argmax()]))
-            traces.append(_trace(settings, key, members, waters[members], len(traces), molecules))
+            reference = common_reference(waters[members], molecules)
+            seed = _seed(f"{settings.seed} {key} {reference}", taken)
+            traces.append(Trace(len(traces), int(members[0]), reference, seed, len(members)))
     return tuple(traces), trace_of_case
 
 
@@ -370,14 +337,13 @@ def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
     return of_case.ravel()
 
 
-def _trace(
-    settings: SweepSettings, key: str, members: np.ndarray, waters: np.ndarray, number: int, molecules: float
-) -> Trace:
-    low, (_, b, rho, surface) = waters.min(axis=0).tolist(), waters.max(axis=0).tolist()
-    reference = Reference(low[0], b, rho, surface, molecules)
-    text = f"{settings.seed} {key} {reference}"
-    seed = int(hashlib.sha256(text.encode()).hexdigest()[:12], 16) % 4_000_000
-    return Trace(number, int(members[0]), reference, seed, len(members))
+def _seed(text: str, taken: set[int]) -> int:
+    """The seed of a trace that a text tells: the same in every plan, unless it is taken; now it is."""
+    seed = int(hashlib.sha256(text.encode()).hexdigest()[:12], 16) % _SEEDS
+    while seed in taken:
+        seed = (seed + 1) % _SEEDS
+    taken.add(seed)
+    return seed
 
 
 def _chunks(shape: tuple[int, ...], transport: list[int], limit: int) -> tuple[int, ...]:

@@ -1,11 +1,19 @@
-"""Which waters one trace serves: those whose photons would not be weighed too unequally, nor wrong."""
+"""One trace for many cases: what is traced, and which waters it serves neither too unequally nor wrong."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import gammainc
 
 from lightfield.render.response.open_ended import HELD_FROM
+from lightfield.render.response.response import Reference
+from lightfield.scene import Scene
+from lightfield.scene.acts import ATTENUATION
+from lightfield.scene.all_parameters import without
+from lightfield.sweep.cases import Cases
 
 # Light that scattered n times in a reference water b0 counts (b / b0)^n exp((b0 - b) L). Over a path L the
 # variance of that factor is exp(spread) - 1, spread = (b0 - b)^2 L / b0 (Poisson of mean b0 L).
@@ -16,6 +24,43 @@ MOST_SPREAD = 1.5
 MOST_UNTOLD = 0.1
 # Has a logarithm, as no scattering has not, 1/m.
 _NOTHING = 1e-300
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One trace: which scene, its reference water, and the seed.
+
+    Parameters
+    ----------
+    number : int
+    first : int
+        Number of the first case that is evaluated from it; all of them have its beam and geometry.
+    reference : Reference
+    seed : int
+    cases : int
+        How many cases are evaluated from it.
+    """
+
+    number: int
+    first: int
+    reference: Reference
+    seed: int
+    cases: int
+
+    def scene(self, cases: Cases) -> Scene:
+        """What is traced: beam and geometry of its cases in the reference water."""
+        scene = without(cases.build(self.first, validate=False), ATTENUATION)
+        plain: dict[str, Any] = {
+            "water.absorption_per_m": self.reference.absorption_per_m,
+            "water.scattering_per_m": self.reference.scattering_per_m,
+        }
+        if scene.tank is not None:
+            plain |= {
+                "tank.wall_albedo": self.reference.wall_albedo,
+                "tank.surface_reflectance": self.reference.surface_reflectance,
+                "tank.surface": "flat" if self.reference.surface_reflectance > 0 else "none",
+            }
+        return scene.with_values(plain, validate=False)
 
 
 def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,6 +81,12 @@ def served_together(left: np.ndarray, waters: np.ndarray, far_m: np.ndarray) -> 
     near = (_spread(some, far) <= MOST_SPREAD) & (_untold(some, far) <= MOST_UNTOLD)
     near[near] = _same_reflections(waters[left][near])
     return left[near], left[~near]
+
+
+def common_reference(waters: np.ndarray, molecular_share: float) -> Reference:
+    """The water of one trace for (n, 4) waters: it absorbs as the clearest, scatters and reflects most."""
+    (a, *_), (_, b, rho, surface) = waters.min(axis=0).tolist(), waters.max(axis=0).tolist()
+    return Reference(a, b, rho, surface, molecular_share)
 
 
 def _spread(waters: np.ndarray, far_m: float) -> np.ndarray:

@@ -157,6 +157,14 @@ def test_every_reference_is_the_clearest_and_most_turbid_of_its_cases() -> None:
             assert asked == Reference(a, b, albedo, surface)
 
 
+def test_no_two_traces_share_a_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 1000 traces two may draw the same: the later one takes the next that is free."""
+    monkeypatch.setattr(plan_module, "_SEEDS", 50)
+    seeds = [trace.seed for trace in planned("lamp.hwhm_deg=2:10:50").traces]
+    assert sorted(seeds) == list(range(50))
+    assert [trace.seed for trace in planned("lamp.hwhm_deg=2:10:50").traces] == seeds
+
+
 def test_a_plan_looks_at_few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     """100,000 cases are planned in seconds: what costs a millisecond is not done for every step."""
     looked = {"key": 0, "scene": 0}
