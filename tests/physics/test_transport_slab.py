@@ -19,11 +19,12 @@ from lightfield.render.backend import use_backend
 from lightfield.render.response.response import Bookkeeping
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.flight import TransportProblem
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Crossing
 from lightfield.render.tracer.scattering import henyey_greenstein
 from lightfield.render.tracer.surfaces import Shapes
-from lightfield.render.tracer.walk import TransportProblem, counted, trace
+from lightfield.render.tracer.walk import counted, trace
 from lightfield.scene import Lamp
 
 BLACK = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}}

@@ -109,7 +109,7 @@ def test_the_walk_of_photons_meets_the_same_facets(slope_deg: float, hwhm_deg: f
     degrees, where every cell and the mean agree to 1 %; more light, within the stated part, at 10.
     """
     lit = scene(slope_deg, **{"lamp.hwhm_deg": hwhm_deg})
-    rendering = render_scene(lit, max_photons=2e6, rel_error=1e-5, seed=2, cache=False)
+    rendering = render_scene(lit, max_photons=5e6, rel_error=1e-5, seed=2, cache=False)
     traced, error = (v[0].ravel() for v in rendering.relative_maps(np.array([525.0]), "diffuse"))
     grid, part = rendering.grid, (np.arange(4) + 0.5) / 4 - 0.5
     dy, dx = (v.ravel() for v in np.meshgrid(part * grid.pitch_y_m, part * grid.pitch_x_m, indexing="ij"))

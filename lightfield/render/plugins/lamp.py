@@ -45,7 +45,7 @@ class LightfieldLamp(mi.Emitter):
 
     def _towards(self, direction: mi.Vector3f) -> mi.Float:
         """Radiant intensity relative to the axis in a world direction."""
-        return self.emission.intensity(*self.emission.angles(direction))
+        return self.emission.towards(direction)
 
     def sample_ray(
         self,

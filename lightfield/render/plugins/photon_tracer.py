@@ -11,11 +11,12 @@ from lightfield.render.plugins.detector_plane import DetectorPlane
 from lightfield.render.plugins.lamp import LightfieldLamp
 from lightfield.render.response.grid import Grid
 from lightfield.render.tracer.absorption import ReferenceWater
+from lightfield.render.tracer.flight import TransportProblem
 from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
-from lightfield.render.tracer.walk import TransportProblem, counted, trace
+from lightfield.render.tracer.walk import counted, trace
 
 BATCHES = 8
 LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum

@@ -12,6 +12,8 @@ MODULES = (
     "tracer.emission",
     "tracer.planes",
     "tracer.histories",
+    "tracer.flight",
+    "tracer.straight",
     "tracer.walk",
     "plugins.phase",
     "plugins.lamp",

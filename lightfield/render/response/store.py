@@ -17,7 +17,7 @@ from lightfield.errors import OutputError
 from lightfield.storage.cache import cache_dir
 from lightfield.storage.files import atomic_path, remove_leftovers
 
-FORMAT = 22  # raised whenever the walk, the tally, the light at readings or this file's layout changes
+FORMAT = 23  # raised whenever the walk, the tally, the light at readings or this file's layout changes
 LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
 log = logging.getLogger(__name__)
 

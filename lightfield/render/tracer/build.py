@@ -16,12 +16,12 @@ from lightfield.render.response.response import Reference
 from lightfield.render.response.symmetry import MirrorImages
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.flight import TransportProblem
 from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
 from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
-from lightfield.render.tracer.walk import TransportProblem
 from lightfield.scene import Scene
 from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.phase import of_scene

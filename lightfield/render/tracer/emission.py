@@ -146,16 +146,24 @@ class Emission:
         local, weight, theta = self.draw(u1, u2)
         node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
         direction = self.in_tank(local)
-        radius = self.value["radius"] * dr.sqrt(rng.next_float32())
-        sin_a, cos_a = dr.sincos(2 * pi * rng.next_float32())
+        origin = self.on_window(rng.next_float32(), rng.next_float32())
         # Light starts at the window z = 0 and seems to diverge from a point behind it.
         back = self.value["apparent"] / dr.maximum(direction.z, 1e-3)
-        position = mi.Point3f(
-            self.value["offset_x"] + radius * cos_a + direction.x * back,
-            self.value["offset_y"] + radius * sin_a + direction.y * back,
-            0,
-        )
+        position = mi.Point3f(origin.x + direction.x * back, origin.y + direction.y * back, 0)
         return FirstFlights(position, direction, weight, node)
+
+    def on_window(self, u: mi.Float, v: mi.Float) -> mi.Point3f:
+        """Where light seems to come from: a point of the window, as far behind it as the lamp says."""
+        radius = self.value["radius"] * dr.sqrt(u)
+        sin_a, cos_a = dr.sincos(2 * pi * v)
+        x, y = self.value["offset_x"] + radius * cos_a, self.value["offset_y"] + radius * sin_a
+        return mi.Point3f(x, y, -self.value["apparent"])
+
+    def towards(self, direction: mi.Vector3f) -> mi.Float:
+        """Radiant intensity relative to the axis in a direction in the frame of the tank."""
+        ahead = dr.dot(direction, self._axis) > 0
+        light = self.intensity(*self.angles(direction))
+        return light if self.lamp.profile == "isotropic" else dr.select(ahead, light, 0)
 
     def in_tank(self, local: mi.Vector3f) -> mi.Vector3f:
         """A beam-frame direction in the frame of the tank."""

@@ -80,6 +80,7 @@ class Planes:
             self.cells = len(self.images)
         self.row_length = self.component_length = dr.opaque(mi.UInt32, self.cells)
         self.lookup = mi.UInt32(number.ravel())
+        self.listed = mi.UInt32(np.flatnonzero(number.ravel() < self.cells))  # cells of the grid that count
         # In variables, not literals: another layout needs no new kernel.
         self.count, self._n_y, self._n_x, self._n_cells = (
             dr.opaque(mi.UInt32, n) for n in (*grid.shape, self.cells)
@@ -145,6 +146,22 @@ class Planes:
         enters, leaves = dr.maximum(middle - half, 0), dr.minimum(middle + half, reach)
         inside = dr.maximum(leaves - enters, 0)
         return dr.fma(u, inside, enters), inside / thickness
+
+    def place(self, number: mi.UInt32, u: mi.Float, v: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
+        """A place in a cell of the grid, by its number and two uniform numbers; and the cell of the tally."""
+        row, column = number // self._n_x, number % self._n_x
+        x = self.first_x + (mi.Float(column) + u) / self.per_x
+        y = self.first_y + (mi.Float(row % self._n_y) + v) / self.per_y
+        z = dr.gather(mi.Float, self.z, row // self._n_y)
+        return mi.Point3f(x, y, z), dr.gather(mi.UInt32, self.lookup, number)
+
+    def straight_to(
+        self, place: mi.Point3f, cell: mi.UInt32, direction: mi.Vector3f, reach: mi.Float
+    ) -> Crossing:
+        """The crossing at a place of a flight from the window that leads there, where `reach` is so far."""
+        distance, per_depth = place.z / direction.z, dr.rcp(dr.maximum(direction.z, 1e-3))
+        hits = (distance < reach) & (direction.z > 0)
+        return Crossing(distance, place.x, place.y, place.z, hits, cell, mi.Bool(False), cell, per_depth)
 
     def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[tuple[mi.Float, ...], mi.Float]:
         """Receiver's responses to unit power, 1/m^2 (1/m^2/sr), and the straight path from the lamp, m.

@@ -98,7 +98,7 @@ def test_maps_positions_and_formula_hold_the_same_light(tmp_path: Path) -> None:
         tmp_path,
         line(512.0, 3.0),
         water={"base": "pure"},
-        detector={"planes_m": [2.0], "width_m": 0.1, "pixels": 5, "bands_nm": [BAND]},
+        detector={"planes_m": [2.0], "width_m": 0.025, "pixels": 5, "bands_nm": [BAND]},  # as good as a place
     )
     plane = render_scene(scene, max_photons=2e5, rel_error=1e-3)
     light, error = (v[0, 0, 2, 2] for v in plane.maps(part="direct"))
