@@ -86,7 +86,7 @@ class DirectedTrace:
         from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
 
         scene, nodes, images = self.scene, self.beam_nodes, self.images
-        seen: list[tuple[NDArray[np.bool_], Array]] = []  # needed rows that were lit, and their tallies
+        seen: list[tuple[NDArray[np.integer[Any]], Array]] = []  # rows that were lit, and their tallies
         errors = []
         under = " under the water surface" if scene.surface_reflects else ""
 
@@ -99,16 +99,15 @@ class DirectedTrace:
             one = scene if g is None else scene.with_values({path: g}, validate=False)
             listening = nullcontext() if told is None else heard_by(follow)
             with listening, step(k, len(self.photons), "" if g is None else f"g = {g:g}"):
-                tally, stderr, histories, excess, density = trace_by_direction(
+                tally, lit, stderr, histories, excess, density = trace_by_direction(
                     one, self.grid, self.reference, nodes, sent, self.seed, images, self.classes
                 )
-            lit = np.asarray(tally.any(axis=(0, 2)))
-            seen.append((lit, tally[:, lit]))
+            seen.append((lit, tally))
             errors.append(stderr)
-            del tally  # it is as large as all that the next trace needs
+            del tally
         free_memory()
-        classes, used = light_classes(histories), np.any([lit for lit, _ in seen], axis=0)
-        rows = np.flatnonzero(used)[np.argsort(classes[used], kind="stable")]
+        used = np.unique(np.concatenate([lit for lit, _ in seen]))
+        rows = used[np.argsort(light_classes(histories)[used], kind="stable")]
         place, relative = np.zeros(len(histories), int), np.array(errors)
         place[rows] = np.arange(len(rows))
         # Light that was never scattered knows no g: the traces are one.

@@ -119,26 +119,30 @@ class MirrorImages:
         """Of each cell among those that are traced, shape (n_cells,)."""
         return np.cumsum(~self.flipped[:, 0]) - 1
 
-    def add_folded(self, out: np.ndarray, tallies: np.ndarray, rows: np.ndarray, nodes: AngleNodes) -> None:
-        """Add some rows of the tallies of the cells that are kept, averaged with those of their images at -y.
+    def folded(self, tallies: np.ndarray, rows: np.ndarray, nodes: AngleNodes) -> np.ndarray:
+        """Some rows of the tallies of the cells that are kept, averaged with those of their images at -y.
 
         Parameters
         ----------
-        out : array, shape (n_rows, n_emission_nodes, n_kept)
         tallies : array, shape (n_rows, n_emission_nodes, n_traced)
-        rows : array of int
+        rows : array of int, shape (n_some,)
+
+        Returns
+        -------
+        array, shape (n_some, n_emission_nodes, n_kept)
         """
+        out = np.zeros((len(rows), nodes.size, len(self.kept)), np.float32)
         first = tallies.shape[2] * np.arange(nodes.size)[:, None]  # of each node's cells in a row
         mine = first + self._number[self.kept]
         image = self.y[self.kept]
         theirs = np.where(image >= 0, first[nodes.mirrored(False, True)] + self._number[image], mine)
-        for row in rows:
+        for own, row in zip(out, rows, strict=True):
             tally = tallies[row].ravel()
-            own = tally.take(mine)
+            tally.take(mine, out=own)
             if self._paired.any():
                 own += tally.take(theirs)
                 own *= 0.5
-            out[row] += own
+        return out
 
 
 def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from itertools import product
 from math import ceil
 
 import drjit as dr
@@ -34,6 +35,8 @@ LARGEST_LAUNCH = 1 << 20
 PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
 TALLY_BYTES = 900e6
 DIRECTION_BATCHES = 8
+#: Of a tally by direction that is made at a time: for the rest of a larger one as many photons walk again.
+DIRECTIONS_BYTES = 120e6
 #: Lit cells that tell how their errors change with their light; fewer have one in common.
 FEWEST_LIT = 8
 
@@ -170,18 +173,20 @@ def trace_by_direction(
     seed: int,
     images: MirrorImages,
     classes: Sequence[int],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Trace with the direction of emission kept.
 
     Parameters
     ----------
     classes : sequence of int
-        Of light, see `light_classes`, whose tallies are asked for; those of others stay empty.
+        Of light, see `light_classes`, whose tallies are asked for.
 
     Returns
     -------
-    tally : array, shape (n_emission_nodes, n_rows, n_kept)
-        Of the cells that stand for all of their mirror images.
+    tally : array, shape (n_emission_nodes, n_lit, n_kept)
+        Of the rows that are asked for and were lit, in the cells that stand for all of their mirror images.
+    lit : array of int, shape (n_lit,)
+        These rows, ascending.
     relative_stderr : array, shape (5, n_cells)
         Of each class of light, for the scene's own beam in the reference water.
     histories : array of int, shape (n_rows, 3)
@@ -189,33 +194,45 @@ def trace_by_direction(
     density : array, shape (n_rings,), 1/sr
         Part of the photons sent out per solid angle at each ring.
     """
+    free_memory()
     receiver = scene.detector
     symmetric = receiver.tilt_x_deg == 0
     setup = assembled(scene, grid, reference, nodes=beam_nodes.nodes, images=images, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
     kinds = light_classes(histories)
-    asked = np.flatnonzero(np.isin(kinds, classes))
+    asked, lit = np.isin(kinds, classes), np.zeros(len(histories), bool)
     # Of a round beam, as the traced one is; in single precision, as the tallies are.
     own = np.repeat(beam_nodes.values(scene.lamp), beam_nodes.nodes.n_phi).astype(np.float32)
+    # Most rows stay dark: what is never written takes no memory.
     every = np.zeros((len(histories), emission_nodes, setup.planes.cells), np.float32)
-    parts = []
-    for batch in range(DIRECTION_BATCHES):
+    parts = np.zeros((DIRECTION_BATCHES, CLASSES, len(images.told_by)))
+    at_once = int(max(DIRECTIONS_BYTES // every[:path_nodes].nbytes, 1))
+    groups = [(first, min(first + at_once, channels)) for first in range(0, channels, at_once)]
+    for done, (group, batch) in enumerate(product(groups, range(DIRECTION_BATCHES)), start=1):
         counts, _ = trace(
-            setup,
+            replace(setup, histories=setup.histories.of_channels(*group)),
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=symmetric,
             direct=False,  # a fit knows it in closed form
         )
-        tell(f"{photons * (batch + 1) // DIRECTION_BATCHES:.3g} photons", (batch + 1) / DIRECTION_BATCHES)
-        by_node = counts.reshape(len(histories), emission_nodes, -1)
-        every += by_node
+        part = done / (len(groups) * DIRECTION_BATCHES)
+        tell(f"{photons * part:.3g} photons", part)
+        here = slice(*(path_nodes * channel for channel in group))
+        by_node = counts.reshape(-1, emission_nodes, setup.planes.cells)
         beam = (own @ by_node)[:, images.told_by]  # [n_rows, n_cells]
-        parts.append([beam[kinds == kind].sum(axis=0) for kind in range(CLASSES)])
+        for kind in range(CLASSES):
+            parts[batch, kind] += beam[kinds[here] == kind].sum(axis=0)
+        seen = asked[here] & by_node.any(axis=(1, 2))
+        for row in np.flatnonzero(seen):
+            every[here][row] += by_node[row]
+        lit[here] |= seen
         del counts, by_node  # so that the next tally takes the memory of this one
-    total = np.zeros((len(histories), emission_nodes, len(images.kept)), np.float32)
-    images.add_folded(total, every, asked, beam_nodes.nodes)
+    free_memory()
+    rows = np.flatnonzero(lit)
+    total = images.folded(every, rows, beam_nodes.nodes)
+    del every
     mean = np.mean(parts, axis=0)
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = shared_errors(mean, stderr)
@@ -223,7 +240,7 @@ def trace_by_direction(
     total /= np.float32(DIRECTION_BATCHES * counted(photons // DIRECTION_BATCHES, symmetric))
     rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
     density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
-    return total.transpose(1, 0, 2), relative, histories, excess, density
+    return total.transpose(1, 0, 2), rows, relative, histories, excess, density
 
 
 def shared_errors(mean: np.ndarray, stderr: np.ndarray) -> np.ndarray:

@@ -146,11 +146,12 @@ def tally_flight(
     weight = photon.weight
     u = rng.next_float32() if histories.wall_nodes is not None else mi.Float(0)
     channel = histories.channel(photon.scatterings, photon.walls, photon.mirrors, u)
+    counts = (weight > 0) & histories.holds(channel)
     plane = mi.UInt32(0)
     while plane < planes.count:
         u = rng.next_float32() if planes.is_slab else mi.Float(0)
         crossing = planes.crossing(plane, position, direction, reach, mirror_x, u)
-        if (weight > 0) & (crossing.hits | crossing.mirror_hits):
+        if counts & (crossing.hits | crossing.mirror_hits):
             responses, straight = planes.reading(crossing, direction)
             depth = absorption.depth(position, direction, crossing.distance)
             value = weight * dr.exp(-depth - b0 * crossing.distance)

@@ -9,6 +9,7 @@ between both takes twice the writes and tells no more: the variance of a map is 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import drjit as dr
@@ -113,10 +114,22 @@ class Histories:
             lookup.append(rows.setdefault((n_kept, hits[m_kept], k_kept), len(rows)))
         self.channels = np.array(list(rows))
         self.lookup = mi.UInt32(lookup)
+        self._first, self._held = (dr.opaque(mi.UInt32, n) for n in (0, len(rows)))
         if wall_nodes is not None:
             below, share = wall_nodes.between()
             self._most_hits = dr.opaque(mi.UInt32, len(below) - 1)
             self._below, self._share = mi.UInt32(below), mi.Float(share)
+
+    def of_channels(self, first: int, last: int) -> Histories:
+        """The same with a tally of the channels from `first` to before `last` alone."""
+        some = copy(self)
+        some.channels = self.channels[first:last]
+        some._first, some._held = (dr.opaque(mi.UInt32, n) for n in (first, len(some.channels)))
+        return some
+
+    def holds(self, channel: mi.UInt32) -> mi.Bool:
+        """Has the tally this channel?"""
+        return channel < self._held
 
     @property
     def size(self) -> int:
@@ -131,7 +144,10 @@ class Histories:
     def channel(
         self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32, u: mi.Float
     ) -> mi.UInt32:
-        """Channel number of a history; of two nodes of wall hits around it a uniform number chooses one."""
+        """Channel of a history in the tally, or none of it, see `holds`.
+
+        Of two nodes of wall hits around it a uniform number chooses one.
+        """
         if self.wall_nodes is not None:
             hits = dr.minimum(walls, self._most_hits)
             above = dr.select(u < dr.gather(mi.Float, self._share, hits), mi.UInt32(1), mi.UInt32(0))
@@ -139,7 +155,7 @@ class Histories:
         counted = zip((scatterings, walls, surfaces), self._most, strict=True)
         n, m, k = (dr.minimum(number, most) for number, most in counted)
         _, most_m, most_k = self._most
-        return dr.gather(mi.UInt32, self.lookup, (n * (most_m + 1) + m) * (most_k + 1) + k)
+        return dr.gather(mi.UInt32, self.lookup, (n * (most_m + 1) + m) * (most_k + 1) + k) - self._first
 
     def mirrored(self, node: mi.UInt32) -> mi.UInt32:
         """Emission node of the mirror image at -x: phi -> pi - phi."""

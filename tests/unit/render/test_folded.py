@@ -55,8 +55,7 @@ def test_mirrored_beams_stand_for_mirror_images(lamp: dict[str, float]) -> None:
     by = images.told_by
     assert_allclose([cx[by], cy[by], cz[by]], [-np.abs(x), y, z], atol=1e-12)
     traced = every.astype(np.float32)[:, :, x < 1e-12].transpose(1, 0, 2)
-    folded = np.zeros((3, nodes.size, len(images.kept)), np.float32)
-    images.add_folded(folded, traced, np.arange(3), nodes)
+    folded = images.folded(traced, np.arange(3), nodes)
     kept = folded.transpose(1, 0, 2)
     histories = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0)])
     beams = BeamTallies(
@@ -84,8 +83,7 @@ def test_a_place_without_a_mirror_image_keeps_its_own_light() -> None:
     cx, cy, _ = images.traced(grid).centres()
     assert len(cx) == 4 and len(images.kept) == 3
     tally = np.random.default_rng(0).random((1, nodes.size, 4), np.float32)
-    folded = np.zeros((1, nodes.size, 3), np.float32)
-    images.add_folded(folded, tally, np.arange(1), nodes)
+    folded = images.folded(tally, np.arange(1), nodes)
     other = nodes.mirrored(False, True)
     for cell, found in zip(images.kept.tolist(), folded[0].T, strict=True):
         (image,) = np.flatnonzero((cx == cx[cell]) & np.isclose(cy, -cy[cell])) if cy[cell] < 0.6 else (cell,)
