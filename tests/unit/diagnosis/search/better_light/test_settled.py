@@ -18,17 +18,16 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
-from lightfield.diagnosis.search import settled as module
-from lightfield.diagnosis.search import settling
+from lightfield.diagnosis.search.better_light import settled as module
+from lightfield.diagnosis.search.better_light import settling
+from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
+from lightfield.diagnosis.search.better_light.settling import Judge, Settled
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.following import PHOTONS, scatters
-from lightfield.diagnosis.search.pool.evidence import GAP, evidence
+from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.search import Tried
-from lightfield.diagnosis.search.settled import is_nearly_explained, settled
-from lightfield.diagnosis.search.settling import Judge, Settled
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
@@ -283,19 +282,6 @@ def test_of_many_effects_the_price_decides_not_their_number(several: Diagnosis, 
     assert after.accepted[0].bic == pytest.approx(before.accepted[0].bic)
 
 
-def test_named_forms_win_where_they_suffice(found: Diagnosis) -> None:
-    """No curve is the answer that is no more than a gap cheaper than a name in its place."""
-
-    def costing(bic: float, curves: int) -> Tried:
-        effects: Any = (SimpleNamespace(effect=SimpleNamespace(is_free_form=k < curves)) for k in range(3))
-        return replace(found.finding.accepted[0], explanation=tuple(effects), bic=bic)
-
-    two, one, far = costing(10.0, 2), costing(10.0 + 0.9 * GAP, 1), costing(10.0 + 1.1 * GAP, 0)
-    assert module._named_first([two, one, far]) == [one, two, far]
-    assert module._named_first([two, far]) == [two, far]
-    assert module._named_first([]) == []
-
-
 def test_what_is_known_of_effects_is_known_of_those_of_the_answer(several: Diagnosis, monkeypatch) -> None:
     """Where the best set passes no more, another one is the answer, and not for all of its effects is
     anything sure that was sure of the best one's."""
@@ -350,17 +336,3 @@ def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> No
     )
     problem = SimpleNamespace(forward=SimpleNamespace(light=light))
     assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)
-
-
-def test_what_fails_by_a_hair_and_costs_less_keeps_an_answer_from_being_alone(found: Diagnosis) -> None:
-    """Of b = 0.4 per m beside walls of 0.35 a drift and a background passed at 0.012, and were identified,
-    where walls with scattering failed at 0.010 and cost less."""
-    best = found.finding.accepted[0]
-    assert best.adequacy is not None
-
-    def other(p: float, cheaper: float) -> Tried:
-        return replace(best, bic=best.bic - cheaper, adequacy=replace(best.adequacy, p=p))
-
-    hair, far, dear, passes = other(0.009, 1.6), other(0.0009, 1.6), other(0.009, -1.6), other(0.02, 1.6)
-    assert module._nearly([far, dear, passes, hair], best, 0.01) == [hair]
-    assert module._nearly([far, dear], best, 0.01) == []

@@ -18,25 +18,23 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at, level_for, with_base
+from lightfield.diagnosis.search.better_light.acceptance import accepted_of
+from lightfield.diagnosis.search.better_light.settling import Judge, Settled, settle
+from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at
 from lightfield.diagnosis.search.following import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
-from lightfield.diagnosis.search.pool.evidence import GAP, Weighing, evidence
+from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, begin_at
 from lightfield.diagnosis.search.pool.search import Data, named
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about
-from lightfield.diagnosis.search.profile import profiled, restarted
-from lightfield.diagnosis.search.search import Tried, bic
-from lightfield.diagnosis.search.settling import Judge, Settled, settle
+from lightfield.diagnosis.search.profile import restarted
+from lightfield.diagnosis.search.search import Tried
 from lightfield.fitting.least_squares import Fit
 
 #: So many explanations are settled. Chosen.
 _SETTLED = 3
 #: Where nothing was accepted, so many that came nearest are given another chance.
 _TRIED_ANEW = 1
-#: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale
-#: with noise that was judged beside other light. Chosen.
-_NEARLY = 0.1
 #: The effect by which clear water scatters, and the gap in cost below which it is tried in place of another.
 #: Chosen: settled it cost 21 less, once, than the search had known, and 46 less another time.
 _IN_PLACE, _WITHIN = "scattering", 60.0
@@ -101,7 +99,7 @@ def settled(
             problem = replace(problem, keep=prepared.problem.keep)
     if judge is not None:
         done += _others(prepared, finding, chosen)
-    found = _accepted(prepared, finding, done, rng)
+    found = accepted_of(prepared, finding, done, rng)
     tolerance = prepared.noise.budget.tolerance
     if found[1].size is not None or not finding.accepted or finding.level.tolerance >= tolerance:
         return found
@@ -111,7 +109,7 @@ def settled(
     within = replace(finding, level=tolerant, levels=levels)
     if tolerant.adequacy.passes(alpha):
         return prepared, replace(within, size=0, accepted=[], weights=[])
-    return _accepted(prepared, within, done, rng)
+    return accepted_of(prepared, within, done, rng)
 
 
 def is_nearly_explained(prepared: Prepared, finding: Finding) -> bool:
@@ -194,92 +192,6 @@ def _base(
     )
     levels = [now if other is level else other for other in found.levels]
     return there, replace(found, level=now, levels=levels)
-
-
-def _accepted(
-    prepared: Prepared, finding: Finding, done: list[tuple[Tried, Settled]], rng: np.random.Generator
-) -> tuple[Prepared, Finding]:
-    """What is accepted of a finding at its level, with what was settled in its place."""
-    main, alpha = finding.level.bench.whiten, level_for(finding.level)
-    made: dict[int, tuple[Prepared, Tried]] = {}
-    for tried, one in done:
-        whiten, fit, errors = one.whiten, one.fit, tried.errors
-        if whiten.tolerance != main.tolerance:
-            whiten = Whitener(whiten.noise, whiten.rho, main.phi, main.tolerance)
-            fit = one.problem.fit(tried.explanation, whiten, [fit.u])
-        there = replace(prepared, problem=one.problem)
-        test = judged(there, whiten, rng)
-        adequacy = test(fit)
-        if adequacy.passes(alpha):
-            fit, errors = profiled(one.problem, tried.explanation, fit, whiten, adequacy.phi, False)
-            adequacy = test(fit)
-        score = _score(finding, tried.explanation, fit, adequacy.phi)
-        score += whiten.log_determinant - main.log_determinant
-        new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
-        made[id(tried.explanation)] = there, new
-
-    def now(every: list[Tried]) -> list[Tried]:
-        return [made[id(t.explanation)][1] if id(t.explanation) in made else t for t in every]
-
-    passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
-    passing = [t for t in passing if not t.at_edge] or passing
-    if not finding.beyond_two:  # any number of effects have their price
-        fewest = min((len(t.explanation) for t in passing), default=0)
-        passing = [t for t in passing if len(t.explanation) == fewest]
-    passing = _named_first(passing)
-    if passing and not finding.beyond_two:
-        passing += _nearly(now(finding.tried), passing[0], alpha)
-    size = len(passing[0].explanation) if passing else None
-    weights = with_base(passing, finding.level, finding.n) if passing else []
-    best = next((p for p, t in made.values() if passing and t is passing[0]), prepared)
-    after = replace(finding, size=size, accepted=passing, weights=weights, tried=now(finding.tried))
-    return best, _with_evidence(after)
-
-
-def _nearly(tried: list[Tried], best: Tried, alpha: float) -> list[Tried]:
-    """What misses the level narrowly, with no more effects, and costs less than the best that passes.
-
-    A test that one passes by a hair and the other fails by one does not tell them apart.
-    """
-    near: dict[tuple[str, ...], Tried] = {}
-    for one in sorted(tried, key=lambda t: t.bic):
-        narrowly = one.adequacy is not None and one.adequacy.passes(_NEARLY * alpha) and not one.at_edge
-        no_more = len(one.explanation) <= len(best.explanation) and one.bic < best.bic
-        if narrowly and no_more and not one.accepted(alpha):
-            near.setdefault(one.names, one)
-    return list(near.values())
-
-
-def _named_first(passing: list[Tried]) -> list[Tried]:
-    """Best first, but of sets that are no further apart than a gap that with fewest curves."""
-    near = [t for t in passing if t.bic < passing[0].bic + GAP]
-    first = min(near, key=lambda t: (sum(not named(c) for c in t.explanation), t.bic), default=None)
-    return sorted(passing, key=lambda t: t is not first)
-
-
-def _score(finding: Finding, explanation: Explanation, fit: Fit, phi: float) -> float:
-    """By what a set is ranked beside others of the finding, which were not settled: as they are."""
-    if finding.many is None or not finding.beyond_two:
-        return bic(fit, explanation, phi, finding.n)
-    return finding.many.pool.cost(Node(explanation, fit))
-
-
-def _with_evidence(finding: Finding) -> Finding:
-    """The finding with what is known of the effects of its best set, where that is another one now.
-
-    What no other set does without stays sure while the set that this was found of is accepted too.
-    """
-    many = finding.many
-    if many is None or not (many.sought and finding.accepted):
-        return finding
-    keys = [frozenset(c.key for c in t.explanation) for t in finding.accepted]
-    best = many.pool.nodes.get(keys[0])
-    if best is None or (best.key == many.best.key and many.adequate):
-        return finding
-    stands = many.adequate and many.best.key in keys
-    known = {e.candidate.key: e for e in many.evidence} if stands else {}
-    own = [known.get(e.candidate.key, e) for e in evidence(many.pool, best, adequate=True)]
-    return replace(finding, many=replace(many, evidence=own))
 
 
 def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) -> Finding:
