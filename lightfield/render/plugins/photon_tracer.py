@@ -25,9 +25,10 @@ LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to 
 class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
     """Irradiance, scalar irradiance or collimated radiance on every `detector_plane` of a scene, in one pass.
 
-    The estimator is that of `lightfield.render.tracer.walk`: for every flight of every photon, the expected
-    power through each plane that it would cross. The scene holds one `lightfield_lamp` with a homogeneous
-    medium, any diffuse or smooth dielectric surfaces, and `detector_plane` sensors of the same size.
+    The estimator is that of `lightfield.render.tracer.walk`: for every flight of every photon after the
+    first, the expected power through each plane that it would cross; beside it that of `straight` for direct
+    light. The scene holds one `lightfield_lamp` with a homogeneous medium, any diffuse or smooth dielectric
+    surfaces, and `detector_plane` sensors of the same size.
 
     Properties: `photons` (default 1e6; `spp` times the cells of the film, when `mi.render` is given `spp`).
 

@@ -165,6 +165,13 @@ class Emission:
         light = self.intensity(*self.angles(direction))
         return light if self.lamp.profile == "isotropic" else dr.select(ahead, light, 0)
 
+    def density_towards(self, direction: mi.Vector3f) -> mi.Float:
+        """Part of the photons that is sent out per solid angle in a direction of the tank, 1/sr."""
+        s = 0.25 * dr.squared_norm(direction - self._axis)  # sin^2(theta / 2)
+        last = len(self.weight_of_bin) - 1
+        bin_ = dr.binary_search(0, last, lambda i: dr.gather(mi.Float, self.corners, i + 1) <= s)
+        return dr.rcp(dr.gather(mi.Float, self.weight_of_bin, bin_))
+
     def in_tank(self, local: mi.Vector3f) -> mi.Vector3f:
         """A beam-frame direction in the frame of the tank."""
         return dr.normalize(self._right * local.x + self._up * local.y + self._axis * local.z)

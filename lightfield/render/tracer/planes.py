@@ -23,6 +23,10 @@ from lightfield.scene.receiver import looks_aside, tilted_axis
 OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest cell's distance
 #: Thickness of the slab, as a part of the distance: the mean of the inverse square over it is 1e-4 too large.
 SLAB = 0.02
+#: The same of a plane at an end wall, before which the slab lies.
+THINNEST = 2e-4
+#: A plane may lie at the end wall: light on its way there is not lost to the rounding of its way.
+AT_THE_WALL = 1 + 1e-5
 
 
 class Crossing(NamedTuple):
@@ -85,14 +89,16 @@ class Planes:
         self.count, self._n_y, self._n_x, self._n_cells = (
             dr.opaque(mi.UInt32, n) for n in (*grid.shape, self.cells)
         )
-        self.z = mi.Float(grid.z_m)
+        self.z, self.nearest_m = mi.Float(grid.z_m), float(grid.z_m.min())
         self.first_x = _opaque(grid.x_m[0] - 0.5 * grid.pitch_x_m)
         self.first_y = _opaque(grid.y_m[0] - 0.5 * grid.pitch_y_m)
         self.per_x, self.per_y = _opaque(1 / grid.pitch_x_m), _opaque(1 / grid.pitch_y_m)
+        self.pitch_m, self.cell_m2 = max(grid.pitch_x_m, grid.pitch_y_m), grid.pitch_x_m * grid.pitch_y_m
         self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
         room = 2 * np.minimum(grid.z_m - ends_m[0], ends_m[1] - grid.z_m)
-        thickness = np.clip(SLAB * grid.z_m, 0, np.maximum(room, 1e-6))
+        thickness = np.clip(SLAB * grid.z_m, 0, np.maximum(room, THINNEST * grid.z_m))
         self.thickness = mi.Float(thickness)
+        self.slab_z = mi.Float(np.clip(grid.z_m, ends_m[0] + 0.5 * thickness, ends_m[1] - 0.5 * thickness))
         self.last = _opaque((grid.z_m + 0.5 * thickness).max())
         self.reach = _opaque(open_water_m(grid))
         self.lamp = [_opaque(v) for v in lamp_position_m]
@@ -117,7 +123,7 @@ class Planes:
 
         `u` is a uniform number, which a slab asks for.
         """
-        z = dr.gather(mi.Float, self.z, plane)
+        z, reach = dr.gather(mi.Float, self.slab_z if self.is_slab else self.z, plane), reach * AT_THE_WALL
         if self.is_slab:
             distance, per_depth = self._in_slab(plane, z, position, direction, reach, u)
             meets = per_depth > 0
@@ -155,12 +161,26 @@ class Planes:
         z = dr.gather(mi.Float, self.z, row // self._n_y)
         return mi.Point3f(x, y, z), dr.gather(mi.UInt32, self.lookup, number)
 
+    def first_crossing(
+        self, plane: mi.UInt32, start: mi.Point3f, direction: mi.Vector3f, reach: mi.Float, mirror: bool
+    ) -> Crossing:
+        """Where light from the window meets a plane, which is no slab for it; see `crossing`."""
+        z = dr.gather(mi.Float, self.z, plane)
+        distance = z / direction.z
+        place = mi.Point3f(dr.fma(direction.x, distance, start.x), dr.fma(direction.y, distance, start.y), z)
+        met = self.straight_to(place, mi.UInt32(0), direction, reach)
+        hits, cell = self._cell(plane, place.x, place.y, met.hits)
+        mirror_hits, mirror_cell = (
+            self._cell(plane, -place.x, place.y, met.hits) if mirror else (mi.Bool(False), cell)
+        )
+        return met._replace(hits=hits, cell=cell, mirror_hits=mirror_hits, mirror_cell=mirror_cell)
+
     def straight_to(
         self, place: mi.Point3f, cell: mi.UInt32, direction: mi.Vector3f, reach: mi.Float
     ) -> Crossing:
         """The crossing at a place of a flight from the window that leads there, where `reach` is so far."""
         distance, per_depth = place.z / direction.z, dr.rcp(dr.maximum(direction.z, 1e-3))
-        hits = (distance < reach) & (direction.z > 0)
+        hits = (distance < reach * AT_THE_WALL) & (direction.z > 0)
         return Crossing(distance, place.x, place.y, place.z, hits, cell, mi.Bool(False), cell, per_depth)
 
     def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[tuple[mi.Float, ...], mi.Float]:

@@ -6,10 +6,10 @@ What is estimated, at every detector cell, is the power of the light that crosse
     W    = w_0  rho_0^m  exp(-a_0 L)
 
 A photon flies freely with the *reference* scattering coefficient b_0; absorption never ends a walk but
-weighs it by exp(-a_0 L). Each flight is tallied at every plane that it would cross before the next surface,
-with the expected value T(t) = exp(-b_0 t) instead of the yes or no of a real crossing. Histories are the
-numbers of scatterings n, wall hits m, surface reflections k, the excess path over the straight line, and
-(for fits) the direction of emission. First flights are not tallied here: `straight` knows what they bring.
+weighs it by exp(-a_0 L). Each flight after the first, of which `straight` knows better, is tallied at every
+plane that it would cross before the next surface, with the expected value T(t) = exp(-b_0 t) instead of the
+yes or no of a real crossing. Histories are the numbers of scatterings n, wall hits m, surface reflections k,
+the excess path over the straight line, and (for fits) the direction of emission.
 """
 
 from __future__ import annotations
