@@ -80,7 +80,7 @@ def test_light_that_the_floor_and_particles_turned_follows_the_floor() -> None:
     x, y, z = places()
     lit = scene(0.15, 4.0).with_values({"water.scattering_per_m": 0.15})
     table = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=np.ones(x.size))
-    light, stderr = rendered_light(lit, table, max_photons=6e5, rel_error=0.001)
+    light, stderr = rendered_light(lit, table, max_photons=4e6, rel_error=0.001)
     direct = rendered_light(scene(0.0, 1.0), table, max_photons=1e3)[0] * np.exp(
         -0.15 * np.sqrt(x**2 + y**2 + z**2)
     )
