@@ -91,11 +91,11 @@ def test_derived_quantities_follow_from_the_maps(store: Path) -> None:
 
 
 def test_in_clear_water_and_black_walls_the_formula_is_exact(store: Path) -> None:
+    """To its own quadrature: 3 x 3 points of a cell of 13 cm, attenuation to its middle, a band in pieces."""
     clear = xr.open_zarr(store).isel({"water.scattering_per_m": 0, "tank.wall_albedo": 0}).load()
     for name in ("formula_error_on_axis", "formula_error_of_power"):
-        z = (clear[name] / clear[f"{name}_stderr"]).values
-        assert np.abs(z).max() < 4  # eight values
-    assert (abs(clear.formula_error_of_power) < 0.01).all()
+        assert (abs(clear[name]) < 4 * clear[f"{name}_stderr"] + 5e-4).all()
+        assert (clear[f"{name}_stderr"] < 5e-4).all()
 
 
 def test_the_formula_of_a_case_is_the_closed_form_of_its_scene(store: Path) -> None:
