@@ -61,7 +61,8 @@ def by_both(scene: Scene, mirror_x: bool) -> tuple[np.ndarray, np.ndarray]:
             tally = dr.zeros(mi.Float, setup.histories.size * setup.planes.cells)
             # Other photons, so that the two are independent.
             of_its_own = seed if kind is found[0] else 1000 + seed
-            tallied(tally, setup, Absorption(setup.water), b0, PHOTONS, of_its_own, 0, mirror_x)
+            water = Absorption(setup.water)
+            tallied(straight.Launch(tally, setup, water, b0, PHOTONS, of_its_own, 0, mirror_x))
             by_row = np.array(tally).reshape(setup.histories.size, -1)
             assert not by_row[setup.histories.path_nodes :].any(), "direct light is the first channel"
             kind.append(by_row.sum(axis=0))

@@ -40,8 +40,8 @@ WIDE_WINDOW, EDGE = 0.2, 10.0
 
 
 @dataclass(frozen=True)
-class _Launch:
-    """What is tallied, into what, and how many photons it is to stand for.
+class Launch:
+    """What is to be tallied, and into what: the light that the first flights of so many photons bring.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class _Launch:
     absorption : Absorption
     b0 : mi.Float
     photons : int
-        First flights that are drawn.
     seed, first : int
+        As `walk.trace` takes them: other photons, other lines.
     mirror_x : bool
         The tally is of twice as many photons, each at its mirror image, too.
     digits : int
@@ -68,13 +68,18 @@ class _Launch:
     seed: int
     first: int
     mirror_x: bool
-    digits: int
-    worth: float
+    digits: int = 0
+    worth: float = 0.0
+
+    @property
+    def counted(self) -> int:
+        """Photons that the tally is of."""
+        return self.photons * (2 if self.mirror_x else 1)
 
     @property
     def tallied(self) -> mi.Float:
-        """Photons that the tally is of."""
-        return dr.opaque(mi.Float, self.photons * (2 if self.mirror_x else 1))
+        """The same as a variable: another launch needs no new kernel."""
+        return dr.opaque(mi.Float, self.counted)
 
     @property
     def lines_per_area(self) -> mi.Float:
@@ -107,41 +112,21 @@ class _Launch:
             deposit(self.tally, row, planes, crossing.mirror_cell, value, responses, crossing.mirror_hits)
 
 
-def tally_straight(
-    tally: mi.Float,
-    problem: TransportProblem,
-    absorption: Absorption,
-    b0: mi.Float,
-    photons: int,
-    seed: int,
-    first: int,
-    mirror_x: bool,
-) -> None:
-    """Add to the tally what the first flights of so many photons bring, on average.
-
-    Parameters
-    ----------
-    photons : int
-        Of the launch.
-    seed, first : int
-        As `walk.trace` takes them: other photons, other lines.
-    mirror_x : bool
-        The tally is of twice as many photons, each at its mirror image, too.
-    """
+def tally_straight(launch: Launch) -> None:
+    """Add to the tally what first flights bring, on average: by lines to cells, by flights, or by both."""
+    problem, planes = launch.problem, launch.problem.planes
     assert problem.emission.nodes is None, "direct light is not told apart by its direction"
     if problem.emission.lamp.profile == "pencil":
-        by_flights(tally, problem, absorption, b0, photons, seed, first, mirror_x)
+        by_flights(launch)
         return
-    planes = problem.planes
-    lines = min(max(photons // len(planes.listed), FEWEST_LINES), MOST_LINES)
+    lines = min(max(launch.photons // len(planes.listed), FEWEST_LINES), MOST_LINES)
     digits = lines.bit_length() - 1
     worth = _worth(problem) * 2 ** (0.5 * digits)
-    across = (
-        problem.emission.density.max() / (planes.nearest_m + problem.emission.lamp.apparent_distance_m) ** 2
-    )
-    if photons * (2 if mirror_x else 1) * across * planes.cell_m2 < FEW * worth * 2**digits:
+    nearest = planes.nearest_m + problem.emission.lamp.apparent_distance_m
+    brightest = launch.counted * problem.emission.density.max() / nearest**2 * planes.cell_m2
+    if brightest < FEW * worth * 2**digits:
         worth = inf
-    launch = _Launch(tally, problem, absorption, b0, photons, seed, first, mirror_x, digits, worth)
+    launch = replace(launch, digits=digits, worth=worth)
     if worth > 0:
         _to_cells(launch)
     if worth < inf:
@@ -165,25 +150,17 @@ def _worth(problem: TransportProblem) -> float:
     return WORTH * (distance / planes.pitch_m) ** 2 / narrow
 
 
-def by_flights(
-    tally: mi.Float,
-    problem: TransportProblem,
-    absorption: Absorption,
-    b0: mi.Float,
-    photons: int,
-    seed: int,
-    first: int,
-    mirror_x: bool,
-) -> None:
+def by_flights(launch: Launch) -> None:
     """The same by first flights alone: of a beam without width no line from a place in a cell finds any."""
-    index = dr.arange(mi.UInt32, photons) + dr.opaque(mi.UInt32, first)
-    rng = _streams(seed, first, index)
-    photon = from_lamp(problem.emission.sample(index, ScrambledSobol(seed), rng))
+    problem = launch.problem
+    index = dr.arange(mi.UInt32, launch.photons) + dr.opaque(mi.UInt32, launch.first)
+    rng = _streams(launch.seed, launch.first, index)
+    photon = from_lamp(problem.emission.sample(index, ScrambledSobol(launch.seed), rng))
     reach = problem.surfaces.meet(photon.position, photon.direction, mi.Bool(True)).distance
-    tally_flight(tally, problem, absorption, b0, photon, reach, mirror_x, rng)
+    tally_flight(launch.tally, problem, launch.absorption, launch.b0, photon, reach, launch.mirror_x, rng)
 
 
-def _to_cells(launch: _Launch) -> None:
+def _to_cells(launch: Launch) -> None:
     """Lines that lead to places in every cell."""
     emission, planes, digits = launch.problem.emission, launch.problem.planes, launch.digits
     index = dr.arange(mi.UInt32, len(planes.listed) << digits)
@@ -209,7 +186,7 @@ def _to_cells(launch: _Launch) -> None:
 
 
 @dr.syntax
-def _of_photons(launch: _Launch) -> None:
+def _of_photons(launch: Launch) -> None:
     """Lines on which photons leave the lamp, to every plane."""
     problem, mirror_x, add, told = launch.problem, launch.mirror_x, launch.add, launch.told_by_lines
     emission, planes = problem.emission, problem.planes

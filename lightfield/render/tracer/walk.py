@@ -35,7 +35,7 @@ from lightfield.render.tracer.flight import (
     tally_flight,
 )
 from lightfield.render.tracer.sobol import ScrambledSobol
-from lightfield.render.tracer.straight import tally_straight
+from lightfield.render.tracer.straight import Launch, tally_straight
 
 MAX_FLIGHTS = 4000
 PHOTONS_PER_LANE = 64
@@ -110,7 +110,7 @@ def trace(
     )
     absorption, b0 = Absorption(problem.water), dr.opaque(mi.Float, problem.water.scattering_per_m)
     if direct:
-        tally_straight(tally, problem, absorption, b0, each * lanes, seed, first, mirror_x)
+        tally_straight(Launch(tally, problem, absorption, b0, each * lanes, seed, first, mirror_x))
     emission, planes, surfaces = problem.emission, problem.planes, problem.surfaces
     # What is no variable of the loop: Dr.Jit would take the parts of a problem for such.
     tally_along = partial(tally_flight, tally, problem, absorption, b0)
