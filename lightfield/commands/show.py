@@ -37,6 +37,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(args: argparse.Namespace) -> int:
+    if args.store.is_file():
+        raise OutputError(
+            "a file, where a store is a folder",
+            where=str(args.store),
+            rule="the folder that a sweep wrote",
+            remedy=f"`lightfield compare {args.store}` shows the maps of one scene",
+        )
     try:
         data = open_store(args.store)
     except OutputError as error:

@@ -334,6 +334,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("show no.zarr", ["no.zarr"]),
     ("show folder", ["folder", "not a sweep's store"]),
     ("show torn.zarr", ["torn.zarr"]),
+    ("show taken", ["taken", "the folder that a sweep wrote"]),
     ("export no.zarr --exr out", ["no.zarr"]),
     ("export taken --exr out", ["taken"]),
     ("export folder", ["required: --exr"]),

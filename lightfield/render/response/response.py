@@ -219,9 +219,11 @@ class TransportResponse:
         array, shape (k, n_waters, n_cells)
         """
         weights, varying = self.row_weights(a, b, rho, surface, rows), self.varying(b, rows)
+        weights[:, varying] = 0  # a few rows that do not count cost less than a copy of the others
+        weights = weights.astype(tallies.dtype)
+        light = np.stack([weights @ tally for tally in tallies])
         if not varying.any():
-            return np.asarray(weights @ tallies)
-        light = weights[:, ~varying] @ tallies[:, ~varying]
+            return light
         some = np.arange(len(self.histories))[rows][varying]
         return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some))
 
@@ -250,8 +252,7 @@ class TransportResponse:
         for first in range(0, len(b), step):
             some = slice(first, first + step)
             chances = self._chances(b[some], n, excess, rows) * factor[some, :, None]
-            for each, tally in zip(out, tallies, strict=True):
-                each[some] = np.einsum("wtc,tc->wc", chances, tally)
+            np.einsum("wtc,ktc->kwc", chances.astype(tallies.dtype), tallies, out=out[:, some])
         return out * more
 
     def _chances(
