@@ -28,7 +28,7 @@ from lightfield.diagnosis.verdict.found.scattered_too import (
     with_scattering,
 )
 from lightfield.diagnosis.verdict.parts import DoubtReason
-from lightfield.diagnosis.verdict.trust import Trust, trust_of
+from lightfield.diagnosis.verdict.trust import Trust, says_nothing, trust_of
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import Retraced
 from lightfield.fitting.light_source import DiffuseSource
@@ -171,6 +171,8 @@ def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -
 
 def _beyond_two(inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress) -> Knowledge:
     alpha, seed = inquiry.alpha, inquiry.seed
+    if says_nothing(prepared, known.finding):
+        return known.now(prepared, known.finding)
     return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress))
 
 

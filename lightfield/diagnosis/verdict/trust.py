@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.aside import structure
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.ladder import bright
@@ -98,6 +99,20 @@ def trust_of(
     return Trust(noise, misfit / sigma, aside, doubt)
 
 
+def says_nothing(prepared: Prepared, finding: Finding) -> bool:
+    """Whether `trust_of` will doubt these readings whatever explains them, so that no more need be sought."""
+    if _rounding_percent(prepared) > SANE_NOISE_PERCENT:
+        return True
+    problem = prepared.problem
+    channels, excused = _channels(problem), finding.level.tolerance
+    noise = np.median(np.sqrt(prepared.noise.variance(1.0, 0.0)) / np.maximum(np.abs(problem.value), TINY))
+    varies = _VARIES * max(float(noise), excused)
+    return (
+        _contrast(problem.value, channels) <= excused
+        and _contrast(problem.forward.predict({}), channels) > varies
+    )
+
+
 def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) -> Doubt | None:
     if noise is None:
         return Doubt(reason=DoubtReason.NOTHING_BRIGHT)
@@ -134,8 +149,7 @@ def _no_better_than_a_constant(
     Within the error that the model is excused it does, too: that many effects follow noise is no merit.
     Readings that vary are no constant for it: the model misses them as much.
     """
-    problem, layout, kept = prepared.problem, prepared.problem.layout, prepared.problem.keep
-    channels = (layout.channel[:, None] == np.unique(layout.channel)) * kept[:, None]
+    problem, kept, channels = prepared.problem, prepared.problem.keep, _channels(prepared.problem)
     spare = int(kept.sum()) - len(fit.u)
     if spare < 1:
         return None
@@ -149,6 +163,12 @@ def _no_better_than_a_constant(
     if constant > _AS_GOOD * fit.chi2 / spare and contrast > excused:
         return None
     return DoubtReason.FLAT if contrast <= varies else DoubtReason.NO_BETTER
+
+
+def _channels(problem: Problem) -> Array:
+    """Which readings that are kept are of which channel, shape (n, n_channels)."""
+    channel = problem.layout.channel
+    return np.asarray((channel[:, None] == np.unique(channel)) * problem.keep[:, None])
 
 
 def _contrast(values: Array, channels: Array) -> float:

@@ -38,6 +38,22 @@ def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
     assert verdict.doubt is not None and verdict.doubt in verdict.sentence
 
 
+@pytest.mark.parametrize(
+    ("sort", "more"),
+    [
+        (("quantised", "none", 0), False),  # a third of a typical reading is rounding
+        (("constant", "3 times too large", 0), False),  # the same to 1e-4
+        (("permuted", "as a spectrometer states them", 0), True),
+    ],
+    ids=lambda v: v[0] if isinstance(v, tuple) else "",
+)
+def test_no_more_effects_are_sought_in_what_says_nothing(sort: tuple[str, str, int], more: bool) -> None:
+    """It took half a minute, and whatever it found was not believed."""
+    found = diagnose(Table(*sort).readings(), believed(), diffuse=None, advise=False)
+    assert found.verdict.verdict == "unexplained"
+    assert (found.finding.many is not None) == more
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # 168 tables
 def test_no_effect_is_named_in_any_sort_of_garbage() -> None:
