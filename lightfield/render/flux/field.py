@@ -24,7 +24,7 @@ from lightfield.errors import RenderError
 from lightfield.formula.path import rays
 from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.backend import use_backend
-from lightfield.render.flux.histories import HistorySplines
+from lightfield.render.flux.history_splines import HistorySplines
 from lightfield.render.flux.spline import Splines
 from lightfield.render.limits import check_photons
 from lightfield.render.maps import transport_key
