@@ -23,8 +23,8 @@ from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
 from lightfield.experiments import unknowns
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
+from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import has_diffuse_light
 
 #: Readings below this part of the largest one of their plane do not count in an error in per cent.
 BRIGHT = 0.05
@@ -131,7 +131,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     sigma = instrument.sigma(clean)
     gain = float(clean.max() / light[:n].max())
     gained = instrument.plane_gain or PLANE_GAIN_PERCENT / 100
-    dense = SceneForward(scene, readings).light.dense_water({})
+    dense = SceneForward(scene, readings).light.diffuse.dense_water(scene)
     oracle = Oracle(believed, readings, clean, sigma, gained, tracing, dense)
     row |= {
         "values": {k: v for k, v in truth.values if isinstance(v, float)},

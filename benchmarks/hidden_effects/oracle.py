@@ -13,9 +13,9 @@ from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import DiffuseSource
 from lightfield.render.diffuse.dense_water import trace_for
 from lightfield.scene import Scene
 

@@ -22,7 +22,7 @@ from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 
 if TYPE_CHECKING:
-    from lightfield.fitting.light_source import DiffuseSource
+    from lightfield.fitting.diffuse_light import DiffuseSource
 
 AnyPath = str | PathLike[str]
 _P = ParamSpec("_P")

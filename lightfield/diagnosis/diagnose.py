@@ -26,11 +26,11 @@ from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.trust import standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import DiffuseSource
 from lightfield.memory import give_back
 from lightfield.readings import Readings
 from lightfield.render.at_readings import REL_ERROR, rendered_light

@@ -44,9 +44,9 @@ from lightfield.diagnosis.verdict.calibration import power_limits
 from lightfield.diagnosis.verdict.compose import units_of
 from lightfield.errors import FitError
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 

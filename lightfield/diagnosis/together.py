@@ -38,8 +38,8 @@ from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.verdict.compose import units_of
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import DiffuseSource
 from lightfield.progress import step, tell
 from lightfield.readings import Readings
 from lightfield.scene import Scene

@@ -38,7 +38,7 @@ def experiment_data(e: Experiment, fits: Fits) -> dict[str, object]:
         "time_s": r.time_s,
         "wavelength_nm": r.wavelength_nm,
         "channel": e.layout.channel,
-        "wavelengths_nm": e.forward.light.wavelengths_nm,
+        "wavelengths_nm": e.forward.light.diffuse.wavelengths_nm,
         "air": e.layout.air,
         "value": e.problem.value,
         "sigma": e.sigma,

@@ -18,7 +18,7 @@ from lightfield.explorer.dropped import readings_of
 from lightfield.explorer.saved.page import page_html
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, State
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.readings.table.write import dumps
 from lightfield.scene import Scene
 from lightfield.storage.inputs import MEGABYTE, FileKind, read_bytes

@@ -92,9 +92,10 @@ class Evaluator:
 
 def missing_trace(forward: SceneForward, values: Mapping[str, float]) -> float | None:
     """Scattering coefficient of the water to trace, where these values are beyond the traces made, m^-1."""
-    b = forward.light.dense_water(values)
+    light = forward.light
+    b = light.diffuse.dense_water(light.scene_at(values, validate=False))
     wanted = None if b is None else trace_for(b)
-    return None if wanted == forward.light.dense_per_m else wanted
+    return None if wanted == light.diffuse.dense_per_m else wanted
 
 
 def formula(forward: SceneForward, values: Mapping[str, float]) -> Array:

@@ -21,9 +21,9 @@ from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
 from lightfield.explorer.places import SIDE, MapPlaces
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.forward import Retraced, SceneForward
-from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -193,7 +193,8 @@ def _against_render(
     sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (FLOOR_PERCENT / 100 * top) ** 2)
     columns = {name: column[rows] for name, column in columns.items()}
     seen = Readings.from_arrays(value=value, stderr=sigma, **columns).check_against(scene)
-    light_source = replace(whole.light.subset(rows), readings=seen)
+    some = whole.light.subset(rows)
+    light_source = replace(some, diffuse=replace(some.diffuse, readings=seen))
     forward = SceneForward(plain, seen, full=float(value.max()), light=light_source)
     table = [*effects.all_of(scene).values(), *effects.curves().values()]
     problem, untestable = problem_of(forward, seen, table, reason)
@@ -209,7 +210,7 @@ def _at_maps(forward: SceneForward, places: MapPlaces) -> tuple[SceneForward, ..
     n = SIDE * SIDE * len(places.z_m)
     return tuple(
         forward.at(MAP_SHARE, **places.columns, wavelength_nm=np.full(n, w))
-        for w in forward.light.channels[0]
+        for w in forward.light.diffuse.channels[0]
     )
 
 

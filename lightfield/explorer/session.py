@@ -16,8 +16,8 @@ from lightfield.explorer.evaluation import Evaluation, Evaluator
 from lightfield.explorer.experiment import Experiment, all_lit, candidate_of, explored
 from lightfield.explorer.fits import Fits, Fitted
 from lightfield.explorer.state import History, State
+from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
-from lightfield.fitting.light_source import DiffuseSource, remembered
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
 from lightfield.render.diffuse.directed import Keeper

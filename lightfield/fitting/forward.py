@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.curves import field_of
-from lightfield.fitting.light_source import Diffuse, DiffuseSource, LightSource, remembered
+from lightfield.fitting.diffuse_light import Diffuse, DiffuseSource, remembered
+from lightfield.fitting.light_source import LightSource
 from lightfield.fitting.parameter import GAIN
 from lightfield.formula import field as analytic
 from lightfield.formula import own
@@ -51,7 +52,7 @@ class SceneForward:
         Values that are not given to `predict` are the scene's.
     readings : Readings
     diffuse : callable, optional
-        Traces the scattered and reflected light, see `LightSource`.
+        Traces the scattered and reflected light, see `DiffuseLight`.
     full : float, optional
         Reading that saturation is relative to; default: the largest.
     dense_per_m : float, optional, m^-1
@@ -85,7 +86,7 @@ class SceneForward:
 
     @property
     def _channel(self) -> NDArray[np.int_]:
-        return self.light.channels[1]
+        return self.light.diffuse.channels[1]
 
     @property
     def is_absolute(self) -> bool:
@@ -95,7 +96,7 @@ class SceneForward:
     @property
     def gain_names(self) -> tuple[str, ...]:
         """One gain per channel on a relative scale; on an absolute one, one for all, next to 1."""
-        wavelengths = self.light.channels[0]
+        wavelengths = self.light.diffuse.channels[0]
         if len(wavelengths) == 1 or self.is_absolute:
             return (GAIN,)
         return tuple(f"{GAIN}.{w:g}nm" for w in wavelengths)
@@ -137,13 +138,13 @@ class SceneForward:
 
     def following(self, diffuse: Diffuse) -> SceneForward:
         """A copy with other scattered and reflected light at the readings."""
-        light = replace(self.light, followed=diffuse)
+        light = self.light.following(diffuse)
         return SceneForward(self.scene, self.readings, full=self._full, light=light)
 
     def with_effects(self, more: Iterable[OwnEffect]) -> SceneForward:
         """A copy whose scene has effects of the user's own more; scattered light does not follow them."""
         scene = self.scene.model_copy(update={"effect": (*self.scene.effect, *more)})
-        light = replace(self.light, scene=scene)
+        light = self.light.of_scene(scene)
         return SceneForward(scene, self.readings, full=self._full, light=light)
 
     def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
@@ -171,7 +172,7 @@ class SceneForward:
         scene, step_m = self.scene_at(values, validate=False), 1e-3
         r, square = self.readings, np.zeros(self.size)
         here, rest = self.light.direct(scene, r), self.light.rest(values)
-        absorption = absorption_per_m(scene.water, self.light.wavelengths_nm)[self._channel]
+        absorption = absorption_per_m(scene.water, self.light.diffuse.wavelengths_nm)[self._channel]
         falling = rest * (2 / np.maximum(np.abs(r.z_m), step_m) + absorption)
         for axis, offset in (("x_m", "lamp.offset_x_m"), ("y_m", "lamp.offset_y_m"), ("z_m", None)):
             moved: dict[str, Any] = {axis: getattr(r, axis) + step_m}
@@ -195,8 +196,8 @@ class SceneForward:
         scene = self._with(values, _LIT)
         lamp, shift = own.lit(scene).lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(self.readings.units, self.scene.detector.quantity)
-        intensity = axial_intensity(lamp, read_nm(scene, self.light.wavelengths_nm))
-        whole = np.isnan(self.light.channels[0]) | self.readings.of_band
+        intensity = axial_intensity(lamp, read_nm(scene, self.light.diffuse.wavelengths_nm))
+        whole = np.isnan(self.light.diffuse.channels[0]) | self.readings.of_band
         if whole.any():
             low, high = scene.detector.bands_nm[0]
             intensity[whole] = over_band(lamp, low + shift, high + shift, scene.detector).intensity.mean()
@@ -276,7 +277,7 @@ class Retraced:
     Attributes
     ----------
     asked : float, optional, m^-1
-        Scattering coefficient to trace next, see `LightSource.to_trace`.
+        Scattering coefficient to trace next, see `DiffuseLight.to_trace`.
     left : int
         Traces that may still be asked for.
     """

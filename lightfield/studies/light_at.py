@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.field import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene

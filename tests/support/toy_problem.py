@@ -37,10 +37,16 @@ def layout(planes: int = 5, across: int = 12, in_order: bool = False) -> Layout:
     )  # fmt: skip
 
 
+class Dark:
+    """No trace of scattered or reflected light."""
+
+    trace = None
+
+
 class Untraced:
     """Nothing is scattered or reflected."""
 
-    trace = None
+    diffuse = Dark()
 
     def to_trace(self, found: object) -> None:
         return None

@@ -13,8 +13,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import SAME, Layout
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.fitting.curves import field_of
+from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.effects import Effect, Form, Free
-from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.formula.path import attenuation_per_m
 from lightfield.render.reflected.light import applies

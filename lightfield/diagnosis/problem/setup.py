@@ -16,9 +16,10 @@ from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE,
 from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import FitError
+from lightfield.fitting.beam_width import beam_width_deg
+from lightfield.fitting.diffuse_light import DiffuseSource, has_diffuse_light
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import READOUT, SceneForward
-from lightfield.fitting.light_source import DiffuseSource, beam_width_deg, has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import cells_for, response_for
@@ -137,7 +138,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     light = value - scene.detector.background
     free = []
     if layout.angle_rad.max() > SAME and scene.lamp.profile not in ("isotropic", "pencil", "table"):
-        hwhm, seen = scene.lamp.hwhm_deg, forward.light.width_deg
+        hwhm, seen = scene.lamp.hwhm_deg, forward.light.diffuse.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
         low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, _WIDEST_DEG)
         begin = start["lamp.hwhm_deg"] = min(begin, high)

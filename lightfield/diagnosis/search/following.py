@@ -27,23 +27,25 @@ _CLEAR_PER_M = 1e-4
 
 def can_follow(problem: Problem) -> bool:
     """Is the scattered light traced, of a kind that knows what was reflected apart?"""
-    light = problem.forward.light
+    light = problem.forward.light.diffuse
     return light.trace is not None and light.part_of is None and isinstance(light.traced, DiffuseResponse)
 
 
 def scatters(problem: Problem, fit: Fit) -> bool:
     """Does what was fitted scatter light, of the kind that is followed?"""
     light = problem.forward.light
-    if light.trace is None:
+    if light.diffuse.trace is None:
         return False
     scene = light.scene_at(fit.values, validate=False)
-    return bool(scattering_per_m(scene.water, light.wavelengths_nm).max() > _CLEAR_PER_M) and describes(scene)
+    return bool(
+        scattering_per_m(scene.water, light.diffuse.wavelengths_nm).max() > _CLEAR_PER_M
+    ) and describes(scene)
 
 
 def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:
     """Is all scattered light followed, and so a matter of milliseconds? What walls reflect is not."""
     light = problem.forward.light
-    if light.trace is None or not isinstance(light.diffuse, FollowedLight):
+    if light.diffuse.trace is None or not isinstance(light.diffuse.solved, FollowedLight):
         return False
     return not any(light.scene_at(values, validate=False).reflectances)
 
@@ -75,15 +77,15 @@ def ratio_at(
     scene, r = light.scene_at(values, validate=False), light.readings
     wet = (np.asarray(r.medium) != "air") & (np.asarray(r.z_m) > 0)
     x, y, z = (np.asarray(v, float)[wet] for v in (r.x_m, r.y_m, r.z_m))
-    return scene, traced_ratio(scene, x, y, z, light.wavelengths_nm, photons=photons, seed=seed)
+    return scene, traced_ratio(scene, x, y, z, light.diffuse.wavelengths_nm, photons=photons, seed=seed)
 
 
 def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Problem:
     """The problem with the light that these traces tell."""
     forward, r = problem.forward, problem.forward.readings
-    before = forward.light.diffuse
+    before = forward.light.diffuse.solved
     response = before.response if isinstance(before, FollowedLight) else before
-    field = before.field if isinstance(before, FollowedLight) else forward.light.field
+    field = before.field if isinstance(before, FollowedLight) else forward.light.diffuse.field
     assert isinstance(response, DiffuseResponse)
     light = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
     return replace(problem, forward=forward.following(light))

@@ -15,7 +15,6 @@ from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import is_gain
 from lightfield.formula.path import rays
 from lightfield.render.diffuse.portable import LightClass, Portable, portable
@@ -105,13 +104,13 @@ def moving_light(
         This light is not to be had so.
     """
     light, r = forward.light, forward.readings
-    scene, channel = light.scene_at(values, validate=False), light.channels[1]
+    scene, channel = light.scene_at(values, validate=False), light.diffuse.channels[1]
     direct = light.direct(scene, r)
     ray = rays(scene.lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)))
     offset, once, twice = (forward.read(k * direct, values) for k in (0.0, 1.0, 2.0))
     if not np.allclose(twice - once, once - offset, rtol=_LINEAR, atol=_LINEAR * float(np.abs(once).max())):
         raise FitError("readings are not in proportion to the light")
-    response = light.diffuse if light.trace is not None and has_diffuse_light(scene) else None
+    response = light.diffuse.solved if light.diffuse.is_in(scene) else None
     if response is not None and not isinstance(response, DiffuseResponse):
         raise FitError("this light is not a response")
     channels = _channels(forward, values, moves, response, gains)
@@ -151,7 +150,7 @@ def _channels(
     def coefficients(at: Mapping[str, float]) -> Array:
         scene = light.scene_at(at, validate=False)
         shift = scene.detector.wavelength_shift_nm
-        w = read_nm(scene, light.wavelengths_nm) if shift else light.wavelengths_nm
+        w = read_nm(scene, light.diffuse.wavelengths_nm) if shift else light.diffuse.wavelengths_nm
         return np.array(coefficients_in(scene.water, w, share))
 
     now = coefficients(values)

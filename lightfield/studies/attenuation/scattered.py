@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from lightfield.arrays import Array
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import Design, JointEstimate, stays

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lightfield.errors import MeasurementError, RenderError, SceneError
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.scene import Scene

@@ -29,10 +29,10 @@ from lightfield.diagnosis.verdict.ladder import bright, held_out, percent, rms_o
 from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.fitted_curves import save_lamp, save_spectrum
 from lightfield.fitting.forward import Retraced, SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
-from lightfield.fitting.light_source import DiffuseSource
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene

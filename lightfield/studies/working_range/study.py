@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
-from lightfield.fitting.light_source import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.render.limits import check_photons

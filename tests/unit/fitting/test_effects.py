@@ -10,8 +10,8 @@ import pytest
 
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
+from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.effects import Effect, Form, Free, lamp, registry
-from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import FitParameter
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts

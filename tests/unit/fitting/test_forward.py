@@ -191,6 +191,6 @@ def test_traces_end_where_every_fit_asks_for_another() -> None:
     traces = Retraced(Scene(), table(), None)
     made = []
     for forward in traces:
-        made.append(forward.light.dense_per_m)
+        made.append(forward.light.diffuse.dense_per_m)
         traces.asked = 1.0 + len(made)
     assert made == [None, *(1.0 + k for k in range(1, TRACES))]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from perturbed import FIELDS, changed
 
-from lightfield.fitting.light_source import has_diffuse_light
+from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.formula.field import lamps_of_window, receiver, source
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import Halves, Taken, readout, time_factor

@@ -41,7 +41,7 @@ def water_may_do_it(pool: Pool, node: Node, candidate: Candidate) -> bool:
     if _ABSORPTION in fit.paths:
         moved[:, fit.paths.index(_ABSORPTION)] = 1.0
     water = problem.forward.scene_at(fit.values, validate=False).water
-    least = float(np.min(attenuation_per_m(water, problem.forward.light.wavelengths_nm)))
+    least = float(np.min(attenuation_per_m(water, problem.forward.light.diffuse.wavelengths_nm)))
     between = least - slopes @ basis.amplitudes(fit.values)
     covariance = np.nan_to_num(fit.covariance(pool.ground.phi))
     error = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", moved, covariance, moved), 0.0))

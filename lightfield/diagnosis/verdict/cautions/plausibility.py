@@ -14,9 +14,9 @@ import numpy as np
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
+from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.forward import POWER, SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import has_diffuse_light
 from lightfield.fitting.parameter import GAIN
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_bands, read_nm

@@ -331,8 +331,7 @@ def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float
 def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> None:
     """A trace of it has no light whose ratio could be told."""
     scene = Scene.from_dict({"water": {"scattering_per_m": per_m}})
-    light = SimpleNamespace(
-        trace=object(), scene_at=lambda values, validate: scene, wavelengths_nm=np.array([525.0])
-    )
+    diffuse = SimpleNamespace(trace=object(), wavelengths_nm=np.array([525.0]))
+    light = SimpleNamespace(diffuse=diffuse, scene_at=lambda values, validate: scene)
     problem = SimpleNamespace(forward=SimpleNamespace(light=light))
     assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)
