@@ -17,6 +17,10 @@ Row = dict[str, Any]
 INVISIBLE_SIGMA = 2.0
 #: From here on an effect should be found.
 CLEAR_SIGMA = 5.0
+#: Curves that describe an unknown influence rightly: it acts by the coordinate of the curve alone.
+CURVE_OF = {
+    "unknown:ripple": "beam_profile", "unknown:kink": "beam_profile", "unknown:flicker": "lamp_power_curve",
+}  # fmt: skip
 #: In which coordinate the misfit of an unknown lies.
 COORDINATE = {
     "unknown:ripple": ("angle",), "unknown:kink": ("angle",),
@@ -41,7 +45,7 @@ def claimed(row: Row) -> bool:
 def is_truth(row: Row, names: Sequence[str]) -> bool:
     """Are these names, in whatever order, what was hidden?"""
     if row["any_of"]:
-        return bool(names) and set(names) <= set(row["any_of"])
+        return bool(names) and set(names) <= _any_of(row)
     return bool(row["hidden"]) and sorted(names) == sorted(row["hidden"])
 
 
@@ -52,13 +56,20 @@ def claim_right(row: Row) -> bool:
 
 def contains_truth(row: Row) -> bool:
     """Do the named effects include the true ones?"""
-    wanted = row["any_of"] or row["hidden"]
-    return bool(set(row["effects"]) & set(wanted) if row["any_of"] else set(wanted) <= set(row["effects"]))
+    if row["any_of"]:
+        return bool(set(row["effects"]) & _any_of(row))
+    return set(row["hidden"]) <= set(row["effects"])
 
 
 def names_true(row: Row) -> bool:
     """Is every named effect a true one?"""
-    return bool(row["effects"]) and set(row["effects"]) <= set(row["any_of"] or row["hidden"])
+    return bool(row["effects"]) and set(row["effects"]) <= (_any_of(row) or set(row["hidden"]))
+
+
+def _any_of(row: Row) -> set[str]:
+    """Names that are right where nature follows none of the table's formulas; and curves with one in them."""
+    some = set(row["any_of"])
+    return some | {name for name, curve in effects.curves().items() if some & set(curve.contains)}
 
 
 def family_right(row: Row) -> bool:
@@ -95,6 +106,12 @@ def rival_rejected(row: Row) -> bool:
     return bool(accepted) and not any(rival <= set(names) for names in accepted if not is_truth(row, names))
 
 
+def told_by_its_curve(row: Row) -> bool:
+    """Is the first explanation of an unknown influence the curve that describes it, and nothing else?"""
+    first = [e["effects"] for e in row.get("explanations", [])][:1]
+    return row["unknown"] in CURVE_OF and first == [[CURVE_OF[row["unknown"]]]]
+
+
 def outcome(row: Row) -> str:
     """One word: "right", "in set" (reported as one of several), "not seen", "unexplained",
     "one of two" or "wrong"."""
@@ -106,7 +123,10 @@ def outcome(row: Row) -> str:
     if verdict == "none":
         return "not seen"
     if row["unknown"]:
-        return "right" if verdict == "unexplained" else "wrong"
+        by_its_curve = [e["effects"] for e in row.get("explanations", [])][:1] == [
+            [CURVE_OF.get(row["unknown"])]
+        ]
+        return "right" if verdict == "unexplained" or by_its_curve else "wrong"
     if claim_right(row):
         return "right"
     if len(row["hidden"]) == 2 and size(row) == 1 and names_true(row):

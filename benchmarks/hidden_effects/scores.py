@@ -155,9 +155,13 @@ def _two_and_unknown(rows: Sequence[Row]) -> list[Score]:
     return [
         _rate("two effects: all names of a claim true", rate(claims, judge.names_true), 93, 97, ">="),
         _rate("two effects: pair in set of two-effect verdicts", rate(both, judge.in_set), 93, 97, ">="),
-        _rate("unknown, delta > 8: false named claim", rate(unknown, judge.claimed), 15, 8, "<="),
+        _rate("unknown, delta > 8: false named claim", rate(unknown, _falsely_named), 15, 8, "<="),
         _rate("coordinate of the unexplained", rate(unexplained, judge.coordinate_right), 85, 95, ">="),
     ]
+
+
+def _falsely_named(row: Row) -> bool:
+    return judge.claimed(row) and not judge.told_by_its_curve(row)
 
 
 def _numbers(rows: Sequence[Row]) -> list[Score]:

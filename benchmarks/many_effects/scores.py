@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects.judge import COORDINATE
+from benchmarks.hidden_effects.judge import COORDINATE, CURVE_OF
 from benchmarks.hidden_effects.scores import Rate
 from lightfield.fitting import effects
 
@@ -16,12 +16,6 @@ Row = dict[str, Any]
 #: From here on an effect is visible; bins in which finding is counted.
 VISIBLE_SIGMA = 5.0
 BINS = ((3.0, 5.0), (5.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 100.0), (100.0, np.inf))
-#: Curves that describe an unknown influence rightly: it acts by the coordinate of the curve alone.
-_CURVE_OF = {
-    "unknown:ripple": "beam_profile",
-    "unknown:kink": "beam_profile",
-    "unknown:flicker": "lamp_power_curve",
-}
 BEAM_FORMS = ("beam_shape", "beam_skirt")
 
 
@@ -44,7 +38,7 @@ def right(row: Row, name: str) -> bool:
         return False
     if name == "beam_profile" and row["lamp"]:
         return True
-    return bool(set(known[name].contains) & set(row["hidden"])) or _CURVE_OF.get(row["unknown"]) == name
+    return bool(set(known[name].contains) & set(row["hidden"])) or CURVE_OF.get(row["unknown"]) == name
 
 
 def wrong(row: Row, names: Iterable[str]) -> list[str]:

@@ -4,13 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
+from benchmarks.hidden_effects import judge
 from benchmarks.many_effects import catalogue, scores
 from lightfield.fitting import effects
 
 
 def test_what_describes_an_unknown_influence_is_a_curve() -> None:
-    assert set(scores._CURVE_OF.values()) <= set(effects.curves())
-    assert {key.partition(":")[2] for key in scores._CURVE_OF} <= set(catalogue.UNKNOWNS)
+    assert set(judge.CURVE_OF.values()) <= set(effects.curves())
+    assert {key.partition(":")[2] for key in judge.CURVE_OF} <= set(catalogue.UNKNOWNS)
+
+
+def _told(names: list[str], **given: Any) -> dict[str, Any]:
+    """A claim of one effect of 40 sigma."""
+    truth = {"hidden": [], "any_of": [], "unknown": "", "delta": 40.0}
+    return truth | {"verdict": "identified", "effects": names, "explanations": [{"effects": names}]} | given
+
+
+def test_a_curve_is_right_for_what_it_contains_where_no_formula_of_the_table_is() -> None:
+    """A measured lamp is no super-Gaussian, and a flicker nothing but a lamp's power in time."""
+    lamp = {"any_of": ["beam_shape", "beam_skirt"], "hidden": ["beam_shape"]}
+    for names, outcome in ((["beam_profile"], "right"), (["beam_skirt"], "right"), (["lamp_drift"], "wrong")):
+        assert judge.outcome(_told(names, **lamp)) == outcome
+    for names, outcome in ((["lamp_power_curve"], "right"), (["lamp_power_curve", "background"], "wrong")):
+        assert judge.outcome(_told(names, unknown="unknown:flicker")) == outcome
+    assert judge.outcome(_told(["beam_profile"], hidden=["beam_shape"])) == "wrong"
 
 
 def test_what_may_act_is_in_the_table() -> None:
