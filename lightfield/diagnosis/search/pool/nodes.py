@@ -35,6 +35,8 @@ _FEW, _SHAPES = 4, 2
 _NEAR = 50.0
 #: Part of its range within which a score may start an amplitude.
 _PART = 0.4
+#: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise.
+_ELSEWHERE = 1.0
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
 #: between walls up to 30.
 MOST_DIFFUSE = 4000
@@ -230,6 +232,22 @@ class Pool:
             self._promises.pop(node.key, None)
             return self._remember(Node(node.explanation, fit))
         return self.nodes[node.key]
+
+    def anew(self, explanation: Iterable[Candidate]) -> None:
+        """Fit a set from typical sizes of its effects, beside the scene's own values and those of the base
+        model, and keep that where it is better."""
+        problem, base = self.problem, self.nodes[frozenset()].fit.u
+        whole = tuple(sorted(explanation, key=problem.candidates.index))
+        paths = [p.path for p in problem.model(whole).parameters]
+        stated = np.array([p.start for p in problem.base])
+        starts = [problem.default_start(u, whole) for u in (stated, base)]
+        begins = [Begin(dict(zip(paths, start, strict=True))) for start in starts]
+        fit = min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
+        made = Node(whole, fit)
+        known = self.nodes.get(made.key)
+        if known is None or fit.chi2 < known.fit.chi2 - _ELSEWHERE * self.ground.phi:
+            self._finished.discard(made.key)
+            self._remember(made)
 
     def exact(self, node: Node) -> Node:
         """The set with all derivatives its own, also by scattered and reflected light."""

@@ -14,6 +14,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.following import can_follow, following, scatters
+from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
@@ -214,7 +215,7 @@ def search_many(
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
         made, ground = _ground(prepared, 0.0, rng, found)
         pool = _pool(ground, found, progress)
-        found = _again(pool)
+        found = beside_fresh_fits(pool, _again(pool), everything)
         if found.key != before.key or _is_elsewhere(data, found, before):
             continue
         found, adequacy = _tested(pool, made, found, alpha)
