@@ -14,6 +14,9 @@ from lightfield.readings import Readings
 
 #: Visits of one place from which a gain error can be told from the readings' own errors.
 FEWEST_VISITS = 3
+#: Visits from which a lamp that warms up can be told from them, and time constants that are tried, as part of
+#: the time between the first and the last.
+_WARMING_VISITS, _WARMING_TIMES = 6, tuple(np.geomspace(0.1, 1.0, 6))
 #: Readings fainter than this many of their errors say nothing of a gain.
 _BRIGHT_SIGMA = 10
 #: Deviations beyond this many robust standard deviations are outliers, not repositioning. Chosen: of 20 good
@@ -65,7 +68,8 @@ def repeats_of(readings: Readings) -> Repeats | None:
         None where no place was read with known errors in three visits.
     """
     layout = layout_of(readings)
-    value, stderr = np.asarray(readings.value, float), np.asarray(readings.stderr, float)
+    value = np.asarray(readings.value, float)
+    stderr = _errors(value, np.asarray(readings.stderr, float))
     usable = ~np.asarray(readings.saturated) & np.isfinite(stderr) & (stderr > 0)
     usable &= value > _BRIGHT_SIGMA * stderr
     marked = usable & (np.asarray(readings.role) == "reference")
@@ -94,12 +98,20 @@ def repeats_of(readings: Readings) -> Repeats | None:
     return None
 
 
+def _errors(value: Array, stderr: Array) -> Array:
+    """Standard errors; where some readings state none, the part of them that the others do in the median."""
+    known = np.isfinite(stderr) & (stderr > 0) & (value > 0)
+    if known.all() or not known.any():
+        return stderr
+    return np.where(known, stderr, np.median(stderr[known] / value[known]) * np.abs(value))
+
+
 def plane_gain_error(repeats: Repeats, assumed: float) -> float:
     """Relative gain error of a visit beyond the stated errors of the readings.
 
-    The variance at which the deviations, a straight line in time taken out where four visits allow it (a
-    drift of the lamp is an effect, not an error), have their expected chi-square (Paule and Mandel 1982,
-    doi:10.6028/jres.087.022).
+    The variance at which the deviations have their expected chi-square (Paule and Mandel 1982,
+    doi:10.6028/jres.087.022), once a change of the lamp in time is taken out, which is an effect, not an
+    error: a straight line, and a warm-up where visits are many.
 
     Parameters
     ----------
@@ -107,11 +119,7 @@ def plane_gain_error(repeats: Repeats, assumed: float) -> float:
         Value without repeats, which counts as one degree of freedom.
     """
     count = repeats.visits
-    columns = [(repeats.place == k).astype(float) for k in range(int(repeats.place.max()) + 1)]
-    if count > FEWEST_VISITS and np.isfinite(repeats.time_s).all() and np.ptp(repeats.time_s) > 0:
-        columns.append((repeats.time_s - repeats.time_s.mean()) / np.ptp(repeats.time_s))
-    tangent = np.stack(columns, axis=1)
-    rest = repeats.deviation - tangent @ np.linalg.lstsq(tangent, repeats.deviation, rcond=None)[0]
+    tangent, rest = min(_without_trend(repeats), key=lambda pair: float((pair[1] ** 2).sum()))
     spread = max(MAD_TO_SIGMA * float(np.median(np.abs(rest))), float(np.median(repeats.stderr)))
     kept = np.abs(rest) < _OUTLIER * spread
     tangent, deviation, error = tangent[kept], repeats.deviation[kept], repeats.stderr[kept]
@@ -130,3 +138,21 @@ def plane_gain_error(repeats: Repeats, assumed: float) -> float:
     independent = min(dof, count - 1)
     pooled = (independent * found + _PRIOR_DOF * assumed**2) / (independent + _PRIOR_DOF)
     return float(np.sqrt(pooled))
+
+
+def _without_trend(repeats: Repeats) -> list[tuple[Array, Array]]:
+    """Columns that are taken out, shape (n, k), and what they leave, shape (n,), for every trend in time."""
+    time = repeats.time_s
+    columns = [(repeats.place == k).astype(float) for k in range(int(repeats.place.max()) + 1)]
+    trends: list[list[Array]] = [[]]
+    if np.isfinite(time).all() and np.ptp(time) > 0:
+        part = (time - time.min()) / np.ptp(time)
+        trends = [[part]]
+        if repeats.visits >= _WARMING_VISITS:
+            trends = [[part, np.exp(-part / one)] for one in _WARMING_TIMES]
+    out = []
+    for trend in trends:
+        tangent = np.stack([*columns, *trend], axis=1)
+        found = np.linalg.lstsq(tangent, repeats.deviation, rcond=None)[0]
+        out.append((tangent, repeats.deviation - tangent @ found))
+    return out

@@ -55,6 +55,32 @@ def test_a_drift_of_the_lamp_is_not_called_repositioning() -> None:
     assert np.median(found) < 0.0015
 
 
+@pytest.mark.parametrize("drift", [0.0, 0.1])
+def test_three_visits_tell_a_drift_from_repositioning(drift: float) -> None:
+    """At start, in the middle and at the end, as one is advised to: 10 % in a straight line is the lamp."""
+    found = np.array([estimate(repeated(0.0, 3, seed, drift=drift)) for seed in range(40)])
+    assert np.sqrt((found**2).mean()) < ASSUMED
+
+
+def test_a_lamp_that_warms_up_is_not_called_repositioning() -> None:
+    """12 % in a tenth of the time, over ten visits."""
+    found = []
+    for seed in range(20):
+        table = repeated(0.002, 10, seed)
+        warm = 1 - 0.12 * np.exp(-np.linspace(0, 1, len(table)) / 0.15)
+        found.append(estimate(replace(table, value=table.value * warm, stderr=table.stderr * warm)))
+    assert 0.0015 < np.sqrt(np.mean(np.square(found))) < 0.004
+
+
+def test_repeats_without_errors_count_beside_others_that_state_them() -> None:
+    """A reading of one spectrum has no error of its own; those of two spectra say how large it is."""
+    table = repeated(0.01, 12, 3)
+    stderr = np.where(np.arange(len(table)) % 6 == 0, table.stderr, np.nan)
+    assert estimate(replace(table, stderr=stderr)) == pytest.approx(estimate(table), rel=0.2)
+    found = repeats_of(replace(table, stderr=stderr))
+    assert found is not None and found.visits == 12
+
+
 def test_one_bad_reading_does_not_set_the_gain() -> None:
     table = repeated(0.002, 12, 1)
     value = np.array(table.value)
