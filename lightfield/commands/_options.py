@@ -82,7 +82,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--report": {"type": Path, "metavar": "OUT.html", "help": "write a self-contained report"},
     "--case": {
         "action": "append", "metavar": "PATH=VALUE",
-        "help": "only cases with this value (the nearest step); may be repeated",
+        "help": "only cases with this value; may be repeated",
     },
 }  # fmt: skip
 TRACING = ("rel_error", "max_photons", "seed")

@@ -24,6 +24,12 @@ from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 GIVE = "give what `lightfield sweep` wrote"
 
 
+#: A value means a step that is nearer than this part of the distance between steps: 0.0464 for 0.046416.
+_ROUNDED = 0.05
+#: Steps that an error lists.
+_SHOWN = 8
+
+
 @dataclass(frozen=True)
 class Soundness:
     """What a store was found to hold, all of it as it was written.
@@ -147,7 +153,7 @@ def axes_of(data: xr.Dataset) -> list[str]:
 
 
 def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
-    """Keep the cases with given values: `path=value`, the nearest step where it is a number.
+    """Keep the cases with given values: `path=value`, rounded or not where it is a number.
 
     Raises
     ------
@@ -173,17 +179,19 @@ def step_of(steps: np.ndarray, name: str, value: str) -> int:
     Raises
     ------
     UsageError
-        The value is not among the steps, nor between the first and the last.
+        The value is not among the steps.
     """
     if steps.dtype.kind in "fi":
         try:
             number = float(value)
         except ValueError:
             number = float("nan")
-        low, high = float(steps.min()), float(steps.max())
-        if low - 1e-9 * abs(low) <= number <= high + 1e-9 * abs(high):
-            return int(np.abs(steps - number).argmin())
-        raise UsageError("no such value", where=f"case {name}", found=value, rule=f"{low:g} to {high:g}")
+        away = np.abs(steps - number)
+        apart = float(np.diff(np.sort(steps)).min()) if len(steps) > 1 else abs(float(steps[0]))
+        if away.min() <= _ROUNDED * apart:
+            return int(away.argmin())
+        several = ", ".join(f"{step:g}" for step in steps[:_SHOWN]) + (", ..." if len(steps) > _SHOWN else "")
+        raise UsageError("no such value", where=f"case {name}", found=value, rule=several)
     known = [str(step) for step in steps]
     if value not in known:
         raise UsageError("no such value", where=f"case {name}", found=value, rule=", ".join(known))

@@ -142,7 +142,7 @@ def test_other_readers_see_a_store_in_cf_conventions(store: Path) -> None:
 def test_exported_images_hold_the_maps_of_the_chosen_cases(
     store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["export", str(store), "--exr", str(tmp_path), "--case", "water.scattering_per_m=0.12"]
+    words = ["export", str(store), "--exr", str(tmp_path), "--case", "water.scattering_per_m=0.1"]
     assert main([*words, "--case", "tank.wall_albedo=0.5"]) == 0
     paths = capsys.readouterr().out.split()
     assert len(paths) == 4  # two waters with and without CDOM, two planes
@@ -167,7 +167,8 @@ def test_show_draws_three_figures_and_says_what_is_there(
     ("words", "says"),
     [
         (["show", "{tmp}"], "not a sweep's store"),
-        (["show", "{store}", "--case", "tank.wall_albedo=2"], "no such value.*0 to 0.5"),
+        (["show", "{store}", "--case", "tank.wall_albedo=2"], "no such value.*0, 0.5"),
+        (["show", "{store}", "--case", "water.scattering_per_m=0.12"], "no such value.*0.1"),
         (
             ["export", "{store}", "--exr", "{tmp}/e", "--case", "tank.wal_albedo=0"],
             "did you mean tank.wall_albedo",

@@ -40,7 +40,7 @@ from lightfield.diagnosis.verdict.parts import (
     SetAside,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
-from lightfield.diagnosis.verdict.trust import Trust, standard_errors
+from lightfield.diagnosis.verdict.trust import Trust, pure_error, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -124,7 +124,8 @@ def units_in(forward: SceneForward) -> dict[str, str]:
 
 
 def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
-    best, scale = found.finding.best, found.finding.level.phi
+    finding = found.finding
+    best, scale = finding.best, finding.level.phi
 
     def values(step: Step) -> dict[str, Estimate]:
         # The last rung is the best explanation: its errors are stated once, not in two ways.
@@ -144,7 +145,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
             scene=found.forward.scene_at(s.fit.values).to_toml(),
             removed_percent=part,
         )
-        for s, part in zip(found.steps, removed(found.steps, scale), strict=True)
+        for s, part in zip(found.steps, removed(found.steps, pure_error(finding)), strict=True)
     ]
 
 

@@ -71,6 +71,12 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
 
 
+def pure_error(finding: Finding) -> float:
+    """Variance of the noise in units of the whitening: what nothing explains is none of it."""
+    phi = finding.level.phi
+    return phi if finding.size is not None else min(phi, CREDIBLE / finding.level.bench.phi)
+
+
 def standard_errors(prepared: Prepared, finding: Finding) -> Array:
     """Standard error of every reading as the diagnosis used it, shape (n,)."""
     return np.sqrt(prepared.noise.variance(error_scale(prepared, finding), 0.0))
