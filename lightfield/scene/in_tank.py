@@ -137,6 +137,17 @@ def check_follower_inside(follower: Follower, tank: Tank) -> None:
     _check_place(place, tank, "move it, or enlarge the tank", "follower")
 
 
+def follower_in(follower: Follower | None, tank: Tank | None) -> Follower:
+    """The follower of a scene; where it states none, on the axis at the default distance, or in the middle of
+    the water before the lamp where the tank ends sooner."""
+    if follower is not None:
+        return follower
+    found = Follower()
+    if tank is not None and found.z_m > tank.box_m[2][1]:
+        return found.model_copy(update={"z_m": 0.5 * tank.box_m[2][1]})
+    return found
+
+
 def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str, what: str = "detector") -> None:
     for axis, value, (low, high), sizes in zip("xyz", place, tank.box_m, SIZES, strict=True):
         if not low <= value <= high:

@@ -12,7 +12,8 @@ from lightfield.report.follower.follow_figures import MOST_ROWS, strip_figure, s
 from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
-from lightfield.scene import Follower, Scene
+from lightfield.scene import Scene
+from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OverRuns
 from lightfield.studies.following.study import SHORT as SHORT_BELIEFS
 from lightfield.studies.following.study import Followed, Following
@@ -90,7 +91,7 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
 def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write the page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
-    mission = (scene.follower or Follower()).mission
+    mission = follower_in(scene.follower, scene.tank).mission
     runs = int(data.attrs["runs"])
     metric = "docked" if mission.task == "dock" else "standoff"
     unit, meaning = METRICS[metric]

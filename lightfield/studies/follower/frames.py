@@ -34,9 +34,8 @@ UNKNOWN_VARIANCE = 1e9
 _STEP = 1e-5
 
 
-def pose_of(follower: Follower | None) -> Array:
-    """Pose that a scene gives, m and rad, shape (6,); on the axis, at the default distance, if none."""
-    f = follower or Follower()
+def pose_of(f: Follower) -> Array:
+    """Pose that a scene gives, m and rad, shape (6,)."""
     return np.array([f.x_m, f.y_m, f.z_m, *np.radians([f.yaw_deg, f.pitch_deg, f.roll_deg])])
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
 from lightfield.scene import DetectorArray, Scene
+from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, pose_of
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
@@ -138,7 +139,7 @@ def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, se
     space = Space.of_scene(scene) if space is None else space
     light = light_of(scene, space, elements, photons=photons, seed=seed)
     model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
-    names, pose = pose_names(scene), pose_of(scene.follower)
+    names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
     parts = model.leave_one_out()
     near = np.linspace(space.near_m, space.far_m, 3)
     return Survey(

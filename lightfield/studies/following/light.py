@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene import Follower, Scene, Water
+from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
+from lightfield.scene.in_tank import follower_in
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
 from lightfield.studies.follower.elements import Elements
@@ -31,7 +32,7 @@ DENSER = 2.0
 
 def space_of_mission(scene: Scene) -> Space:
     """Where a run may lead."""
-    follower = scene.follower or Follower()
+    follower = follower_in(scene.follower, scene.tank)
     mission = follower.mission
     near = max(mission.standoff_m - NEARER_M, BEFORE_DOCK * mission.standoff_m)
     if mission.task == "dock":
@@ -44,7 +45,7 @@ def space_of_mission(scene: Scene) -> Space:
 def densest_per_m(scene: Scene) -> float:
     """Most scattering of a run, 1/m."""
     at = middles_nm(scene)[0].mean(keepdims=True)
-    follower = scene.follower or Follower()
+    follower = follower_in(scene.follower, scene.tank)
     return float(scattering_per_m(scene.water, at)[0]) * max(1.0, follower.mission.turbid_factor)
 
 
@@ -105,7 +106,7 @@ class Truth:
     @classmethod
     def of(cls, scene: Scene, light: Light, elements: Elements, runs: int, rng: np.random.Generator) -> Truth:
         """Draw what the follower does not know of gain and water, as far as the scene says, for every run."""
-        array, follower = scene.array, scene.follower or Follower()
+        array, follower = scene.array, follower_in(scene.follower, scene.tank)
         assert array is not None
         mismatch = 1 + PERCENT * array.gain_mismatch_percent * rng.standard_normal((runs, len(elements)))
         drift = np.exp(PERCENT * array.gain_drift_percent * rng.standard_normal((runs, 1)))

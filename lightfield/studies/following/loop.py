@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array, Mask
-from lightfield.scene import Follower, Scene
+from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
+from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations
 from lightfield.studies.follower.light import Light, Space, pose_names
@@ -108,7 +109,7 @@ def run_loop(
     report : callable, optional
         Called with the part that is done.
     """
-    array, follower = scene.array, scene.follower or Follower()
+    array, follower = scene.array, follower_in(scene.follower, scene.tank)
     assert array is not None
     mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)

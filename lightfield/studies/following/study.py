@@ -12,8 +12,9 @@ import xarray as xr
 from lightfield.arrays import Array, finite
 from lightfield.errors import SceneError
 from lightfield.progress import step, tell
-from lightfield.scene import Follower, Scene
+from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
+from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
@@ -65,7 +66,7 @@ class Followed:
 
     @property
     def mission(self) -> Mission:
-        return (self.scene.follower or Follower()).mission
+        return follower_in(self.scene.follower, self.scene.tank).mission
 
     @property
     def spreads(self) -> dict[str, OverRuns]:
@@ -269,13 +270,13 @@ def follow(
 
         with step(2 * k + 1, 2 * len(whole), f"runs of {name}"):
             track = run_loop(scene, light, elements, runs=runs, seed=seed, report=told)
-        mission = (scene.follower or Follower()).mission
+        mission = follower_in(scene.follower, scene.tank).mission
         cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
     return Following(cases)
 
 
 def _check_length(scene: Scene, runs: int) -> None:
-    mission, rate = (scene.follower or Follower()).mission, array_of(scene).sample_hz
+    mission, rate = follower_in(scene.follower, scene.tank).mission, array_of(scene).sample_hz
     if runs * mission.duration_s * rate > MOST_READINGS:
         raise SceneError(
             "too many readings", where="follower.mission.duration_s",
@@ -293,10 +294,10 @@ def with_belief(scene: Scene, believes: str) -> Scene:
         Water whose scattering is not one number cannot be cleared.
     """
     if scene.follower is None:
-        scene = scene.model_copy(update={"follower": Follower()})
+        scene = scene.model_copy(update={"follower": follower_in(None, scene.tank)})
     if believes:
         scene = scene.with_values({"follower.mission.believes": believes})
-    mission = (scene.follower or Follower()).mission
+    mission = follower_in(scene.follower, scene.tank).mission
     if scene.water.base != "none" and (mission.believes == "clear" or mission.turbid_factor != 1):
         raise SceneError(
             "the scattering of this water is not one number", where="water.base", found=scene.water.base,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene import DetectorArray, Follower, Scene
+from lightfield.scene import DetectorArray, Scene
+from lightfield.scene.in_tank import follower_in
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.information import UNKNOWN, Bound, nuisances_of, with_doubt
@@ -77,7 +78,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
         With scattered light, and by the formula.
     """
     array = scene.array or ARRAY
-    whole = scene.model_copy(update={"array": array, "follower": scene.follower or Follower()})
+    whole = scene.model_copy(update={"array": array, "follower": follower_in(scene.follower, scene.tank)})
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)
     poses = np.zeros((len(z_m), 6))

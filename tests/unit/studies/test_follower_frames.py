@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lightfield.scene import Follower
+from lightfield.scene import Follower, Tank
+from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import (
     UNKNOWN_VARIANCE,
@@ -67,7 +68,9 @@ def test_quaternions_of_half_turns() -> None:
 
 
 def test_a_scene_without_a_follower_has_one_on_the_axis() -> None:
-    np.testing.assert_allclose(pose_of(None), [0, 0, 6.5, 0, 0, 0])
+    np.testing.assert_allclose(pose_of(follower_in(None, None)), [0, 0, 6.5, 0, 0, 0])
+    short = Tank(length_m=5.0, behind_lamp_m=1.0)
+    np.testing.assert_allclose(pose_of(follower_in(None, short)), [0, 0, 2.0, 0, 0, 0])
     np.testing.assert_allclose(pose_of(Follower(yaw_deg=90.0))[3], np.pi / 2)
 
 
