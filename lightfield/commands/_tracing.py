@@ -74,5 +74,5 @@ def as_text(rendering: Rendering) -> str:
         f"{rendering.response.photons:.3g} photons, relative error {reached}\n"
         f"energy: water {100 * energy.absorbed / unit:.2f} %, walls {100 * energy.walls / unit:.2f} %, "
         f"escaped {100 * energy.escaped / unit:.2f} %, unfinished {100 * energy.unfinished / unit:.3f} %, "
-        f"closure {energy.closure:+.1e}"
+        f"roulette {-100 * energy.roulette / unit:+.3f} %, closure {energy.closure:+.1e}"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
@@ -97,7 +98,9 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
             order="plane" if args.plane_order else "random",
             **given(args, "max_photons"),
         )
-    folder = made.save(args.output)
+    # A file of effects is given again where one looks for them: the scene tells nothing of what was hidden.
+    plain = made.believed.model_copy(update={"effect": Scene.load(args.scene).effect})
+    folder = replace(made, believed=plain).save(args.output)
     if replaced:
         print(f"replaced, of a riddle of before: {', '.join(replaced)}")
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")

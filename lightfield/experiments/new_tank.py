@@ -13,6 +13,7 @@ import tomli_w
 
 from lightfield.arrays import Array
 from lightfield.errors import OutputError, UsageError
+from lightfield.experiments.layouts import SECONDS_PER_READING
 from lightfield.scene import Scene
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
 from lightfield.scene.tank import Tank
@@ -343,13 +344,18 @@ def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
             "## The order is random: what drifts then looks like no distance. Where your stage is too slow,",
             "## go plane by plane, with that one place before, between and after them, and give time_s.",
         ]
-    names, cells = (",value,stderr,time_s", ",,,") if blank else ("", "")
+    else:
+        head.append(
+            f"## time_s as if a reading took {SECONDS_PER_READING:g} s: what drifts can be planned for."
+        )
     seen: Counter[tuple[float, ...]] = Counter()
     rows = []
-    for place in places.tolist():
+    for k, place in enumerate(places.tolist()):
+        cells = ",,," if blank else f",{SECONDS_PER_READING * k:g}"
         rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}{cells}")
         seen[tuple(place)] += 1
-    return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat{names}", *rows]) + "\n"
+    names = "value,stderr,time_s" if blank else "time_s"
+    return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat,{names}", *rows]) + "\n"
 
 
 def typed_number(text: str, where: str) -> str:

@@ -56,6 +56,19 @@ def test_hide_keeps_the_truth_apart(folder: Path) -> None:
     assert "tilt" not in (folder / "set" / "data.csv").read_text()
 
 
+def test_an_effect_of_a_file_is_hidden_and_found_with_that_file(tmp_path: Path) -> None:
+    """The scene that is written beside the readings does not tell what acts, nor has it the effect twice."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "own.toml").write_text(OWN)
+    own = f"--effects-file {tmp_path}/own.toml"
+    hide = f"hide {tmp_path}/scene.toml {own} --effect rope --seed 3 --max-photons 1e4 -o {tmp_path}/set"
+    assert cli.main(hide.split()) == 0
+    assert "rope" not in (tmp_path / "set" / "scene.toml").read_text()
+    look = f"diagnose {tmp_path}/set/data.csv --scene {tmp_path}/set/scene.toml {own} --no-trace"
+    assert cli.main([*look.split(), "--json", f"{tmp_path}/v.json", "--effects", "rope"]) == 0
+    assert "rope" in str(json.loads((tmp_path / "v.json").read_text())["best_set"])
+
+
 def test_diagnose_writes_verdict_and_report(folder: Path) -> None:
     verdict = json.loads((folder / "v.json").read_text())
     jsonschema.validate(verdict, json_schema())

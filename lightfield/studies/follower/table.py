@@ -61,7 +61,7 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
             found=",".join(header)[:80],
             rule=f"one column per element, e1 to e{elements}, and {TIME} if it is known",
             remedy="name the columns in the first line, in the order of the array's elements: column by "
-            "column in a grid, from the lowest at -x; ring by ring outwards; line by line of a table",
+            "column in a grid, from the least x and y; ring by ring outwards; line by line of a table",
         )
     timed = TIME in header
     columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]

@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +28,9 @@ def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Pa
     assert len(layout) == made.rows == len(scene.detector.planes_m) * 12 + 1
     repeated = (layout.x_m == 0) & (layout.z_m == scene.detector.planes_m[0])
     assert repeated.sum() == len(scene.detector.planes_m) + 2
-    assert lf.plan(layout, scene, trace=False).details.limits
+    assert (np.diff(layout.time_s) > 0).all(), "or drifts could not be planned for"
+    limits = lf.plan(layout, scene, trace=False).details.limits
+    assert "lamp_drift" in limits
 
 
 def test_places_are_read_in_random_order_and_the_first_again_and_again() -> None:

@@ -28,6 +28,7 @@ class Warns(str, Enum):
     GAIN = "gain beyond the calibration"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
+    LEFT_OUT = "scattered and reflected light left out"
     NOT_CONFIRMED = "not confirmed by a fresh render"
 
 
@@ -54,6 +55,8 @@ _WORDS = {
     "standard errors, in the unit of the readings?",
     Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
+    Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
+    "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
     Warns.AT_BOUNDARY: "{about} lies at the edge of its plausible range ({fitted:g}): not a finding",
     Warns.OF_ITS_PHASE: "b and g are those of a Henyey-Greenstein phase function; where the water's own is "

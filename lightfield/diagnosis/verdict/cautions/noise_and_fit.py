@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -16,9 +17,15 @@ from lightfield.readings import Readings
 _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.25, 1e-3
 
 
+def _about_the_best(finding: Finding) -> Adequacy:
+    """Noise as judged about the best explanation: what an effect explains is no scatter."""
+    best = finding.best
+    return finding.level.adequacy if best is None or best.adequacy is None else best.adequacy
+
+
 def variance_scale(prepared: Prepared, finding: Finding) -> float:
     """Variance of the readings' errors over the quoted one."""
-    return prepared.excess * finding.level.bench.phi * finding.level.phi
+    return prepared.excess * finding.level.bench.phi * _about_the_best(finding).phi
 
 
 def cautions(
@@ -28,7 +35,7 @@ def cautions(
     out = [Caution.of_table(w) for w in readings.warnings]
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
-    scale, nu = variance_scale(prepared, finding), finding.level.adequacy.nu
+    scale, nu = variance_scale(prepared, finding), _about_the_best(finding).nu
     if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
     elif prepared.errors_stated and scale < _NOTED_SMALL:

@@ -54,6 +54,8 @@ def hints(
         _width(scene, values), _absorption(forward, problem, values),
         gain, _of_band(forward, gain, calibration),
     ]  # fmt: skip
+    if has_diffuse_light(scene) and forward.light.diffuse.trace is None:
+        found.append(Caution(warns=Warns.LEFT_OUT))
     return [caution for caution in found if caution is not None]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from analytic_readings import readings
 
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
@@ -74,3 +76,21 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
 def test_what_was_assumed_is_said_from_its_data(assumed: Assumed, said: str) -> None:
     assert str(assumed) == said
     assert assumed.as_data()["term"] == assumed.term.value
+
+
+def test_light_that_the_scene_has_and_the_model_lacks_is_told() -> None:
+    table, scene = readings(seed=1)
+    murky = scene.with_values({"water.scattering_per_m": 0.05})
+    for stated, told in ((scene, False), (murky, True)):
+        verdict = diagnose(table, stated, diffuse=None, only=["beam_tilt"], advise=False).verdict
+        assert any("was not traced and is not in the model" in text for text in verdict.warnings) == told
+
+
+def test_what_effects_explain_is_no_scatter() -> None:
+    """Errors of 0.2 % are right: "1.4 times as much as their errors say" was said beside three effects."""
+    hidden = {"lamp.shape_exponent": 3.0, "lamp.offset_x_m": 0.05, "detector.background": 0.02}
+    table, scene = readings(hidden, seed=1, noise=0.002)
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert sorted(verdict.best_set) == ["background", "beam_offset", "beam_shape"]
+    assert not any("times as much as their errors say" in text for text in verdict.warnings)
+    assert 0.6 < verdict.variance_scale < 1.5
